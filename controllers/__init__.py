@@ -1,0 +1,1 @@
+"""Planner on the linear inverted pendulum with flywheel; knows nothing of Gymnasium."""

@@ -1,0 +1,36 @@
+"""Layout of the gait observation: all that the planner needs, in the canonical frame.
+
+One flat vector serves the planner and the networks, for the pendulum and for the biped. Positions [m] are
+relative to the centre of the stance sole, x along the heading, y towards the swing side; velocities [m/s]
+are of the world, in the same axes. Lean angles [rad] are positive towards +x (pitch) and +y (roll).
+"""
+
+from __future__ import annotations
+
+ELAPSED = 0  # time since the step began [s]
+DCM = slice(1, 3)  # xi = com + com_velocity / omega
+COM = slice(3, 5)  # horizontal
+COM_VELOCITY = slice(5, 7)
+COM_HEIGHT_ERROR = 7  # above the pendulum's height h
+COM_VERTICAL_VELOCITY = 8
+SWING_POSITION = slice(9, 12)  # centre of the swing sole, z above the floor
+SWING_VELOCITY = slice(12, 15)
+TRUNK_ANGLE = slice(15, 17)  # lean of the trunk: pitch, roll
+TRUNK_RATE = slice(17, 19)  # [rad/s]
+PELVIS_ANGLE = slice(19, 21)  # lean of the pelvis: pitch, roll (zero on the pendulum)
+HEADING_ERROR = 21  # pelvis yaw over the heading, positive towards +y [rad]
+YAW_RATE = 22  # [rad/s], positive towards +y
+STANCE_CONTACT = 23  # 1 if the stance foot carries load
+SWING_CONTACT = 24
+COMMAND = slice(25, 27)  # commanded velocity x, y [m/s]
+PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
+
+OBSERVATION_SIZE = 34
+OBSERVATION_NAMES = (
+    "elapsed", "dcm_x", "dcm_y", "com_x", "com_y", "com_velocity_x", "com_velocity_y", "com_height_error",
+    "com_vertical_velocity", "swing_x", "swing_y", "swing_z", "swing_velocity_x", "swing_velocity_y",
+    "swing_velocity_z", "trunk_pitch", "trunk_roll", "trunk_pitch_rate", "trunk_roll_rate", "pelvis_pitch",
+    "pelvis_roll", "heading_error", "yaw_rate", "stance_contact", "swing_contact", "command_x", "command_y",
+    "previous_step_length", "previous_step_width", "previous_step_duration", "previous_cop_x", "previous_cop_y",
+    "previous_trunk_pitch_acceleration", "previous_trunk_roll_acceleration",
+)  # fmt: skip

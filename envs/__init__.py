@@ -1,0 +1,1 @@
+"""Gymnasium environments: the abstract pendulum and the MuJoCo biped."""

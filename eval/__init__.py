@@ -1,0 +1,1 @@
+"""Suites, rollouts, statistics and the command line."""

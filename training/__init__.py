@@ -1,0 +1,1 @@
+"""Learning on top of the planner; the only package that imports torch."""
