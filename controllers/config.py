@@ -1,0 +1,56 @@
+"""All weights and margins of the two-stage planner, and the named presets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from .errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """Weights and margins of both stages; immutable, see `PRESETS`."""
+
+    # Stage 1, eq. 3
+    alpha_step: float = 1.0  # alpha_1 [1/m^2]
+    alpha_duration: float = 1.0  # alpha_2 [-], on tau = exp(omega T)
+    alpha_offset: float = 1e6  # alpha_3 [1/m^2]
+    adapt_step: bool = True  # False keeps the nominal place
+    adapt_duration: bool = True  # False keeps the nominal time
+    duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
+    freeze: float = 0.0  # the step plan is held when less than this remains [s]
+    touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
+
+    # Stage 2, eq. 20
+    use_cop: bool = True
+    use_trunk: bool = True
+    form: Literal["zoh", "jerk"] = "zoh"
+    solver: Literal["daqp", "osqp"] = "daqp"
+    sampling_time: float = 0.05  # horizon grid [s]
+    tail_intervals: int = 6  # braking tail of the trunk after touchdown
+    tail_sampling_time: float = 0.06  # [s]
+    beta_cop: float = 1.0  # beta_1 [1/m^2]
+    beta_dcm_acceleration: float = 1.0  # beta_2 [s^4/m^2], jerk form only
+    beta_trunk: float = 1e-4  # beta_3: trunk acceleration (zoh) [s^4/rad^2] or jerk (jerk form) [s^6/rad^2]
+    beta_trunk_rate: float = 1e-2  # beta_4 [s^2/rad^2]
+    beta_dcm: float = 1e5  # beta_5 [1/m^2]
+    beta_trunk_angle: float = 1.0  # [1/rad^2]
+    terminal_off: float = 0.0  # the terminal term is dropped when less than this remains [s]
+    cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
+    cop_margin_y: float = 0.0  # [m]
+    trunk_gravity: float = 0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
+
+    # Trunk law of the arms without momentum regulation
+    upright_stiffness: float = 20.0  # [1/s^2]
+    upright_damping: float = 9.0  # [1/s]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, float) and not (math.isfinite(value) and value >= 0):
+                raise InvalidValueError(f"PlannerConfig.{field.name} must be finite and >= 0, got {value}")
+        for name in ("sampling_time", "tail_sampling_time"):
+            if not getattr(self, name) > 0:
+                raise InvalidValueError(f"PlannerConfig.{name} must be positive [s], got {getattr(self, name)}")
