@@ -1,0 +1,216 @@
+"""Scenarios: all that happens to the robot in one episode, fixed before it begins."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..controllers.errors import InvalidValueError
+from .checks import require_choice, require_integer, require_keys, require_number
+from .push import SIDES, GaitEvent, Push, Side, other_side, polar_push
+
+SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
+
+
+@dataclass(frozen=True)
+class Command:
+    """Commanded mean velocity in the heading frame, constant for the episode."""
+
+    vx: float = 0.0  # forward [m/s]
+    vy: float = 0.0  # to the left [m/s]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vx", require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
+        object.__setattr__(self, "vy", require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
+
+    def mirrored(self) -> Command:
+        """Sideways velocity negated."""
+        return Command(self.vx, 0.0 - self.vy)
+
+    def to_dict(self) -> dict[str, float]:
+        """Plain JSON types."""
+        return {"vx": self.vx, "vy": self.vy}
+
+    @classmethod
+    def from_dict(cls, data: object) -> Command:
+        """Inverse of `to_dict`."""
+        return cls(**require_keys("command", data, set(), {"vx", "vy"}))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One episode, complete: the same scenario and policy give the same outcome bit for bit.
+
+    The robot starts at the beginning of a nominal step (for the command) on `stance_side`. The episode ends
+    at `duration` where that is given, otherwise `settle_time` after the last push ended (after reset where
+    there is none).
+    """
+
+    id: str
+    pushes: tuple[Push, ...] = ()
+    command: Command = Command()
+    stance_side: Side = "left"  # of step 0
+    settle_time: float = SETTLE_TIME  # [s]
+    duration: float | None = None  # [s] from reset
+    noise_seed: int = 0  # of sensor noise, where an environment has some
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.id, str) or not self.id:
+            raise InvalidValueError(f"Scenario.id must be a non-empty string, got {self.id!r}")
+        pushes = tuple(self.pushes)
+        if bad := [push for push in pushes if not isinstance(push, Push)]:
+            raise InvalidValueError(f"Scenario.pushes must hold Push objects, got {bad[0]!r}")
+        object.__setattr__(self, "pushes", pushes)
+        if not isinstance(self.command, Command):
+            raise InvalidValueError(f"Scenario.command must be a Command, got {self.command!r}")
+        require_choice("stance side", self.stance_side, SIDES)
+        settle = require_number("Scenario.settle_time [s]", self.settle_time, 0.0, open_low=True)
+        object.__setattr__(self, "settle_time", settle)
+        if self.duration is not None:
+            duration = require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True)
+            object.__setattr__(self, "duration", duration)
+        object.__setattr__(self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed))
+
+    def end_time(self, last_push_end: float) -> float:
+        """Time at which the episode is truncated [s].
+
+        Args:
+            last_push_end: latest of start + duration over the pushes [s]; inf while a gait event has not come
+                yet, 0 where there is no push.
+        """
+        return self.duration if self.duration is not None else last_push_end + self.settle_time
+
+    def side_of_step(self, index: int) -> Side:
+        """Stance side of the step with this index; sides alternate."""
+        return self.stance_side if index % 2 == 0 else other_side(self.stance_side)
+
+    def mirrored(self) -> Scenario:
+        """Reflection in the x-z plane; the id gains or loses the suffix '~'."""
+        name = self.id[:-1] if self.id.endswith("~") and len(self.id) > 1 else self.id + "~"
+        return Scenario(
+            id=name,
+            pushes=tuple(push.mirrored() for push in self.pushes),
+            command=self.command.mirrored(),
+            stance_side=other_side(self.stance_side),
+            settle_time=self.settle_time,
+            duration=self.duration,
+            noise_seed=self.noise_seed,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types, every field."""
+        return {
+            "id": self.id,
+            "pushes": [push.to_dict() for push in self.pushes],
+            "command": self.command.to_dict(),
+            "stance_side": self.stance_side,
+            "settle_time": self.settle_time,
+            "duration": self.duration,
+            "noise_seed": self.noise_seed,
+        }
+
+    @classmethod
+    def from_dict(cls, data: object) -> Scenario:
+        """Inverse of `to_dict`; fields other than the id may be left out."""
+        optional = {"pushes", "command", "stance_side", "settle_time", "duration", "noise_seed"}
+        values = dict(require_keys("scenario", data, {"id"}, optional))
+        if not isinstance(values.get("pushes", []), list):
+            raise InvalidValueError(f"scenario pushes must be a list, got {values['pushes']!r}")
+        if "pushes" in values:
+            values["pushes"] = tuple(Push.from_dict(push) for push in values["pushes"])
+        if "command" in values:
+            values["command"] = Command.from_dict(values["command"])
+        return cls(**values)
+
+    def to_json(self) -> str:
+        """One line of canonical JSON: sorted keys, no spaces, shortest round-trip floats."""
+        return json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> Scenario:
+        """Inverse of `to_json`; raises InvalidValueError on text that is no JSON."""
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InvalidValueError(f"scenario is not valid JSON: {error}") from error
+        return cls.from_dict(data)
+
+
+COMMAND_KINDS = ("in_place", "forward", "backward", "sideways")
+
+
+@dataclass(frozen=True)
+class PushDistribution:
+    """Scenarios with one push each, drawn from a Generator; used by `reset` without a scenario.
+
+    Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
+    equal probability and a uniform speed up to its maximum.
+    """
+
+    impulse_min: float = 5.0  # [N s]
+    impulse_max: float = 80.0  # [N s]
+    direction_min: float = -math.pi  # psi, counter-clockwise from forward [rad]
+    direction_max: float = math.pi  # [rad]
+    phase_max: float = 0.9  # latest start, fraction of the step
+    push_duration: float = 0.1  # [s]
+    first_step: int = 4  # pushes start no earlier than this step
+    forward_speed: float = 0.5  # [m/s]
+    backward_speed: float = 0.25  # [m/s]
+    sideways_speed: float = 0.2  # [m/s], to either side
+    settle_time: float = SETTLE_TIME  # [s]
+
+    def __post_init__(self) -> None:
+        require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
+        require_number("PushDistribution.impulse_max [N s]", self.impulse_max, self.impulse_min)
+        require_number("PushDistribution.direction_min [rad]", self.direction_min)
+        require_number("PushDistribution.direction_max [rad]", self.direction_max, self.direction_min)
+        require_number("PushDistribution.phase_max", self.phase_max, 0.0, 1.0)
+        require_number("PushDistribution.push_duration [s]", self.push_duration, 0.0, open_low=True)
+        require_integer("PushDistribution.first_step", self.first_step)
+        for name in ("forward_speed", "backward_speed", "sideways_speed"):
+            require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
+        require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
+
+    def command(self, kind: int, speed: float, to_left: bool) -> Command:
+        """Command of a kind (index into COMMAND_KINDS) at a fraction `speed` in [0, 1] of its maximum."""
+        if COMMAND_KINDS[kind] == "forward":
+            return Command(vx=speed * self.forward_speed)
+        if COMMAND_KINDS[kind] == "backward":
+            return Command(vx=-speed * self.backward_speed)
+        if COMMAND_KINDS[kind] == "sideways":
+            return Command(vy=(speed if to_left else -speed) * self.sideways_speed)
+        return Command()
+
+    def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
+        """Draw one scenario; always the same number of draws, so that episodes stay comparable."""
+        u = rng.random(8)
+        noise_seed = int(rng.integers(2**31))
+        impulse = self.impulse_min + u[0] * (self.impulse_max - self.impulse_min)
+        direction = self.direction_min + u[1] * (self.direction_max - self.direction_min)
+        event = GaitEvent(self.first_step, "left" if u[2] < 0.5 else "right", float(u[3] * self.phase_max))
+        kind = min(int(u[4] * len(COMMAND_KINDS)), len(COMMAND_KINDS) - 1)
+        return Scenario(
+            id=scenario_id or f"random-{noise_seed:08x}",
+            pushes=(
+                polar_push(float(impulse / self.push_duration), float(direction), self.push_duration, event),
+            ),
+            command=self.command(kind, float(u[5]), bool(u[6] < 0.5)),
+            stance_side="left" if u[7] < 0.5 else "right",
+            settle_time=self.settle_time,
+            noise_seed=noise_seed,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> PushDistribution:
+        """Inverse of `to_dict`; fields may be left out."""
+        names = set(cls.__dataclass_fields__)
+        return cls(**require_keys("push distribution", data, set(), names))
