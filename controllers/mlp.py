@@ -26,7 +26,7 @@ class Normalisation:
     def __post_init__(self) -> None:
         if self.mean.ndim != 1 or self.mean.shape != self.variance.shape:
             raise InvalidValueError(
-                f"observation mean and variance must be two equal rows, got {self.mean.shape}, {self.variance.shape}"
+                f"observation mean {self.mean.shape} and variance {self.variance.shape} must be two equal rows"
             )
         if not (np.all(np.isfinite(self.mean)) and np.all(np.isfinite(self.variance))):
             raise InvalidValueError("observation mean and variance must be finite")
@@ -58,7 +58,7 @@ class Mlp:
         for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
                 raise InvalidValueError(
-                    f"layer {i}: weight must be (outputs, {size}) and bias (outputs,), got {weight.shape}, {bias.shape}"
+                    f"layer {i}: weight {weight.shape} must be (outputs, {size}), bias {bias.shape} (outputs,)"
                 )
             if not (np.all(np.isfinite(weight)) and np.all(np.isfinite(bias))):
                 raise InvalidValueError(f"layer {i}: every weight and bias must be finite")

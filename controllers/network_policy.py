@@ -145,14 +145,15 @@ class NetworkPolicy:
         return learned[0] if single else learned
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
-        """Raise InvalidValueError where an environment's robot or gait limits are not those of the training."""
+        """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
         for name, mine, theirs in (
             ("robot", self.description.robot, robot),
             ("limits", self.description.limits, limits),
         ):
             if mine != theirs:
                 raise InvalidValueError(
-                    f"the policy was made for {name} {mine} ({self.description.env_id}), the environment has {theirs}"
+                    f"the policy was made for {name} {mine} ({self.description.env_id}); "
+                    f"the environment has {theirs}"
                 )
 
     def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:

@@ -1,13 +1,14 @@
 """Learned policies on disk: NAME.safetensors holds the weights, NAME.json says what they are.
 
-Neither can run code. The JSON carries the SHA-256 of the weights, so that two halves of different policies are
-never taken for one.
+Neither can run code. The JSON carries the SHA-256 of the weights, so that two halves of different policies
+are never taken for one.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import json
 import os
 from dataclasses import asdict, fields
@@ -28,8 +29,8 @@ FORMAT = "push-recovery policy"
 FORMAT_VERSION = 1
 ACTIVATION = "tanh"
 KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "limits",
-        "observation_clip", "observation_epsilon", "observation_mean", "observation_size", "observation_variance",
-        "residual", "robot", "training", "weights_sha256")  # fmt: skip
+        "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
+        "observation_variance", "residual", "robot", "training", "weights_sha256")  # fmt: skip
 
 T = TypeVar("T")
 
@@ -174,7 +175,7 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
     if not all(isinstance(size, int) and not isinstance(size, bool) and size > 0 for size in sizes):
         raise InvalidValueError(f"the sizes of a policy must be whole numbers > 0, got {sizes}")
     expected: dict[str, tuple[int, ...]] = {}
-    for i, (inputs, outputs) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+    for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         expected |= {f"layers.{i}.weight": (outputs, inputs), f"layers.{i}.bias": (outputs,)}
     found = {name: tensor.shape for name, tensor in tensors.items()}
     if found != expected or any(tensor.dtype != np.float32 for tensor in tensors.values()):

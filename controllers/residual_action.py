@@ -44,7 +44,8 @@ def check_residual_scale(scale: ArrayLike) -> NDArray[np.float32]:
         raise InvalidValueError(f"residual scale must be 1 or {GAIT_SIZE} numbers, got {scale!r}") from None
     if values.shape not in {(), (GAIT_SIZE,)}:
         raise InvalidValueError(
-            f"residual scale must be one number or {GAIT_SIZE} ({', '.join(GAIT_NAMES)}), got shape {values.shape}"
+            f"residual scale must be one number or {GAIT_SIZE} ({', '.join(GAIT_NAMES)}), "
+            f"got shape {values.shape}"
         )
     if not (np.all(np.isfinite(values)) and np.all(values >= 0)):
         raise InvalidValueError(
@@ -56,7 +57,7 @@ def check_residual_scale(scale: ArrayLike) -> NDArray[np.float32]:
 def compose(
     base: NDArray[np.float32], residual: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Total action: clip(base + scale x residual, -1, 1), and the base's own bits where scale x residual is 0.
+    """Total action: clip(base + scale x residual, -1, 1), and the base's own bits where that residual is 0.
 
     Args:
         base: Actions of the wrapped policy, (..., 7).

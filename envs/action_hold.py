@@ -13,8 +13,8 @@ from ..controllers.errors import InvalidValueError
 class ActionHold(gym.Wrapper, RecordConstructorArgs):
     """Repeats each action for `periods` steps of the wrapped environment, or to the end of the episode.
 
-    The reward is the sum over the steps, term by term in info["reward_terms"] too; everything else is the last
-    step's. Around `ResidualAction` it holds the residual while the planner replans in every period.
+    The reward is the sum over the steps, term by term in info["reward_terms"] too; everything else is the
+    last step's. Around `ResidualAction` it holds the residual while the planner replans in every period.
 
     Args:
         env: The environment.

@@ -94,7 +94,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
 
 
 def check_residual(action: Any) -> NDArray[np.float32]:
-    """A residual as (7,) float32, clipped to [-1, 1]; InvalidValueError where it is not seven finite numbers."""
+    """A residual (7,) float32, clipped to [-1, 1]; InvalidValueError unless it is seven finite numbers."""
     values = np.asarray(action, dtype=np.float32)
     if values.shape != (GAIT_SIZE,):
         raise InvalidValueError(f"a residual action has shape ({GAIT_SIZE},), got {values.shape}")
