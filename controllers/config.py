@@ -41,6 +41,9 @@ class PlannerConfig:
     cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
     cop_margin_y: float = 0.0  # [m]
     trunk_gravity: float = 0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
+    beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
+    first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
+    jerk_cost: Literal["literal", "repaired"] = "repaired"  # jerk form: eq. 20 as written, or about the free motion
 
     # Trunk law of the arms without momentum regulation
     upright_stiffness: float = 20.0  # [1/s^2]
