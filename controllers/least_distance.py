@@ -7,11 +7,13 @@ compiled loop then only rewrites M and the bounds in place. The layout of the C 
 0.11; `LeastDistance` checks it on set-up and refuses to go on where it does not hold.
 """
 
-# pyright: reportIndexIssue=false, reportArgumentType=false
+# The arguments of an intrinsic are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 from __future__ import annotations
 
 import ctypes
+import functools
 import weakref
 from ctypes import POINTER, Structure, byref, c_double, c_int, c_void_p
 from importlib.metadata import version
@@ -68,10 +70,12 @@ _WORKSPACE_BYTES = 4096  # the structure of daqp 0.11 takes 416
 class _Result(Structure):
     _fields_ = [
         ("x", c_void_p), ("lam", c_void_p), ("fval", c_double), ("soft_slack", c_double),
-        ("exitflag", c_int), ("iter", c_int), ("nodes", c_int), ("solve_time", c_double), ("setup_time", c_double),
+        ("exitflag", c_int), ("iter", c_int), ("nodes", c_int),
+        ("solve_time", c_double), ("setup_time", c_double),
     ]  # fmt: skip
 
 
+@functools.cache
 def _library() -> ctypes.CDLL:
     found = version("daqp")
     if not found.startswith(SUPPORTED):
@@ -84,22 +88,31 @@ def _library() -> ctypes.CDLL:
     return library
 
 
-_LIBRARY = _library()
-
-
 def _address(name: str) -> int:
-    return ctypes.cast(getattr(_LIBRARY, name), c_void_p).value or 0
+    return ctypes.cast(getattr(_library(), name), c_void_p).value or 0
 
 
 class LeastDistance:
     """One problem of fixed shape; `handle` is what `solve_least_distance` takes."""
 
-    def __init__(self, M: NDArray[np.float64], soft_weight: NDArray[np.float64]):
+    def __init__(
+        self,
+        M: NDArray[np.float64],
+        soft_weight: NDArray[np.float64],
+        lower: NDArray[np.float64] | None = None,
+        upper: NDArray[np.float64] | None = None,
+        x: NDArray[np.float64] | None = None,
+    ):
         """Set up a workspace.
 
+        The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`.
+
         Args:
-            M: (m, n), C-contiguous; kept, and read anew by every solve.
+            M: (m, n), C-contiguous.
             soft_weight: (m,), zero marks a hard row.
+            lower: (m,), allocated if not given; so are the other two.
+            upper: (m,).
+            x: (n,), the solution v.
 
         Raises:
             PushRecoveryError: the installed daqp does not have the expected layout.
@@ -107,12 +120,15 @@ class LeastDistance:
         m, n = M.shape
         if not (M.flags.c_contiguous and M.dtype == np.float64):
             raise PushRecoveryError("M must be C-contiguous float64")
-        self.M, self.lower, self.upper = M, np.full(m, -1.0), np.full(m, 1.0)
-        self.x = np.zeros(n)
+        self.M = M
+        self.lower = np.zeros(m) if lower is None else lower
+        self.upper = np.zeros(m) if upper is None else upper
+        self.x = np.zeros(n) if x is None else x
+        self.lower[:], self.upper[:] = -1.0, 1.0
         self._sense = np.where(soft_weight > 0, _SOFT, 0).astype(np.int32)
         self._reciprocal = np.divide(1.0, soft_weight, out=np.zeros(m), where=soft_weight > 0)
         self._settings, self._result = _Settings(), _Result()
-        _LIBRARY.daqp_default_settings(byref(self._settings))
+        _library().daqp_default_settings(byref(self._settings))
         if (
             self._settings.iter_limit != 10000
             or self._settings.rho_soft != 1e-6
@@ -126,11 +142,11 @@ class LeastDistance:
         self._memory = ctypes.create_string_buffer(_WORKSPACE_BYTES)
         work = _Workspace.from_buffer(self._memory)
         work.settings = ctypes.addressof(self._settings)
-        flag = _LIBRARY.setup_daqp(byref(self._problem), self._memory, None)
+        flag = _library().setup_daqp(byref(self._problem), self._memory, None)
         if flag < 0 or (work.n, work.m, work.settings) != (n, m, ctypes.addressof(self._settings)):
             raise PushRecoveryError(f"daqp could not set up a problem of {m} x {n} (exit flag {flag})")
         weights = self._reciprocal.ctypes.data
-        if soft_weight.any() and not _LIBRARY.daqp_set_soft_weights(
+        if soft_weight.any() and not _library().daqp_set_soft_weights(
             self._memory, weights, weights, None, None
         ):
             raise PushRecoveryError("the installed daqp was built without weights of soft constraints")
@@ -138,38 +154,37 @@ class LeastDistance:
         result = ctypes.addressof(self._result)
         self.handle = np.array(
             [_address("daqp_update_ldp"), _address("daqp_solve"), ctypes.addressof(self._memory),
-             ctypes.addressof(self._problem), result, result + _Result.exitflag.offset, self.lower.ctypes.data,
-             self.upper.ctypes.data, self.x.ctypes.data],
+             ctypes.addressof(self._problem), result, result + _Result.exitflag.offset],
             dtype=np.int64,
         )  # fmt: skip
 
 
 def _free(memory: ctypes.Array) -> None:
     _Workspace.from_buffer(memory).settings = None  # owned by Python
-    _LIBRARY.free_daqp_workspace(memory)
-    _LIBRARY.free_daqp_ldp(memory)
+    _library().free_daqp_workspace(memory)
+    _library().free_daqp_ldp(memory)
 
 
-def _c_call(builder, address, restype, arguments):  # noqa: ANN001, ANN202 (llvmlite values)
+def _c_call(builder, address, restype, arguments):
     function = ir.FunctionType(restype, [a.type for a in arguments]).as_pointer()
     return builder.call(builder.inttoptr(address, function), arguments)
 
 
 @intrinsic
-def _call_update(typingctx, address, mask, work, problem):  # noqa: ANN001, ANN202
-    """int daqp_update_ldp(int mask, DAQPWorkspace*, DAQPProblem*)."""
+def _call_update(typingctx, address, mask, work, problem):
+    """Call int daqp_update_ldp(int mask, DAQPWorkspace*, DAQPProblem*)."""
 
-    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+    def codegen(context, builder, signature, args):
         return _c_call(builder, args[0], ir.IntType(32), list(args[1:]))
 
     return types.int32(types.int64, types.int32, types.int64, types.int64), codegen
 
 
 @intrinsic
-def _call_solve(typingctx, address, result, work):  # noqa: ANN001, ANN202
-    """void daqp_solve(DAQPResult*, DAQPWorkspace*)."""
+def _call_solve(typingctx, address, result, work):
+    """Call void daqp_solve(DAQPResult*, DAQPWorkspace*)."""
 
-    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+    def codegen(context, builder, signature, args):
         _c_call(builder, args[0], ir.VoidType(), list(args[1:]))
         return context.get_dummy_value()
 
@@ -177,10 +192,10 @@ def _call_solve(typingctx, address, result, work):  # noqa: ANN001, ANN202
 
 
 @intrinsic
-def _load_int(typingctx, address):  # noqa: ANN001, ANN202
+def _load_int(typingctx, address):
     """The 32-bit integer at an address."""
 
-    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+    def codegen(context, builder, signature, args):
         return builder.load(builder.inttoptr(args[0], ir.IntType(32).as_pointer()))
 
     return types.int32(types.int64), codegen
