@@ -1,0 +1,105 @@
+"""The environments and the PPO of a run: Stable-Baselines3's own, with wrappers only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..envs.action_hold import ActionHold
+from ..envs.residual import ResidualAction
+from .settings import TrainingSettings
+
+OBSERVATION_CLIP = 10.0
+
+
+@dataclass(frozen=True)
+class FallingRate:
+    """Learning rate that falls linearly from `start` to `end` as the remaining share goes from 1 to 0."""
+
+    start: float
+    end: float
+
+    def __call__(self, remaining: float) -> float:
+        """Rate at a remaining share of the run in [0, 1]."""
+        return self.end + (self.start - self.end) * remaining
+
+
+def make_plain_env(env_id: str) -> gym.Env:
+    """The environment of that id, as gym.make gives it.
+
+    Raises:
+        UnknownNameError: No such id is registered; the message lists those of this package.
+        InvalidValueError: The action space is not a Box.
+    """
+    known = [name for name in gym.registry if name.startswith("PushRecovery/")]
+    try:
+        env = gym.make(env_id, disable_env_checker=True)
+    except (gym.error.UnregisteredEnv, gym.error.NamespaceNotFound) as error:
+        raise UnknownNameError("environment", env_id, known) from error
+    except gym.error.Error as error:
+        raise InvalidValueError(f"can't make the environment {env_id!r}: {error}") from error
+    if not isinstance(env.action_space, gym.spaces.Box):
+        raise InvalidValueError(f"{env_id} has the action space {env.action_space}; training needs a Box")
+    return env
+
+
+def make_env(settings: TrainingSettings) -> gym.Env:
+    """One training environment: the plain one, the residual, the hold."""
+    env = make_plain_env(settings.env_id)
+    if settings.residual:
+        env = ResidualAction(env, settings.policy, settings.scale)
+    return ActionHold(env, settings.hold)
+
+
+def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
+    """All training environments, with episode statistics and normalised observations (and rewards).
+
+    They run in this process: a planning period costs less than its way to another process and back.
+    """
+    venv = VecMonitor(DummyVecEnv([lambda: make_env(settings) for _ in range(settings.n_envs)]))
+    venv.seed(seed)
+    return VecNormalize(
+        venv,
+        norm_reward=settings.normalise_reward,
+        clip_obs=OBSERVATION_CLIP,
+        gamma=settings.gamma,
+    )
+
+
+def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
+    """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
+    torch.set_num_threads(1)  # the environments need the cores
+    model = PPO(
+        "MlpPolicy",
+        venv,
+        learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),
+        n_steps=settings.n_steps,
+        batch_size=settings.minibatch,
+        n_epochs=settings.n_epochs,
+        gamma=settings.gamma,
+        gae_lambda=settings.gae_lambda,
+        clip_range=settings.clip_range,
+        policy_kwargs={
+            "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
+            "activation_fn": torch.nn.Tanh,
+            "log_std_init": settings.log_std,
+        },
+        tensorboard_log=None if out is None else str(out / "tensorboard"),
+        seed=seed,
+        device="cpu",
+    )
+    for parameter in model.policy.action_net.parameters():
+        torch.nn.init.zeros_(parameter)
+    return model
+
+
+def segment_seed(seed: int, timesteps: int) -> int:
+    """Seed of a run's part that begins after `timesteps`, so that a resumed run meets new pushes."""
+    return int(np.random.SeedSequence([seed, timesteps]).generate_state(1)[0]) >> 1 if timesteps else seed

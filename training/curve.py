@@ -1,0 +1,82 @@
+"""The learning curve: scores on one fixed set of scenarios as training goes on, reported as they are."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.network_policy import Policy
+from ..controllers.policy_file import write_atomically
+from ..envs.scenario import PushDistribution, Scenario
+from ..eval.rollout import rollout
+
+# Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.
+SCENARIO_ENTROPY = 20_260_417
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """The policy's score after some training."""
+
+    timesteps: int
+    seconds: float  # of wall time, over all parts of the run
+    scenarios: int
+    recovered: float  # share
+    survived: float  # share
+    mean_reward: float  # per episode
+
+
+def curve_scenarios(count: int) -> list[Scenario]:
+    """The first `count` scenarios of the curve: the same ones in every run."""
+    streams = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count)
+    pushes = PushDistribution()
+    return [pushes.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
+
+
+def score(
+    env: gym.Env, policy: Policy, scenarios: list[Scenario], timesteps: int, seconds: float
+) -> CurvePoint:
+    """Run every scenario once on the plain environment."""
+    outcomes = [rollout(env, policy, scenario, "training") for scenario in scenarios]
+    return CurvePoint(
+        timesteps=timesteps,
+        seconds=round(seconds, 3),
+        scenarios=len(outcomes),
+        recovered=float(np.mean([o.recovered for o in outcomes])),
+        survived=float(np.mean([o.survived for o in outcomes])),
+        mean_reward=float(np.mean([o.total_reward for o in outcomes])),
+    )
+
+
+def write_curve(path: Path, points: list[CurvePoint]) -> None:
+    """All points as CSV, whole or not at all."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [field.name for field in fields(CurvePoint)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(point) for point in points)
+    write_atomically(path, text.getvalue().encode())
+
+
+def read_curve(path: Path) -> list[CurvePoint]:
+    """The points of a CSV that `write_curve` wrote; none where there is no file.
+
+    Raises:
+        InvalidValueError: The file is no learning curve.
+    """
+    if not path.exists():
+        return []
+    try:
+        with path.open(newline="") as file:
+            return [
+                CurvePoint(int(row["timesteps"]), float(row["seconds"]), int(row["scenarios"]),
+                           float(row["recovered"]), float(row["survived"]), float(row["mean_reward"]))
+                for row in csv.DictReader(file)
+            ]  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise InvalidValueError(f"{path} is no learning curve: {error}") from error

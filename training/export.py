@@ -1,0 +1,55 @@
+"""From Stable-Baselines3's network to a `NetworkPolicy` that needs neither torch nor SB3."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecNormalize
+from torch import nn
+
+from ..controllers.mlp import Mlp, Normalisation
+from ..controllers.network_policy import NetworkPolicy, PolicyDescription, ResidualBase
+from ..envs.residual import ResidualAction
+from .settings import TrainingSettings
+
+
+def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: TrainingSettings) -> NetworkPolicy:
+    """The policy as it stands, in numpy.
+
+    Args:
+        model: SB3's PPO with an MlpPolicy of tanh layers.
+        venv: Its normalisation.
+        env: One training environment, for the robot, the limits and the policy below.
+        settings: Of the run.
+    """
+    hidden = [layer for layer in model.policy.mlp_extractor.policy_net if isinstance(layer, nn.Linear)]
+    layers = [*hidden, model.policy.action_net]
+    network = Mlp(
+        tuple(layer.weight.detach().numpy().copy() for layer in layers),
+        tuple(layer.bias.detach().numpy().copy() for layer in layers),
+    )
+    statistics: Any = venv.obs_rms
+    normalisation = Normalisation(
+        np.array(statistics.mean, dtype=np.float64),
+        np.array(statistics.var, dtype=np.float64),
+        float(venv.clip_obs),
+        float(venv.epsilon),
+    )
+    unwrapped: Any = env.unwrapped
+    wrapper = _residual_wrapper(env)
+    base = None
+    if wrapper is not None:
+        base = ResidualBase(settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()))
+    description = PolicyDescription(settings.env_id, unwrapped.robot, unwrapped.limits, base, settings.hold)
+    return NetworkPolicy(network, normalisation, description, None if wrapper is None else wrapper.policy)
+
+
+def _residual_wrapper(env: gym.Env) -> ResidualAction | None:
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, ResidualAction):
+            return env
+        env = env.env
+    return None

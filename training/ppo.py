@@ -1,0 +1,175 @@
+"""A training run from start, or from a checkpoint, to a policy file."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecNormalize
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.network_policy import NetworkPolicy
+from ..controllers.policy_file import write_atomically
+from .builders import make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
+from .callbacks import Every, Progress, record_point
+from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
+from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
+from .export import export_policy
+from .settings import TrainingSettings
+
+Report = Callable[[int, float | None], None]
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """What a run leaves."""
+
+    policy: Path  # safetensors; its JSON beside it
+    timesteps: int
+    seconds: float  # of wall time, over all parts
+    curve: tuple[CurvePoint, ...]
+
+
+def silent(timesteps: int, recovered: float | None) -> None:
+    """Report nothing."""
+
+
+class Run:
+    """One run in its folder: settings.json, curve.csv, checkpoints/, tensorboard/, policy.safetensors, .json.
+
+    Args:
+        settings: Of the run.
+        out: Its folder.
+        checkpoint: Where to go on; None from the start.
+    """
+
+    def __init__(self, settings: TrainingSettings, out: Path, checkpoint: Checkpoint | None = None):
+        self.settings, self.out = settings, out
+        self.start = 0 if checkpoint is None else checkpoint.timesteps
+        self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
+        self._began = time.monotonic()
+        self.env = make_plain_env(settings.env_id)
+        self.one = make_env(settings)
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios)
+        seed = segment_seed(settings.seed, self.start)
+        self.venv: VecNormalize = make_vec_env(settings, seed)
+        self.model: PPO = make_ppo(settings, self.venv, seed, out)
+        if checkpoint is not None:
+            restore(checkpoint, self.model, self.venv)
+        self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of all parts so far [s]."""
+        return self._seconds_before + time.monotonic() - self._began
+
+    def policy(self) -> NetworkPolicy:
+        """The policy as it stands."""
+        return export_policy(self.model, self.venv, self.one, self.settings)
+
+    def train(self, report: Report = silent) -> TrainingResult:
+        """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
+        settings = self.settings
+        write_atomically(
+            self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
+        )
+        try:
+            if self.start == 0:
+                self.checkpoint()
+            if not self.curve:
+                self.evaluate()
+            if settings.timesteps > self.start:
+                last = self.curve[-1].timesteps
+                callbacks = [
+                    Progress(report),
+                    Every(settings.evaluate_every, self.evaluate, last),
+                    Every(settings.checkpoint_every, self.checkpoint, self.start),
+                ]
+                self.model.learn(
+                    settings.timesteps - self.start,
+                    callback=callbacks,
+                    reset_num_timesteps=self.start == 0,
+                    tb_log_name="ppo",
+                )
+        except KeyboardInterrupt:
+            self.checkpoint()
+            raise
+        if self.curve[-1].timesteps < self.model.num_timesteps:
+            self.evaluate()
+        self.checkpoint()
+        return self._finish()
+
+    def evaluate(self) -> None:
+        """Add a point to the learning curve."""
+        point = score(self.env, self.policy(), self.scenarios, self.model.num_timesteps, self.seconds)
+        self.curve.append(point)
+        write_curve(self.out / "curve.csv", self.curve)
+        if self.model.num_timesteps > 0 and hasattr(self.model, "_logger"):
+            record_point(self.model.logger, point)
+
+    def checkpoint(self) -> None:
+        """Write a checkpoint."""
+        save_checkpoint(self.out, self.settings, self.model, self.venv, self.seconds)
+
+    def close(self) -> None:
+        """Close every environment."""
+        self.venv.close()
+        self.one.close()
+        self.env.close()
+
+    def _finish(self) -> TrainingResult:
+        note = {
+            "timesteps": self.model.num_timesteps,
+            "seconds": round(self.seconds, 1),
+            "settings": self.settings.to_json(),
+        }
+        path = self.policy().save(self.out / "policy", note)
+        folder = self.out / "sb3"  # for PPO.load and VecNormalize.load; this project never reads it
+        folder.mkdir(exist_ok=True)
+        self.model.save(folder / "model.zip")
+        self.venv.save(str(folder / "vecnormalize.pkl"))
+        return TrainingResult(path, self.model.num_timesteps, self.seconds, tuple(self.curve))
+
+
+def train(settings: TrainingSettings, out: Path, report: Report = silent) -> TrainingResult:
+    """Train from the start into a folder that holds no run yet.
+
+    Raises:
+        InvalidValueError: The folder holds a run, or the environment does not fit.
+        UnknownNameError: No such environment or policy.
+    """
+    if find_checkpoints(out) or (out / "settings.json").exists():
+        raise InvalidValueError(
+            f"{out} holds a run already: go on with --resume {out}, or choose another --out"
+        )
+    return _train(Run(settings, out), report)
+
+
+def resume(path: Path, timesteps: int | None = None, report: Report = silent) -> TrainingResult:
+    """Go on from the newest checkpoint of a run's folder, or from one of its checkpoints, in that folder.
+
+    Args:
+        path: Of the run or of one of its checkpoints.
+        timesteps: New end of the run; None keeps the old one. A run that is past it only writes its policy.
+        report: Told of progress.
+
+    Raises:
+        InvalidValueError: There is no checkpoint, or it is damaged.
+    """
+    checkpoint = load_checkpoint(path)
+    settings = checkpoint.settings
+    if timesteps is not None:
+        settings = replace(settings, timesteps=timesteps)
+    out = path.parent.parent if (path / "state.json").is_file() else path
+    return _train(Run(settings, out, checkpoint), report)
+
+
+def _train(run: Run, report: Report) -> TrainingResult:
+    try:
+        return run.train(report)
+    finally:
+        run.close()

@@ -1,0 +1,126 @@
+"""What a training run is: all of it, frozen, as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.residual_action import check_residual_scale
+
+KINDS = ("residual", "scratch")
+# A residual run wraps the gait environment itself, so that the policy also scores on the plain one.
+PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """One run of PPO; the defaults are those that worked on the biped with 16 environments."""
+
+    kind: str = "residual"  # residual: on top of `policy`; scratch: the network acts alone
+    env_id: str = "PushRecovery/Biped-v0"
+    timesteps: int = 1_000_000  # learned actions; each lasts `hold` planning periods; 0 leaves it untrained
+    seed: int = 0
+    n_envs: int = 16
+    hold: int = 2  # planning periods for which a learned action is held: 50 Hz on 100 Hz
+    policy: str = "two-stage"  # what a residual corrects
+    scale: tuple[float, ...] | None = None  # (7,) in action units; None: the default of `ResidualAction`
+
+    # Proximal policy optimisation
+    n_steps: int = 256  # actions per environment and update
+    batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
+    n_epochs: int = 5
+    gamma: float = 0.99  # per learned action
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    learning_rate: float = 5e-4  # falls linearly to
+    learning_rate_end: float = 5e-5
+    policy_layers: tuple[int, ...] = (128, 128)
+    value_layers: tuple[int, ...] = (256, 256)
+    log_std: float = -1.0  # initial, of the action
+    normalise_reward: bool = True  # divided by the running deviation of the return
+
+    # Reports
+    checkpoint_every: int = 20_000  # timesteps
+    evaluate_every: int = 50_000  # timesteps
+    evaluation_scenarios: int = 32
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise UnknownNameError("kind of training", self.kind, KINDS)
+        self._check(
+            "timesteps", isinstance(self.timesteps, int) and self.timesteps >= 0, "a whole number >= 0"
+        )
+        counts = ("n_envs", "hold", "n_steps", "batch_size", "n_epochs", "checkpoint_every",
+                  "evaluate_every", "evaluation_scenarios")  # fmt: skip
+        for name in counts:
+            self._check(
+                name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, "a whole number >= 1"
+            )
+        self._check(
+            "seed", isinstance(self.seed, int) and 0 <= self.seed < 2**31, "a whole number in [0, 2^31)"
+        )
+        self._check("n_steps x n_envs", self.n_steps * self.n_envs > 1, "more than 1")
+        for name in ("gamma", "gae_lambda"):
+            self._check(name, 0 < getattr(self, name) <= 1, "in (0, 1]")
+        for name in ("clip_range", "learning_rate", "learning_rate_end"):
+            value = getattr(self, name)
+            self._check(name, math.isfinite(value) and value > 0, "positive and finite")
+        self._check("log_std", math.isfinite(self.log_std), "finite")
+        for name in ("policy_layers", "value_layers"):
+            layers = tuple(getattr(self, name))
+            self._check(name, all(isinstance(n, int) and n >= 1 for n in layers), "widths >= 1")
+            object.__setattr__(self, name, layers)
+        object.__setattr__(
+            self, "env_id", PLAIN_ENV.get(self.env_id, self.env_id) if self.residual else self.env_id
+        )
+        if self.scale is not None:
+            if not self.residual:
+                raise InvalidValueError(
+                    "a scale belongs to residual training; from scratch the network acts alone"
+                )
+            object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
+
+    def _check(self, name: str, good: bool, wanted: str) -> None:
+        if not good:
+            raise InvalidValueError(
+                f"training setting {name} must be {wanted}, got {getattr(self, name, '')!r}"
+            )
+
+    @property
+    def residual(self) -> bool:
+        """Whether the network corrects a policy."""
+        return self.kind == "residual"
+
+    @property
+    def rollout(self) -> int:
+        """Timesteps between two updates."""
+        return self.n_envs * self.n_steps
+
+    @property
+    def minibatch(self) -> int:
+        """The largest divisor of a rollout up to `batch_size`."""
+        sizes = range(1, min(self.batch_size, self.rollout) + 1)
+        return max(size for size in sizes if self.rollout % size == 0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Every setting, as JSON types."""
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
+
+    @classmethod
+    def from_json(cls, values: Any) -> TrainingSettings:
+        """The settings that `to_json` wrote.
+
+        Raises:
+            InvalidValueError: The keys are not exactly the settings, or a value is impossible.
+        """
+        names = {field.name for field in fields(cls)}
+        if not isinstance(values, dict) or set(values) != names:
+            found = sorted(values) if isinstance(values, dict) else values
+            raise InvalidValueError(f"training settings must have the keys {sorted(names)}, got {found}")
+        try:
+            settings: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in values.items()}
+            return cls(**settings)
+        except TypeError as error:
+            raise InvalidValueError(f"training settings: {error}") from error
