@@ -124,7 +124,7 @@ def restore(checkpoint: Checkpoint, model: PPO, venv: VecNormalize) -> None:
 def _tensors(model: PPO, venv: VecNormalize) -> dict[str, NDArray[Any]]:
     tensors = {f"policy.{name}": value.numpy().copy() for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{index}.{key}": np.array(value) for key, value in moments.items()}
+        tensors |= {f"optimizer.{index}.{key}": value.numpy().copy() for key, value in moments.items()}
     running: dict[str, Any] = {"observation": venv.obs_rms, "return": venv.ret_rms}
     for name, statistics in running.items():
         tensors[f"{name}.mean"] = np.array(statistics.mean, dtype=np.float64)

@@ -117,4 +117,4 @@ def _tell(result: TrainingResult) -> None:
         print(
             f"{point.timesteps:>10} {point.recovered:>10.3f} {point.survived:>10.3f} {point.mean_reward:>10.2f}"
         )
-    print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; the policy: {result.policy}")
+    print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; policy: {result.policy}")

@@ -1,0 +1,93 @@
+import argparse
+import dataclasses
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.limits import GaitLimits
+from push_recovery.controllers.network_policy import NetworkPolicy
+from push_recovery.controllers.residual_action import DEFAULT_FACTOR, default_residual_scale
+from push_recovery.training import command, extras
+from push_recovery.training.settings import TrainingSettings
+
+
+def options(**given):
+    names = ("kind", "env", "timesteps", "seed", "n_envs", "out", "resume", "scale")
+    return argparse.Namespace(**(dict.fromkeys(names) | {"kind": "scratch"} | given))
+
+
+def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
+    out = tmp_path / "run"
+    assert command.run(options(env=toy, timesteps=600, n_envs=2, seed=1, out=out)) == 0
+    assert "policy.safetensors" in capsys.readouterr().out
+    assert command.run(options(resume=out, timesteps=1200)) == 0
+    assert "1536 timesteps" in capsys.readouterr().out
+    about = NetworkPolicy.load(out / "policy").description
+    assert about.residual is None
+    assert about.hold == 2
+    for wrong in ({"kind": "residual"}, {"seed": 2}, {"n_envs": 3}, {"env": "PushRecovery/Biped-v0"}):
+        with pytest.raises(InvalidValueError, match="the run in"):
+            command.run(options(resume=out, **wrong))
+    with pytest.raises(InvalidValueError, match="--out"):
+        command.run(options(resume=out, out=tmp_path))
+    with pytest.raises(InvalidValueError, match="--scale"):
+        command.run(options(resume=out, scale=1.0))
+
+
+def test_scale_multiplies_the_default(tmp_path, toy):
+    command.run(options(kind="residual", env=toy, timesteps=0, out=tmp_path / "run", scale=0.5))
+    residual = NetworkPolicy.load(tmp_path / "run" / "policy").description.residual
+    assert residual is not None
+    expected = default_residual_scale(GaitLimits(), 0.5 * DEFAULT_FACTOR)
+    np.testing.assert_array_equal(np.float32(residual.scale), expected)
+
+
+def test_bad_options_are_refused(tmp_path, toy):
+    with pytest.raises(InvalidValueError, match="train residual"):
+        command.run(options(env=toy, scale=1.0))
+    with pytest.raises(UnknownNameError, match="residual, scratch"):
+        command.run(options(kind="both"))
+    with pytest.raises(InvalidValueError, match="n_envs"):
+        command.run(options(env=toy, n_envs=0))
+    with pytest.raises(InvalidValueError, match="no checkpoint"):
+        command.run(options(resume=tmp_path))
+
+
+@pytest.mark.parametrize("missing", ["torch", "stable_baselines3", "tensorboard"])
+def test_a_missing_extra_names_the_command_that_installs_it(monkeypatch, missing):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == missing else object())
+    with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[train\]'"):
+        command.run(options())
+
+
+def test_settings_survive_json():
+    settings = TrainingSettings(scale=(0.5,) * 7, seed=4)
+    assert TrainingSettings.from_json(settings.to_json()) == settings
+
+
+def test_settings_say_what_is_wrong():
+    good = TrainingSettings().to_json()
+    for wrong in (
+        {"gamma": 1.5},
+        {"learning_rate": -1.0},
+        {"timesteps": 1.5},
+        {"seed": -1},
+        {"policy_layers": [0]},
+    ):
+        with pytest.raises(InvalidValueError, match=next(iter(wrong))):
+            TrainingSettings.from_json(good | wrong)
+    for wrong in ({}, [], good | {"extra": 1}, good | {"gamma": "high"}):
+        with pytest.raises(InvalidValueError, match="training settings"):
+            TrainingSettings.from_json(wrong)
+
+
+def test_a_residual_run_takes_the_plain_environment():
+    assert TrainingSettings(env_id="PushRecovery/BipedResidual-v0").env_id == "PushRecovery/Biped-v0"
+    scratch = TrainingSettings(kind="scratch", env_id="PushRecovery/BipedResidual-v0")
+    assert scratch.env_id == "PushRecovery/BipedResidual-v0"
+
+
+@pytest.mark.parametrize(("n_envs", "batch"), [(16, 1024), (4, 1024), (1, 256), (3, 768), (5, 640)])
+def test_minibatches_divide_the_rollout(n_envs, batch):
+    settings = dataclasses.replace(TrainingSettings(), n_envs=n_envs)
+    assert settings.minibatch == batch

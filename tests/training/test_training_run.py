@@ -1,0 +1,197 @@
+import dataclasses
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.network_policy import NetworkPolicy
+from push_recovery.eval.rollout import rollout
+from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
+from push_recovery.training.curve import curve_scenarios, read_curve
+from push_recovery.training.ppo import Run, resume, train
+from push_recovery.training.settings import TrainingSettings
+
+
+@pytest.fixture
+def settings(toy):
+    return TrainingSettings(
+        kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
+        value_layers=(16,), checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
+    )  # fmt: skip
+
+
+class Stop:
+    """A report that interrupts training as Ctrl-C would."""
+
+    def __init__(self, after):
+        self.after = after
+
+    def __call__(self, timesteps, recovered):
+        if timesteps >= self.after:
+            raise KeyboardInterrupt
+
+
+def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, settings):
+    seen = []
+    result = train(settings, tmp_path / "run", lambda steps, share: seen.append(steps))
+    assert result.timesteps == 1024
+    assert seen == [256, 512, 768, 1024]
+    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
+    assert read_curve(tmp_path / "run" / "curve.csv") == list(result.curve)
+    assert [load_checkpoint(c).timesteps for c in find_checkpoints(tmp_path / "run")] == [768, 1024]
+    files = {f.suffix for f in (tmp_path / "run" / "checkpoints").rglob("*") if f.is_file()}
+    assert files == {".json", ".safetensors"}  # nothing there can run code
+    note = json.loads((tmp_path / "run" / "policy.json").read_text())["training"]
+    assert note["timesteps"] == 1024
+    assert TrainingSettings.from_json(note["settings"]) == settings
+    assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
+
+
+def test_the_policy_file_acts_as_sb3_does(tmp_path, settings):
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    result = train(settings, tmp_path / "run")
+    venv = DummyVecEnv([lambda: gym.make(settings.env_id)])
+    normalise = VecNormalize.load(str(tmp_path / "run" / "sb3" / "vecnormalize.pkl"), venv)
+    model = PPO.load(tmp_path / "run" / "sb3" / "model.zip", device="cpu")
+    observations = np.random.default_rng(0).normal(0, 0.5, (200, 34))
+    observations[:, 3:] = 0.0
+    sb3, _ = model.predict(normalise.normalize_obs(observations), deterministic=True)
+    mine, _ = NetworkPolicy.load(result.policy).predict(observations)
+    assert np.abs(sb3).max() > 0.01
+    np.testing.assert_allclose(mine, sb3, atol=2e-6)
+
+
+def test_training_improves_the_toy(tmp_path, settings):
+    longer = dataclasses.replace(
+        settings, timesteps=8192, evaluate_every=100_000, learning_rate=2e-3, gamma=0.9
+    )
+    result = train(longer, tmp_path / "run")
+    assert result.curve[-1].mean_reward > 1.5 * result.curve[0].mean_reward
+    assert result.curve[-1].survived > result.curve[0].survived
+
+
+def test_equal_seeds_give_equal_files(tmp_path, settings):
+    short = dataclasses.replace(settings, timesteps=512)
+    first, second, other = (
+        train(dataclasses.replace(short, seed=seed), tmp_path / name).policy.read_bytes()
+        for seed, name in ((3, "a"), (3, "b"), (4, "c"))
+    )
+    assert first == second
+    assert first != other
+
+
+def test_an_interrupted_run_goes_on_to_its_end(tmp_path, settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(settings, out, Stop(768))
+    assert load_checkpoint(out).timesteps == 768
+    assert not (out / "policy.safetensors").exists()
+    result = resume(out)
+    assert result.timesteps == 1024
+    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
+    assert NetworkPolicy.load(out / "policy").observation_size == 34
+
+
+def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(settings, out, Stop(768))
+    newest = find_checkpoints(out)[-1]
+    newest.rename(newest.with_name(f".{newest.name}.7.tmp"))  # a kill before the rename
+    assert load_checkpoint(out).timesteps < 768
+    assert resume(out).timesteps == 1024
+
+
+def test_a_run_killed_before_its_first_update_goes_on(tmp_path, settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(dataclasses.replace(settings, checkpoint_every=10_000), out, Stop(1))
+    for checkpoint in find_checkpoints(out)[1:]:
+        for file in checkpoint.iterdir():
+            file.unlink()
+        checkpoint.rmdir()
+    assert load_checkpoint(out).timesteps == 0
+    assert resume(out).timesteps == 1024
+
+
+def test_a_finished_run_can_be_prolonged(tmp_path, settings):
+    out = tmp_path / "run"
+    train(dataclasses.replace(settings, timesteps=512), out)
+    assert resume(out).timesteps == 512
+    assert resume(out, 1024).timesteps == 1024
+    assert load_checkpoint(out).settings.timesteps == 1024
+
+
+def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, settings):
+    out = tmp_path / "run"
+    train(settings, out)
+    checkpoint = load_checkpoint(out)
+    run = Run(settings, tmp_path / "other")
+    restore(checkpoint, run.model, run.venv)
+    restored = _tensors(run.model, run.venv)
+    assert restored.keys() == checkpoint.tensors.keys()
+    assert any(name.startswith("optimizer.") for name in restored)
+    for name, value in restored.items():
+        np.testing.assert_array_equal(value, checkpoint.tensors[name], err_msg=name)
+    assert run.model.num_timesteps == 1024
+    run.close()
+
+
+def test_a_checkpoint_of_other_layers_is_refused(tmp_path, settings):
+    out = tmp_path / "run"
+    train(dataclasses.replace(settings, timesteps=256), out)
+    run = Run(dataclasses.replace(settings, policy_layers=(8, 8)), tmp_path / "other")
+    with pytest.raises(InvalidValueError, match="does not fit"):
+        restore(load_checkpoint(out), run.model, run.venv)
+    run.close()
+
+
+def test_damaged_and_missing_checkpoints_are_refused(tmp_path, settings):
+    with pytest.raises(InvalidValueError, match="no checkpoint in"):
+        resume(tmp_path / "nowhere")
+    out = tmp_path / "run"
+    train(dataclasses.replace(settings, timesteps=256), out)
+    newest = find_checkpoints(out)[-1]
+    (newest / "tensors.safetensors").write_bytes(b"\x80\x04pickle")
+    with pytest.raises(InvalidValueError, match="damaged"):
+        resume(newest)
+    (newest / "state.json").write_text("{")
+    with pytest.raises(InvalidValueError, match="damaged"):
+        resume(out)
+
+
+def test_a_folder_with_a_run_is_not_overwritten(tmp_path, settings):
+    train(dataclasses.replace(settings, timesteps=0), tmp_path / "run")
+    with pytest.raises(InvalidValueError, match="--resume"):
+        train(settings, tmp_path / "run")
+
+
+def test_an_unknown_environment_names_the_valid_ones(tmp_path, settings):
+    with pytest.raises(UnknownNameError, match="PushRecovery/Biped-v0"):
+        train(dataclasses.replace(settings, env_id="PushRecovery/Bipde-v0"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_untrained_network_gives_zero(tmp_path, settings):
+    result = train(dataclasses.replace(settings, timesteps=0), tmp_path / "run")
+    action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 34)))
+    np.testing.assert_array_equal(action, 0.0)
+
+
+def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, settings):
+    from push_recovery.controllers.policies import make_policy
+
+    result = train(dataclasses.replace(settings, kind="residual", timesteps=0, hold=2), tmp_path / "run")
+    env = gym.make(settings.env_id)
+    base = make_policy("two-stage", env.unwrapped.robot, env.unwrapped.limits, env.unwrapped.preset)
+    learned = NetworkPolicy.load(result.policy)
+    for scenario in curve_scenarios(3):
+        assert rollout(env, learned, scenario, "same") == rollout(env, base, scenario, "same")
+
+
+def test_the_curve_has_the_same_distinct_scenarios_in_every_run():
+    assert curve_scenarios(8) == curve_scenarios(16)[:8]
+    assert len({s.pushes for s in curve_scenarios(16)}) == 16
