@@ -48,12 +48,18 @@ class Memory(NamedTuple):
 
 
 @njit(cache=True)
-def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
-    """|j a - gravity sin(angle)| <= tau_max, within the gait box; never empty."""
-    shift = c.gravity * math.sin(angle)
-    low = min(max(shift - c.torque, -c.acceleration), c.acceleration)
-    high = max(min(shift + c.torque, c.acceleration), -c.acceleration)
+def acceleration_interval(angle: float, gravity: float, torque: float, box: float) -> tuple[float, float]:
+    """|j a - gravity torque sin(angle)| <= tau_max, all over j, within the gait box; never empty."""
+    shift = gravity * math.sin(angle)
+    low = min(max(shift - torque, -box), box)
+    high = max(min(shift + torque, box), -box)
     return low, high
+
+
+@njit(cache=True)
+def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
+    """Bounds of the trunk acceleration at the present lean."""
+    return acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
 
 
 @njit(cache=True)
