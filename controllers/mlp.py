@@ -26,7 +26,7 @@ class Normalisation:
     def __post_init__(self) -> None:
         if self.mean.ndim != 1 or self.mean.shape != self.variance.shape:
             raise InvalidValueError(
-                f"observation mean {self.mean.shape} and variance {self.variance.shape} must be two equal rows"
+                f"observation mean {self.mean.shape} and variance {self.variance.shape} must be equal rows"
             )
         if not (np.all(np.isfinite(self.mean)) and np.all(np.isfinite(self.variance))):
             raise InvalidValueError("observation mean and variance must be finite")
@@ -58,7 +58,8 @@ class Mlp:
         for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
                 raise InvalidValueError(
-                    f"layer {i}: weight {weight.shape} must be (outputs, {size}), bias {bias.shape} (outputs,)"
+                    f"layer {i}: weight must be (outputs, {size}), bias (outputs,), got {weight.shape}, "
+                    f"{bias.shape}"
                 )
             if not (np.all(np.isfinite(weight)) and np.all(np.isfinite(bias))):
                 raise InvalidValueError(f"layer {i}: every weight and bias must be finite")

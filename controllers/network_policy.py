@@ -9,9 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .config import PlannerConfig
 from .errors import InvalidValueError
 from .limits import GAIT_SIZE, GaitLimits
 from .mlp import Mlp, Normalisation
+from .policies import TwoStagePolicy, make_policy
 from .residual_action import check_residual_scale, compose
 from .robot import RobotModel
 
@@ -35,6 +37,7 @@ class ResidualBase:
     policy: str  # name for make_policy
     preset: str  # planner preset
     scale: tuple[float, ...]  # (7,) in action units
+    config: PlannerConfig | None = None  # the planner's weights in training, whatever the preset says today
 
     def __post_init__(self) -> None:
         if not (isinstance(self.policy, str) and isinstance(self.preset, str)):
@@ -42,6 +45,15 @@ class ResidualBase:
                 f"a residual's policy and preset must be names, got {self.policy!r}, {self.preset!r}"
             )
         object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
+
+    def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
+        """The policy below, with the weights that it had in training."""
+        policy = make_policy(self.policy, robot, limits, self.preset)
+        if isinstance(policy, TwoStagePolicy) and self.config is not None:
+            return TwoStagePolicy(
+                robot, limits, self.config, adapt=self.policy != "passive", name=self.policy
+            )
+        return policy
 
 
 @dataclass(frozen=True)
@@ -96,9 +108,7 @@ class NetworkPolicy:
         self.description = description
         self._scale = None if residual is None else np.asarray(residual.scale, dtype=np.float32)
         if residual is not None and base is None:
-            from .policies import make_policy
-
-            base = make_policy(residual.policy, description.robot, description.limits, residual.preset)
+            base = residual.make(description.robot, description.limits)
         self._base = base
 
     @property

@@ -11,19 +11,20 @@ import hashlib
 import itertools
 import json
 import os
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from .config import PlannerConfig
 from .errors import InvalidValueError
 from .limits import GaitLimits
 from .mlp import Mlp, Normalisation
 from .robot import RobotModel
 
 if TYPE_CHECKING:
-    from .network_policy import NetworkPolicy, Policy
+    from .network_policy import NetworkPolicy, Policy, ResidualBase
 
 FORMAT = "push-recovery policy"
 FORMAT_VERSION = 1
@@ -108,7 +109,7 @@ def load_policy(path: str | Path, base: Policy | None = None) -> NetworkPolicy:
     Raises:
         InvalidValueError: A file is missing, damaged, of another version, or the two do not belong together.
     """
-    from .network_policy import NetworkPolicy, PolicyDescription, ResidualBase
+    from .network_policy import NetworkPolicy, PolicyDescription
 
     weights_path, description_path = policy_paths(path)
     about = _read_description(description_path)
@@ -125,7 +126,7 @@ def load_policy(path: str | Path, base: Policy | None = None) -> NetworkPolicy:
             env_id=about["env_id"],
             robot=_record(RobotModel, about["robot"], "robot"),
             limits=_record(GaitLimits, about["limits"], "limits"),
-            residual=None if residual is None else _record(ResidualBase, residual, "residual"),
+            residual=None if residual is None else _residual(residual),
             hold=about["hold"],
         )
         return NetworkPolicy(network, normalisation, description, base)
@@ -188,6 +189,15 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         )
     except InvalidValueError as error:
         raise InvalidValueError(f"the policy weights {path}: {error}") from error
+
+
+def _residual(values: Any) -> ResidualBase:
+    from .network_policy import ResidualBase
+
+    residual = _record(ResidualBase, values, "residual")
+    if residual.config is None:
+        return residual
+    return replace(residual, config=_record(PlannerConfig, residual.config, "planner config"))
 
 
 def _record(kind: type[T], values: Any, name: str) -> T:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GAIT_SIZE
 from ..controllers.network_policy import Policy
+from ..controllers.policies import make_policy
 from ..controllers.residual_action import check_residual_scale, compose, default_residual_scale
 from .action_hold import ActionHold
 
@@ -51,9 +52,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         else:
             self.scale = check_residual_scale(scale)
         if isinstance(policy, str):
-            from ..controllers.policies import make_policy
-
-            preset = unwrapped.preset if preset is None else preset
+            preset = str(unwrapped.preset) if preset is None else preset
             self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
         else:
             self.policy = policy

@@ -113,8 +113,6 @@ def _with_progress(timesteps: int, work: Any) -> TrainingResult:
 
 def _tell(result: TrainingResult) -> None:
     print(f"{'timesteps':>10} {'recovered':>10} {'survived':>10} {'reward':>10}")
-    for point in result.curve:
-        print(
-            f"{point.timesteps:>10} {point.recovered:>10.3f} {point.survived:>10.3f} {point.mean_reward:>10.2f}"
-        )
+    for p in result.curve:
+        print(f"{p.timesteps:>10} {p.recovered:>10.3f} {p.survived:>10.3f} {p.mean_reward:>10.2f}")
     print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; policy: {result.policy}")

@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from push_recovery.controllers.config import PlannerConfig
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.mlp import Mlp, Normalisation
 from push_recovery.controllers.network_policy import NetworkPolicy, PolicyDescription, ResidualBase
+from push_recovery.controllers.policies import TwoStagePolicy
 from push_recovery.controllers.policy_file import policy_paths
 from push_recovery.controllers.residual_action import compose, default_residual_scale
 from push_recovery.controllers.robot import RobotModel
@@ -187,8 +189,9 @@ def edit(tmp_path, **changes):
         {"hold": 0},
         {"env_id": 7},
         {"residual": {"policy": "two-stage"}},
-        {"residual": {"policy": "two-stage", "preset": "default", "scale": [1, 2]}},
-        {"residual": {"policy": 3, "preset": "default", "scale": [1] * 7}},
+        {"residual": {"policy": "two-stage", "preset": "default", "scale": [1, 2], "config": None}},
+        {"residual": {"policy": 3, "preset": "default", "scale": [1] * 7, "config": None}},
+        {"residual": {"policy": "two-stage", "preset": "default", "scale": [1] * 7, "config": {"alpha": 1}}},
         {"robot": {"mass": 60}},
         {"robot": dataclasses.asdict(RobotModel()) | {"mass": "heavy"}},
         {"limits": dataclasses.asdict(GaitLimits()) | {"duration_min": 2.0}},
@@ -210,9 +213,27 @@ def test_text_that_is_no_json_and_json_that_is_no_object(tmp_path):
 
 
 def test_an_unknown_base_policy_is_refused(tmp_path):
-    path = edit(tmp_path, residual={"policy": "three-stage", "preset": "default", "scale": [1.0] * 7})
+    residual = {"policy": "three-stage", "preset": "default", "scale": [1.0] * 7, "config": None}
+    path = edit(tmp_path, residual=residual)
     with pytest.raises(PushRecoveryError, match="three-stage"):
         NetworkPolicy.load(path)
+
+
+def test_the_base_keeps_the_weights_of_its_training(tmp_path):
+    config = PlannerConfig(beta_dcm=123.0, adapt_duration=False)
+    p = policy()
+    base = dataclasses.replace(p.description.residual, config=config)
+    about = dataclasses.replace(p.description, residual=base)
+    path = NetworkPolicy(p.network, p.normalisation, about).save(tmp_path / "p")
+    loaded = NetworkPolicy.load(path)
+    assert loaded.description.residual.config == config
+    observations = OBSERVATIONS * 0.05
+    expected = compose(
+        TwoStagePolicy(RobotModel(), GaitLimits(), config).predict(observations)[0],
+        loaded.learned_action(observations),
+        SCALE,
+    )
+    assert loaded.predict(observations)[0].tobytes() == expected.tobytes()
 
 
 def test_truncated_or_swapped_weights_are_refused(tmp_path):
