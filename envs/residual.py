@@ -120,7 +120,18 @@ def make_biped_residual(
     """
     from .biped_env import BipedEnv
 
-    return _BuiltInHold(_BuiltInResidual(BipedEnv(**biped), policy, scale, preset), hold)
+    return build_residual(BipedEnv(**biped), policy, scale, preset, hold)
+
+
+def build_residual(
+    env: gym.Env,
+    policy: str = "two-stage",
+    scale: float | Sequence[float] | None = None,
+    preset: str | None = None,
+    hold: int = 1,
+) -> gym.Env:
+    """A residual environment for an entry point: its spec is made by keywords alone, the wrappers are not in it."""
+    return _BuiltInHold(_BuiltInResidual(env, policy, scale, preset), hold)
 
 
 class _BuiltIn(gym.Wrapper):

@@ -10,7 +10,7 @@ from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.residual_action import check_residual_scale, compose, default_residual_scale
 from push_recovery.controllers.robot import RobotModel
 from push_recovery.envs.action_hold import ActionHold
-from push_recovery.envs.residual import ResidualAction
+from push_recovery.envs.residual import ResidualAction, build_residual
 
 
 class EchoEnv(gym.Env):
@@ -196,6 +196,23 @@ def test_checkers_pass_on_the_wrapper():
     env = ActionHold(ResidualAction(EchoEnv(), EchoPolicy()), 2)
     check_env(env, skip_render_check=True)
     check_env_sb3(env, warn=True)
+
+
+def make_echo_residual(**kwargs):
+    return build_residual(EchoEnv(), **kwargs)
+
+
+def test_a_registered_residual_is_made_again_from_its_json_spec():
+    name = "PushRecoveryTest/EchoResidual-v0"
+    gym.register(name, entry_point=make_echo_residual)
+    env = gym.make(name, policy="passive", scale=[0.1] * 7, hold=2)
+    again = gym.make(env.spec)
+    assert env.spec.id == name
+    assert type(env.unwrapped) is EchoEnv
+    assert str(env) == str(again)
+    assert json.loads(json.dumps(env.spec.kwargs)) == {"policy": "passive", "scale": [0.1] * 7, "hold": 2}
+    observations = [rollout(e, lambda obs: 0.1 * np.ones(7, np.float32))[0] for e in (env, again)]
+    assert observations[0].tobytes() == observations[1].tobytes()
 
 
 def test_scale_serialises_in_the_wrapper_spec():
