@@ -130,7 +130,7 @@ def build_residual(
     preset: str | None = None,
     hold: int = 1,
 ) -> gym.Env:
-    """A residual environment for an entry point: its spec is made by keywords alone, the wrappers are not in it."""
+    """A residual environment for an entry point; its spec holds the keywords and not the wrappers."""
     return _BuiltInHold(_BuiltInResidual(env, policy, scale, preset), hold)
 
 
