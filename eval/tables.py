@@ -1,0 +1,78 @@
+"""Tables for terminals and reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from .evaluate import SUBSET, Evaluation
+from .outcome import Score
+
+COLUMNS = (
+    "policy",
+    "recovered",
+    "rate",
+    "95 % interval",
+    f"rate {SUBSET[0]:g}-{SUBSET[1]:g} N s",
+    "survived",
+    "not recovered",
+)
+
+
+def rate_cells(score: Score) -> tuple[str, str]:
+    """Rate and Wilson interval as text."""
+    low, high = score.ci95
+    return f"{score.rate:.3f}", f"{low:.3f}-{high:.3f}"
+
+
+def evaluation_cells(evaluation: Evaluation) -> list[tuple[str, ...]]:
+    """One row of cells for each policy, in COLUMNS."""
+    cells = []
+    for name in evaluation.rows:
+        score, subset = evaluation.score(name), evaluation.subset_score(name)
+        low, high = subset.ci95
+        part = f"{subset.rate:.3f} ({low:.3f}-{high:.3f})" if subset.episodes else "-"
+        reasons = ", ".join(f"{reason} {count}" for reason, count in score.failures.items()) or "-"
+        counts = f"{score.recovered}/{score.episodes}"
+        cells.append((name, counts, *rate_cells(score), part, str(score.survived), reasons))
+    return cells
+
+
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def evaluation_title(evaluation: Evaluation) -> str:
+    """Suite, version, hash and environment in one line."""
+    suite = evaluation.suite
+    return (
+        f"{evaluation.env_id}: suite {suite.name} v{suite.version}, {len(suite.scenarios)} pushes, "
+        f"sha256 {suite.sha256[:12]}"
+    )
+
+
+def evaluation_markdown(evaluation: Evaluation) -> str:
+    """The report as Markdown."""
+    note = (
+        "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
+        "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
+    )
+    table = markdown_table(COLUMNS, evaluation_cells(evaluation))
+    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}"
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table on standard output."""
+    table = Table(title=title, title_justify="left")
+    for index, column in enumerate(columns):
+        table.add_column(column, overflow="fold" if index in {0, len(columns) - 1} else "ellipsis")
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=160)
+    console.print(table)

@@ -1,0 +1,125 @@
+"""Episodes on several processes; what comes out does not depend on how many, or on the order."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from itertools import islice
+from typing import Any, TypeVar
+
+from ..controllers.errors import PushRecoveryError
+from ..controllers.network_policy import Policy
+from ..envs.scenario import Scenario
+from .loading import load_policy, make_env
+from .outcome import Outcome
+from .rollout import rollout
+
+J = TypeVar("J")
+R = TypeVar("R")
+Job = tuple[str, Scenario]  # policy name or file, scenario
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class WorkerError(PushRecoveryError):
+    """An episode raised in a worker process; the message carries what it said."""
+
+
+def default_workers() -> int:
+    """Processes that this machine has cores for."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Runner:
+    """Runs jobs in one environment, making it and its policies once."""
+
+    def __init__(self, env_id: str):
+        self.env = make_env(env_id)
+        self._policies: dict[str, Policy] = {}
+
+    def policy(self, name: str) -> Policy:
+        """The policy of this name or file, made on first use."""
+        if name not in self._policies:
+            self._policies[name] = load_policy(name, self.env)
+        return self._policies[name]
+
+    def run(self, job: Job) -> Outcome:
+        """One episode."""
+        name, scenario = job
+        return rollout(self.env, self.policy(name), scenario, name)
+
+    def close(self) -> None:
+        """Close the environment."""
+        self.env.close()
+
+
+_runner: Runner | None = None
+
+
+def _start_worker(env_id: str) -> None:
+    global _runner
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
+    _runner = Runner(env_id)
+
+
+def _work(task: Callable[[Runner, Any], Any], job: Any) -> Any:
+    """Run in a worker; errors travel as text, since not every exception survives pickling."""
+    if _runner is None:
+        raise WorkerError("worker was not started")
+    try:
+        return task(_runner, job), None
+    except Exception as error:
+        return None, f"{type(error).__name__}: {error}"
+
+
+def run_episode(runner: Runner, job: Job) -> Outcome:
+    """The task of `parallel` for single episodes."""
+    return runner.run(job)
+
+
+def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], workers: int) -> Iterator[R]:
+    """Results of the jobs as they finish; in this process for one worker, else in spawned ones.
+
+    Args:
+        env_id: environment that every worker makes.
+        task: module-level function of a runner and a job.
+        jobs: picklable.
+        workers: number of processes.
+
+    Raises:
+        WorkerError: a job raised in a worker.
+    """
+    if workers <= 1 or len(jobs) <= 1:
+        runner = Runner(env_id)
+        try:
+            for job in jobs:
+                yield task(runner, job)
+        finally:
+            runner.close()
+        return
+    for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
+        os.environ.setdefault(name, "1")
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (env_id,))
+    try:
+        yield from _in_window(pool, task, jobs, 4 * workers)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _in_window(
+    pool: ProcessPoolExecutor, task: Callable[[Runner, J], R], jobs: Iterable[J], window: int
+) -> Iterator[R]:
+    """Keep at most `window` jobs in flight, so that an interrupt has little to wait for."""
+    queue = iter(jobs)
+    pending: set[Future[Any]] = {pool.submit(_work, task, job) for job in islice(queue, window)}
+    while pending:
+        done, pending = wait(pending, return_when=FIRST_COMPLETED)
+        pending |= {pool.submit(_work, task, job) for job in islice(queue, len(done))}
+        for future in done:
+            result, error = future.result()
+            if error is not None:
+                raise WorkerError(error)
+            yield result
