@@ -47,7 +47,9 @@ class CopPlan:
     cop: NDArray[np.float64]  # (2,) [m]
     trunk_acceleration: NDArray[np.float64]  # (2,) towards +x, +y [rad/s^2]
     dcm_end: NDArray[np.float64]  # (2,) predicted DCM at touchdown [m]
-    status: str  # "solved"; "clipped": the solver failed, the unconstrained optimum was clipped
+    # "solved"; "clipped": the solver failed, the unconstrained optimum was clipped; "daqp": OSQP did not
+    # converge, DAQP's plan stands in; "relaxed": the paper's form gave up its hard trunk limit
+    status: str
 
 
 class CopPlanner:
@@ -129,8 +131,7 @@ class CopPlanner:
         status = int(result[6])
         if status == 2:
             self._reject(row)
-        result.flags.writeable = False
-        return CopPlan(result[0:2], result[2:4], result[4:6], STATUS[status])
+        return _frozen(result, STATUS[status])
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Plan n robots one after the other.
@@ -158,9 +159,10 @@ class CopPlanner:
 
     def _plan_explicit(self, row: NDArray[np.float64]) -> CopPlan:
         """The same plan by OSQP, from the dense problem: slow, a second opinion."""
-        if not np.all(np.isfinite(row)) or row[0] > self.longest:
-            self._reject(row[None])
-        cop, acceleration, end, status = np.zeros(2), np.zeros(2), np.zeros(2), "solved"
+        exact = self.plan_batch(row[None])[0]
+        if not (self.config.use_cop or self.config.use_trunk):
+            return _frozen(exact, "solved")
+        result = np.zeros((3, 2))
         for axis in range(2):
             bounds = self.bounds(axis, row[3 + axis])
             dcm, angle, rate, target, reference = row[1 + axis :: 2]
@@ -168,13 +170,20 @@ class CopPlanner:
                 self.robot, self.config, row[0], dcm, angle, rate, target, reference, *bounds
             )
             solution = solve_qp(problem.qp, "osqp")
-            status = solution.status if solution.status != "solved" else status
-            cop[axis], acceleration[axis] = problem.first(solution.x)
-            end[axis] = problem.dcm_end(solution.x)
-        return CopPlan(cop, acceleration, end, status)
+            if solution.status != "solved":
+                return _frozen(exact, "daqp")
+            result[0, axis], result[1, axis] = problem.first(solution.x)
+            result[2, axis] = problem.dcm_end(solution.x)
+        return _frozen(result.ravel(), "solved")
 
     def _reject(self, rows: NDArray[np.float64]) -> None:
         raise InvalidValueError(
             f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {rows[0].tolist()}"
             " (remaining, dcm, trunk angle, trunk rate, dcm target, cop reference)"
         )
+
+
+def _frozen(result: NDArray[np.float64], status: str) -> CopPlan:
+    """The plan of an output row, read-only."""
+    result.flags.writeable = False
+    return CopPlan(result[0:2], result[2:4], result[4:6], status)
