@@ -11,9 +11,10 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
-from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.errors import InvalidValueError
 from ..envs.action_hold import ActionHold
 from ..envs.residual import ResidualAction
+from ..eval import loading
 from .settings import TrainingSettings
 
 OBSERVATION_CLIP = 10.0
@@ -32,21 +33,16 @@ class FallingRate:
 
 
 def make_plain_env(env_id: str) -> gym.Env:
-    """The environment of that id, as gym.make gives it.
+    """The environment that policies are scored on.
 
     Raises:
-        UnknownNameError: No such id is registered; the message lists those of this package.
-        InvalidValueError: The action space is not a Box.
+        UnknownNameError: No such id is registered; the message lists the valid ones.
+        InvalidValueError: It has not the interface that scoring needs, or a space is not a Box of one row.
     """
-    known = [name for name in gym.registry if name.startswith("PushRecovery/")]
-    try:
-        env = gym.make(env_id, disable_env_checker=True)
-    except (gym.error.UnregisteredEnv, gym.error.NamespaceNotFound) as error:
-        raise UnknownNameError("environment", env_id, known) from error
-    except gym.error.Error as error:
-        raise InvalidValueError(f"can't make the environment {env_id!r}: {error}") from error
-    if not isinstance(env.action_space, gym.spaces.Box):
-        raise InvalidValueError(f"{env_id} has the action space {env.action_space}; training needs a Box")
+    env = loading.make_env(env_id)
+    for name, space in (("observation", env.observation_space), ("action", env.action_space)):
+        if not (isinstance(space, gym.spaces.Box) and len(space.shape) == 1):
+            raise InvalidValueError(f"{env_id} has the {name} space {space}; training needs a Box of one row")
     return env
 
 
@@ -54,8 +50,21 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     """One training environment: the plain one, the residual, the hold."""
     env = make_plain_env(settings.env_id)
     if settings.residual:
+        if find_residual(env) is not None:
+            raise InvalidValueError(
+                f"{settings.env_id} takes residuals already; name the environment below it"
+            )
         env = ResidualAction(env, settings.policy, settings.scale)
     return ActionHold(env, settings.hold)
+
+
+def find_residual(env: gym.Env) -> ResidualAction | None:
+    """The residual among an environment's wrappers, or None."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, ResidualAction):
+            return env
+        env = env.env
+    return None
 
 
 def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:

@@ -12,7 +12,7 @@ from torch import nn
 
 from ..controllers.mlp import Mlp, Normalisation
 from ..controllers.network_policy import NetworkPolicy, PolicyDescription, ResidualBase
-from ..envs.residual import ResidualAction
+from .builders import find_residual
 from .settings import TrainingSettings
 
 
@@ -39,18 +39,10 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         float(venv.epsilon),
     )
     unwrapped: Any = env.unwrapped
-    wrapper = _residual_wrapper(env)
+    wrapper = find_residual(env)
     base = None
     if wrapper is not None:
         config = getattr(wrapper.policy, "config", None)
         base = ResidualBase(settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()), config)
     description = PolicyDescription(settings.env_id, unwrapped.robot, unwrapped.limits, base, settings.hold)
     return NetworkPolicy(network, normalisation, description, None if wrapper is None else wrapper.policy)
-
-
-def _residual_wrapper(env: gym.Env) -> ResidualAction | None:
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, ResidualAction):
-            return env
-        env = env.env
-    return None

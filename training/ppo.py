@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -74,6 +76,7 @@ class Run:
     def train(self, report: Report = silent) -> TrainingResult:
         """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
         settings = self.settings
+        self._open_folder()
         write_atomically(
             self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
         )
@@ -120,6 +123,14 @@ class Run:
         self.venv.close()
         self.one.close()
         self.env.close()
+
+    def _open_folder(self) -> None:
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+            if not os.access(self.out, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        except OSError as error:
+            raise InvalidValueError(f"can't write to the folder {self.out}: {error.strerror}") from error
 
     def _finish(self) -> TrainingResult:
         note = {

@@ -72,9 +72,8 @@ class TrainingSettings:
             layers = tuple(getattr(self, name))
             self._check(name, all(isinstance(n, int) and n >= 1 for n in layers), "widths >= 1")
             object.__setattr__(self, name, layers)
-        object.__setattr__(
-            self, "env_id", PLAIN_ENV.get(self.env_id, self.env_id) if self.residual else self.env_id
-        )
+        env_id = self.env_id.removeprefix("push_recovery:")
+        object.__setattr__(self, "env_id", PLAIN_ENV.get(env_id, env_id) if self.residual else env_id)
         if self.scale is not None:
             if not self.residual:
                 raise InvalidValueError(

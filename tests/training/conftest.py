@@ -48,4 +48,4 @@ if TOY not in gym.registry:
 
 @pytest.fixture
 def toy():
-    return TOY
+    return f"gymnasium:{TOY}"  # MODULE:ID

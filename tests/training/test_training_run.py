@@ -175,6 +175,17 @@ def test_an_unknown_environment_names_the_valid_ones(tmp_path, settings):
     assert not (tmp_path / "run").exists()
 
 
+def test_environments_that_do_not_fit_are_refused(tmp_path, settings):
+    with pytest.raises(InvalidValueError, match="robot"):
+        train(dataclasses.replace(settings, env_id="gymnasium:Pendulum-v1"), tmp_path / "run")
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path, settings):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidValueError, match="can't write"):
+        train(settings, tmp_path / "file" / "run")
+
+
 def test_an_untrained_network_gives_zero(tmp_path, settings):
     result = train(dataclasses.replace(settings, timesteps=0), tmp_path / "run")
     action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 34)))
