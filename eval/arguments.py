@@ -1,0 +1,230 @@
+"""Options of every subcommand, with units, defaults and bounds."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from .loading import ANALYTIC_ARMS, DEFAULT_ENV
+from .suites import SUITES
+from .workers import default_workers
+
+Subparsers = Any  # argparse's own type is private
+
+
+class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Appends the default where there is one to tell."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, False):
+            return action.help
+        if isinstance(action.default, list):
+            return f"{action.help} (default: {' '.join(action.default)})"
+        return super()._get_help_string(action)
+
+
+def integer(low: int) -> Callable[[str], int]:
+    """Argument type: an integer of at least `low`."""
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"must be an integer >= {low}, got {text!r}") from None
+        if value < low:
+            raise argparse.ArgumentTypeError(f"must be an integer >= {low}, got {value}")
+        return value
+
+    return parse
+
+
+def number(low: float, high: float = math.inf) -> Callable[[str], float]:
+    """Argument type: a finite number in [low, high]."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(
+                f"must be a number in [{low:g}, {high:g}], got {text!r}"
+            ) from None
+        if not (math.isfinite(value) and low <= value <= high):
+            raise argparse.ArgumentTypeError(f"must be a number in [{low:g}, {high:g}], got {text}")
+        return value
+
+    return parse
+
+
+def _handler(module: str, function: str) -> Callable[[argparse.Namespace], int]:
+    """A handler whose module is imported only when it runs."""
+
+    def handle(args: argparse.Namespace) -> int:
+        return getattr(importlib.import_module(module, __package__), function)(args)
+
+    return handle
+
+
+def _command(commands: Subparsers, name: str, text: str) -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=text, description=text, formatter_class=HelpFormatter)
+    parser.set_defaults(handler=_handler(".commands", f"run_{name}"))
+    return parser
+
+
+def _add_env(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--env", metavar="ID", default=DEFAULT_ENV, help="environment id")
+
+
+def _add_suite(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--suite", metavar="NAME|FILE", default="quick", help=f"{', '.join(SUITES)}, or a JSON file"
+    )
+
+
+def _add_running(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=integer(1),
+        default=default_workers(),
+        help="processes; changes no result",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="results; a directory of the same configuration is resumed "
+        "(by default one under runs/ named after the configuration)",
+    )  # fmt: skip
+    parser.add_argument("--overwrite", action="store_true", help="start over where DIR holds results")
+    _add_json(parser)
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--json", action="store_true", help="one JSON object on standard output, nothing else there"
+    )
+
+
+def _add_command_velocity(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--vx", type=number(-2, 2), default=0.0, help="commanded forward velocity [m/s]")
+    parser.add_argument("--vy", type=number(-2, 2), default=0.0, help="commanded velocity to the left [m/s]")
+
+
+def add_commands(commands: Subparsers) -> None:
+    """Add every subcommand."""
+    for add in (
+        _add_evaluate,
+        _add_compare,
+        _add_frontier,
+        _add_bench,
+        _add_list,
+        _add_play,
+        add_train_parser,
+    ):
+        add(commands)
+
+
+def _add_evaluate(commands: Subparsers) -> None:
+    parser = _command(commands, "evaluate", "Score policies on a suite: recovery rates on the same pushes.")
+    _add_env(parser)
+    parser.add_argument(
+        "--policies",
+        metavar="NAME|FILE",
+        nargs="+",
+        default=list(ANALYTIC_ARMS),
+        help="names (see list) or policy files",
+    )
+    _add_suite(parser)
+    _add_running(parser)
+
+
+def _add_compare(commands: Subparsers) -> None:
+    parser = _command(
+        commands, "compare", "Compare two policies on the same pushes: exact McNemar, paired bootstrap."
+    )
+    parser.add_argument("a", metavar="A", help="policy name or file")
+    parser.add_argument("b", metavar="B", help="policy name or file")
+    _add_env(parser)
+    _add_suite(parser)
+    _add_running(parser)
+
+
+def _add_frontier(commands: Subparsers) -> None:
+    parser = _command(
+        commands, "frontier",
+        "Largest recoverable push by direction, at the start of a left stance after four nominal steps.",
+    )  # fmt: skip
+    _add_env(parser)
+    parser.add_argument(
+        "--policy", "--policies", dest="policies", metavar="NAME|FILE", nargs="+", default=["two-stage"],
+        help="names or policy files, all in one picture",
+    )  # fmt: skip
+    parser.add_argument(
+        "--directions",
+        metavar="N",
+        type=integer(1),
+        default=16,
+        help="directions, counter-clockwise from forward",
+    )
+    parser.add_argument(
+        "--grid", metavar="N", type=number(1, 1000), default=None, help="step of the force [N] "
+        "(10 on the pendulum, 20 elsewhere)",
+    )  # fmt: skip
+    parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
+    parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
+    _add_command_velocity(parser)
+    _add_running(parser)
+
+
+def _add_bench(commands: Subparsers) -> None:
+    parser = _command(commands, "bench", "Time the physics, the planner and the closed loop on this machine.")
+    _add_env(parser)
+    parser.add_argument(
+        "--seconds", type=number(0.1, 600), default=20.0, help="simulated time of the closed loop [s]"
+    )
+    _add_json(parser)
+
+
+def _add_list(commands: Subparsers) -> None:
+    _add_json(_command(commands, "list", "List environments, policies and suites."))
+
+
+def _add_play(commands: Subparsers) -> None:
+    parser = _command(commands, "play", "Show one push: in a window, or written to a video or picture.")
+    _add_env(parser)
+    parser.add_argument("--policy", metavar="NAME|FILE", default="two-stage", help="name or policy file")
+    parser.add_argument("--force", type=number(0, 10_000), default=200.0, help="of the push [N]")
+    parser.add_argument(
+        "--psi", type=number(-360, 360), default=0.0, help="direction, counter-clockwise from forward [deg]"
+    )
+    parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
+    parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
+    _add_command_velocity(parser)
+    parser.add_argument("--suite", metavar="NAME|FILE", help="take the push from a suite instead")
+    parser.add_argument("--scenario", metavar="ID", help="scenario of the suite (the first one)")
+    parser.add_argument(
+        "--out", metavar="FILE", type=Path, help="mp4 or gif film, or png contact sheet; a window without it"
+    )
+
+
+def add_train_parser(commands: Subparsers) -> None:
+    """Options of `train`; the training package is imported only when it runs."""
+    parser = commands.add_parser(
+        "train",
+        help="Train a policy with PPO.",
+        description="Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch.",
+        formatter_class=HelpFormatter,
+    )
+    parser.set_defaults(handler=_handler("..training.command", "run"))
+    parser.add_argument("kind", choices=("residual", "scratch"), help="what is learned")
+    for option, metavar, parse, text in (
+        ("--env", "ID", str, "environment below (default: PushRecovery/Biped-v0)"),
+        ("--timesteps", "N", integer(0), "environment steps in all (default: 1000000)"),
+        ("--seed", "N", integer(0), "of weights, exploration and pushes (default: 0)"),
+        ("--n-envs", "N", integer(1), "environments side by side (default: 16)"),
+        ("--out", "DIR", Path, "policy, checkpoints and logs (default: under runs/)"),
+        ("--resume", "DIR", Path, "go on from the last checkpoint in DIR; name only runs of your own"),
+        ("--scale", "X", number(0, 10), "residual relative to its default size (residual only)"),
+    ):
+        parser.add_argument(option, metavar=metavar, type=parse, help=text)

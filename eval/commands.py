@@ -1,0 +1,176 @@
+"""What each subcommand does with its parsed options."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..controllers.errors import UnknownNameError
+from ..envs.scenario import Command, Scenario
+from .suites import SUITES, get_suite
+
+
+def _print_json(content: dict[str, Any]) -> None:
+    print(json.dumps(content, allow_nan=False))
+
+
+def run_evaluate(args: argparse.Namespace) -> int:
+    """Evaluate, print the table or the object, write the reports."""
+    from .evaluate import evaluate, write_reports
+    from .tables import COLUMNS, evaluation_cells, evaluation_markdown, evaluation_title, print_table
+
+    suite = get_suite(args.suite)
+    evaluation = evaluate(suite, args.env, args.policies, args.workers, args.out, args.overwrite)
+    report = write_reports(evaluation, evaluation_markdown(evaluation))
+    if args.json:
+        _print_json(evaluation.to_dict())
+        return 0
+    print_table(evaluation_title(evaluation), COLUMNS, evaluation_cells(evaluation))
+    print(f"report: {report}")
+    return 0
+
+
+def run_compare(args: argparse.Namespace) -> int:
+    """Compare two policies, print the table or the object."""
+    from .compare import compare
+    from .tables import print_table
+
+    comparison = compare(
+        args.a, args.b, get_suite(args.suite), args.env, args.workers, args.out, args.overwrite
+    )
+    content = comparison.to_dict()
+    if args.json:
+        _print_json(content)
+        return 0
+    low, high = content["ci95"]
+    cells = [
+        ("both recovered", str(content["both"])),
+        (f"only {args.a}", str(content["only_a"])),
+        (f"only {args.b}", str(content["only_b"])),
+        ("neither", str(content["neither"])),
+        (
+            f"rate of {args.a} minus rate of {args.b}",
+            f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})",
+        ),
+        ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
+    ]
+    print_table(f"{args.env}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
+    print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")
+    return 0
+
+
+def run_frontier(args: argparse.Namespace) -> int:
+    """Scan the directions, write picture and frontier.json, print the table or the object."""
+    from .files import write_text
+    from .frontier import FrontierSettings, default_grid, frontier
+    from .frontier_plot import save_pictures
+    from .tables import print_table
+
+    settings = FrontierSettings(
+        args.env, args.grid or default_grid(args.env), args.duration, args.body, Command(args.vx, args.vy)
+    )
+    result = frontier(settings, args.policies, args.directions, args.workers, args.out, args.overwrite)
+    objects = {name: result.to_dict(name) for name in result.rows}
+    content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
+    write_text(result.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
+    pictures = save_pictures(result)
+    if args.json:
+        _print_json(content)
+        return 0
+    columns = ("psi [deg]", "limit F* [N]", *result.rows)
+    cells = []
+    for index, psi in enumerate(result.limits):
+        entries = [entry["directions"][index] for entry in objects.values()]
+        texts = [
+            f"{e['survived_N']:.0f} ({e['fraction']:.2f}"
+            + (f"; {e['largest_survived_N']:.0f})" if e["largest_survived_N"] > e["survived_N"] else ")")
+            for e in entries
+        ]
+        cells.append((f"{psi:g}", f"{result.limits[psi]:.0f}", *texts))
+    title = f"{args.env}: largest force before the first failure [N] (share of F*; largest survived at all)"
+    print_table(title, columns, cells)
+    print("pictures: " + ", ".join(str(path) for path in pictures))
+    return 0
+
+
+def run_bench(args: argparse.Namespace) -> int:
+    """Measure and print."""
+    from .bench import bench
+    from .tables import print_table
+
+    content = bench(args.env, args.seconds)
+    if args.json:
+        _print_json(content)
+        return 0
+    cells = [
+        (
+            key,
+            f"median {value['median']:.2f}, p99 {value['p99']:.2f}"
+            if isinstance(value, dict)
+            else f"{value:g}",
+        )
+        for key, value in content.items()
+        if not isinstance(value, str)
+    ]
+    print_table(
+        f"{args.env}: rtf = simulated seconds per wall second, times in microseconds", ("", "value"), cells
+    )
+    return 0
+
+
+def run_list(args: argparse.Namespace) -> int:
+    """Names that the other commands take."""
+    from .loading import env_ids, policy_names
+
+    suites = {name: make().summary() for name, make in SUITES.items()}
+    if args.json:
+        _print_json({"envs": env_ids(), "policies": list(policy_names()), "suites": list(suites.values())})
+        return 0
+    print("environments:", *env_ids(), sep="\n  ")
+    print("policies:", *policy_names(), "FILE.safetensors", sep="\n  ")
+    print("suites:")
+    for name, suite in suites.items():
+        print(f"  {name} v{suite['version']}: {suite['scenarios']} pushes, sha256 {suite['sha256']}")
+    return 0
+
+
+def run_play(args: argparse.Namespace) -> int:
+    """Render one episode."""
+    from .play import play
+
+    scenario = _play_scenario(args)
+    outcome, path = play(args.env, args.policy, scenario, args.out)
+    verdict = "recovered" if outcome.recovered else outcome.failure_reason or "survived, not settled"
+    print(f"{scenario.id}: {verdict} after {outcome.end_time:.2f} s" + (f"; {path}" if path else ""))
+    return 0
+
+
+def _play_scenario(args: argparse.Namespace) -> Scenario:
+    """The scenario named, or the frontier's push with the options' force and direction."""
+    if args.suite or args.scenario:
+        suite = get_suite(args.suite or "quick")
+        ids = [scenario.id for scenario in suite.scenarios]
+        name = args.scenario or ids[0]
+        if name not in ids:
+            raise UnknownNameError(
+                f"scenario of suite {suite.name}", name, [*ids[:3], f"... {len(ids)} in all"]
+            )
+        return suite.scenarios[ids.index(name)]
+    from .frontier import FrontierSettings
+
+    settings = FrontierSettings(
+        args.env, duration=args.duration, body=args.body, command=Command(args.vx, args.vy)
+    )
+    scenario = settings.scenario(args.psi, args.force)
+    return replace(scenario, id=f"push-{args.force:g}N-{args.psi:g}deg")
+
+
+def output_suffix(path: Path, valid: tuple[str, ...]) -> str:
+    """The suffix of an output file; raises UnknownNameError listing the valid ones."""
+    suffix = path.suffix.lower()
+    if suffix not in valid:
+        raise UnknownNameError("output format", suffix or str(path), valid)
+    return suffix

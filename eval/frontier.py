@@ -1,0 +1,157 @@
+"""The largest recoverable push by direction, beside the closed-form limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..controllers.errors import InvalidValueError
+from ..envs.push import Body, GaitEvent, polar_push
+from ..envs.scenario import Command, Scenario
+from .files import RowFile, default_directory
+from .limit_force import limit_force
+from .loading import code_digest, file_digest, require_distinct
+from .progress import progress_bars
+from .workers import Runner, parallel
+
+NOMINAL_STEPS = 4  # before the push
+BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
+FORCE_CAP = 4000.0  # no scan goes further [N]
+IN_PLACE = Command()
+
+
+@dataclass(frozen=True)
+class FrontierSettings:
+    """The push whose force is scanned: at the start of a left stance after four nominal steps."""
+
+    env_id: str
+    grid: float = 20.0  # [N]
+    duration: float = 0.1  # [s]
+    body: Body = "pelvis"
+    command: Command = IN_PLACE
+
+    def __post_init__(self) -> None:
+        if not 0 < self.grid <= FORCE_CAP:
+            raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
+
+    def scenario(self, psi_deg: float, force: float) -> Scenario:
+        """The push of `force` [N] towards psi."""
+        event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
+        push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
+        return Scenario(f"frontier-{psi_deg:g}deg-{force:g}N", (push,), self.command, "left")
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """One direction of one policy."""
+
+    settings: FrontierSettings
+    policy: str
+    psi_deg: float
+
+
+def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
+    """Raise the force by the grid until BEYOND past the first failure; survival is not monotone in it."""
+    grid = job.settings.grid
+    survived: list[float] = []
+    failed: list[float] = []
+    for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
+        force = k * grid
+        if failed and force > failed[0] + BEYOND + 1e-9:
+            break
+        outcome = runner.run((job.policy, job.settings.scenario(job.psi_deg, force)))
+        (survived if outcome.survived else failed).append(force)
+    before = [force for force in survived if not failed or force < failed[0]]
+    return {
+        "policy": job.policy,
+        "psi_deg": job.psi_deg,
+        "survived_N": max(before, default=0.0),
+        "largest_survived_N": max(survived, default=0.0),
+        "failed_N": failed,
+    }
+
+
+def directions_deg(count: int) -> list[float]:
+    """`count` directions counter-clockwise from forward [deg]."""
+    if count < 1:
+        raise InvalidValueError(f"directions must be >= 1, got {count}")
+    return [360.0 * k / count for k in range(count)]
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """Scans of several policies in the same directions."""
+
+    settings: FrontierSettings
+    rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
+    limits: Mapping[float, float]  # F* by direction [N]
+    directory: Path
+
+    def to_dict(self, policy: str) -> dict[str, Any]:
+        """The contract's object of one policy."""
+        directions = [
+            {
+                "psi_deg": row["psi_deg"],
+                "survived_N": row["survived_N"],
+                "largest_survived_N": row["largest_survived_N"],
+                "limit_N": self.limits[row["psi_deg"]],
+                "fraction": row["survived_N"] / self.limits[row["psi_deg"]],
+            }
+            for row in self.rows[policy]
+        ]
+        push = {"duration": self.settings.duration, "body": self.settings.body}
+        return {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
+
+
+def default_grid(env_id: str) -> float:
+    """10 N on the pendulum, 20 N elsewhere."""
+    return 10.0 if "Pendulum" in env_id else 20.0
+
+
+def frontier(
+    settings: FrontierSettings,
+    policies: Sequence[str],
+    directions: int = 16,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Frontier:
+    """Scan all directions for all policies; directions done before in the directory are kept.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration.
+    """
+    policies = require_distinct("policy", policies)
+    angles = directions_deg(directions)
+    runner = Runner(settings.env_id)
+    for name in policies:
+        runner.policy(name)
+    limits = {
+        psi: limit_force(runner.env, math.radians(psi), settings.duration, settings.command) for psi in angles
+    }
+    runner.close()
+    digests = {name: file_digest(name) for name in policies}
+    config = {"frontier": asdict(settings), "code": code_digest()}
+    label = f"frontier-{settings.env_id.rpartition('/')[2]}"
+    directory = directory or default_directory(label, config)
+    store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)
+    store.check_policies(digests)
+    jobs = [
+        ScanJob(settings, name, psi) for name in policies for psi in angles if (name, psi) not in store.rows
+    ]
+    try:
+        with progress_bars(policies, len(angles)) as bars:
+            count = {name: sum((name, psi) in store.rows for psi in angles) for name in policies}
+            for row in parallel(settings.env_id, scan, jobs, workers):
+                store.append({**row, "policy_sha256": digests[row["policy"]]})
+                count[row["policy"]] += 1
+                bars.set(
+                    row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N"
+                )
+    finally:
+        store.close()
+    rows = {name: [store.rows[name, psi] for psi in angles] for name in policies}
+    return Frontier(settings, rows, limits, directory)
