@@ -53,7 +53,10 @@ class CopPlan:
 
 
 class CopPlanner:
-    """Plans the CoP and the trunk acceleration for one robot and configuration."""
+    """Plans the CoP and the trunk acceleration for one robot and configuration.
+
+    A planner owns scratch memory: use one per thread. Pickling builds it anew.
+    """
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
         """Build the tables of every horizon length.
@@ -134,7 +137,7 @@ class CopPlanner:
         return _frozen(result, STATUS[status])
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Plan n robots one after the other.
+        """Plan n robots one after the other, by DAQP, in one compiled loop.
 
         Args:
             rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),

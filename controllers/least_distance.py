@@ -30,7 +30,11 @@ from .errors import PushRecoveryError
 SUPPORTED = "0.11."
 _SOFT = 8  # DAQP_SOFT
 _UPDATE = 2 | 8 | 16  # DAQP_UPDATE_M | DAQP_UPDATE_d | DAQP_UPDATE_sense
-PRIMAL_TOLERANCE = 1e-9
+_FUNCTIONS = (
+    "daqp_default_settings", "setup_daqp", "daqp_set_soft_weights", "daqp_update_ldp", "daqp_solve",
+    "free_daqp_workspace", "free_daqp_ldp",
+)  # fmt: skip
+PRIMAL_TOLERANCE = 1e-9  # of every row, in its own unit
 
 
 class _Problem(Structure):
@@ -78,9 +82,13 @@ class _Result(Structure):
 @functools.cache
 def _library() -> ctypes.CDLL:
     found = version("daqp")
+    remedy = f"install it with: pip install 'daqp=={SUPPORTED}*'"
     if not found.startswith(SUPPORTED):
-        raise PushRecoveryError(f"daqp {found} is installed; the compiled loop needs daqp {SUPPORTED}*")
+        raise PushRecoveryError(f"daqp {found} is installed, the planner needs {SUPPORTED}*; {remedy}")
     library = ctypes.CDLL(daqp.__file__)
+    for name in _FUNCTIONS:
+        if not hasattr(library, name):
+            raise PushRecoveryError(f"the installed daqp does not export {name}; {remedy} from a wheel")
     library.daqp_default_settings.argtypes = [POINTER(_Settings)]
     library.setup_daqp.argtypes = [POINTER(_Problem), c_void_p, c_void_p]
     library.daqp_set_soft_weights.argtypes = [c_void_p] * 5
