@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from ..controllers.errors import PushRecoveryError
 from ..controllers.observation import DCM, OBSERVATION_SIZE, TRUNK_ANGLE, TRUNK_RATE
 from ..envs.scenario import Scenario
 from .loading import load_policy, make_env
@@ -19,6 +20,11 @@ WARM_UP = 100  # calls before timing: compilation and caches
 CALLS = 2000  # timed calls of a planner's part
 RAW_TIME = 5.0  # simulated time of the bare physics [s]
 FALL_FREE = 0.2  # the unactuated robot is put back upright after this long [s]
+
+
+class BenchError(PushRecoveryError):
+    """The closed loop did not last."""
+
 
 Observations = NDArray[np.float64]
 Timing = dict[str, float]
@@ -58,7 +64,9 @@ def closed_loop(env: gym.Env, seconds: float) -> tuple[float, Observations]:
         observation, _, terminated, truncated, _ = env.step(action)
         observations.append(observation)
         steps += 1
-        over = terminated or truncated
+        if terminated:
+            raise BenchError(f"two-stage fell after {steps * planning_period(env):.2f} s; nothing to time")
+        over = truncated
     wall = time.perf_counter() - began
     return (steps - WARM_UP) * planning_period(env) / wall, np.array(observations)
 

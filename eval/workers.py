@@ -5,8 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -109,12 +111,26 @@ def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], wor
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C within the block; only the main thread may say so, elsewhere nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+
+
 def _in_window(
     pool: ProcessPoolExecutor, task: Callable[[Runner, J], R], jobs: Iterable[J], window: int
 ) -> Iterator[R]:
     """Keep at most `window` jobs in flight, so that an interrupt has little to wait for."""
     queue = iter(jobs)
-    pending: set[Future[Any]] = {pool.submit(_work, task, job) for job in islice(queue, window)}
+    with _interrupts_ignored():  # inherited by the processes that the first submission starts
+        pending: set[Future[Any]] = {pool.submit(_work, task, job) for job in islice(queue, window)}
     while pending:
         done, pending = wait(pending, return_when=FIRST_COMPLETED)
         pending |= {pool.submit(_work, task, job) for job in islice(queue, len(done))}

@@ -150,38 +150,50 @@ def test_play_writes_a_contact_sheet(policy, tmp_path, capsys):
     assert "recovered" in capsys.readouterr().out
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_interrupt_keeps_what_was_done_and_exits_130(policy, tmp_path, workers):
-    out = tmp_path / "out"
+def start(*argv):
+    """The command line in a process group of its own."""
     code = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
         "from push_recovery.eval.cli import main; raise SystemExit(main(sys.argv[1:]))"
     )
-    argv = [
-        "evaluate",
-        "--env",
-        toy.ENV_ID,
-        "--policies",
-        policy,
-        "--suite",
-        "standard",
-        "--workers",
-        workers,
-    ]
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *argv, "--workers", workers, "--out", str(out)],
-        stderr=subprocess.PIPE,
-        text=True,
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *argv], stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    rows = out / "outcomes.jsonl"
+
+
+def interrupt(process):
+    """Ctrl-C as a terminal gives it, to every process of the group; returns standard error."""
+    os.killpg(process.pid, signal.SIGINT)
+    return process.communicate(timeout=60)[1]
+
+
+def wait_for(condition):
     deadline = time.monotonic() + 60
-    while not (rows.exists() and rows.read_text().count("\n") > 5) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_interrupt_keeps_what_was_done_and_exits_130(policy, tmp_path, workers):
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", "standard"]
+    process = start(*argv, "--workers", workers, "--out", str(tmp_path))
+    rows = tmp_path / "outcomes.jsonl"
+    wait_for(lambda: rows.exists() and rows.read_text().count("\n") > 5)
+    err = interrupt(process)
     assert process.returncode == 130
     assert "Traceback" not in err
     kept = rows.read_text().splitlines()
     assert 5 < len(kept) < 1024
     assert all(json.loads(line)["policy"] == policy for line in kept)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy]
+    process = start(*argv, "--workers", "2", "--out", str(tmp_path))
+    wait_for((tmp_path / "config.json").exists)
+    time.sleep(0.15)
+    err = interrupt(process)
+    assert process.returncode == 130
+    assert "Traceback" not in err

@@ -20,7 +20,8 @@ class ToyEnv(gym.Env):
     action_space = gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
 
-    def __init__(self, render_mode=None):
+    def __init__(self, render_mode=None, fall=0.15):
+        self.fall = fall  # [m]
         self.robot, self.limits, self.preset = RobotModel(), GaitLimits(), "default"
         self.render_mode = render_mode
 
@@ -50,10 +51,10 @@ class ToyEnv(gym.Env):
         self.velocity += self.dt * (total[:2] / self.robot.mass + pull)
         self.position += self.dt * self.velocity
         self.tick += 1
-        fell = bool(np.abs(self.position).max() > 0.15)
+        fell = bool(np.abs(self.position).max() > self.fall)
         end = self.scenario.end_time(max((p.start + p.duration).tolist(), default=0.0))
         calm = bool(np.abs(self.position).max() < 0.05)
-        reason = ("forward" if abs(self.position[0]) > 0.15 else "sideways") if fell else None
+        reason = ("forward" if abs(self.position[0]) > self.fall else "sideways") if fell else None
         info = {"failure_reason": reason, "recovered_at": t1 if calm else None, "time": t1}
         return self._observation(), 1.0, fell, bool(not fell and t1 >= end - 1e-9), info
 
@@ -73,3 +74,4 @@ def save_policy(path, gain, inputs=OBSERVATION_SIZE):
 
 if "PushRecovery/Toy-v0" not in gym.registry:
     gym.register("PushRecovery/Toy-v0", entry_point=f"{__name__}:ToyEnv")
+    gym.register("PushRecovery/SturdyToy-v0", entry_point=f"{__name__}:ToyEnv", kwargs={"fall": np.inf})
