@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from .errors import InvalidValueError
+from .errors import InvalidValueError, UnknownNameError
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,14 @@ class PlannerConfig:
     terminal_off: float = 0.0  # the terminal term is dropped when less than this remains [s]
     cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
     cop_margin_y: float = 0.0  # [m]
-    trunk_gravity: float = 0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
+    trunk_gravity: float = (
+        0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
+    )
     beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
     first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
-    jerk_cost: Literal["literal", "repaired"] = "repaired"  # jerk form: eq. 20 as written, or about the free motion
+    jerk_cost: Literal["literal", "repaired"] = (
+        "repaired"  # jerk form: eq. 20 as written, or about the free motion
+    )
 
     # Trunk law of the arms without momentum regulation
     upright_stiffness: float = 20.0  # [1/s^2]
@@ -56,4 +60,46 @@ class PlannerConfig:
                 raise InvalidValueError(f"PlannerConfig.{field.name} must be finite and >= 0, got {value}")
         for name in ("sampling_time", "tail_sampling_time"):
             if not getattr(self, name) > 0:
-                raise InvalidValueError(f"PlannerConfig.{name} must be positive [s], got {getattr(self, name)}")
+                raise InvalidValueError(
+                    f"PlannerConfig.{name} must be positive [s], got {getattr(self, name)}"
+                )
+
+
+PAPER_WEIGHTS = {
+    "alpha_step": 1.0,
+    "alpha_duration": 1.0,
+    "alpha_offset": 1000.0,
+    "form": "jerk",
+    "beta_cop": 1.0,
+    "beta_dcm_acceleration": 1.0,
+    "beta_trunk": 1.0,
+    "beta_trunk_rate": 1.0,
+    "beta_dcm": 1e5,
+}  # Table II to the letter
+
+_DEFAULT = PlannerConfig()
+
+PRESETS: dict[str, PlannerConfig] = {
+    "paper": replace(_DEFAULT, **PAPER_WEIGHTS),
+    "default": _DEFAULT,
+    "biped": replace(
+        _DEFAULT,
+        alpha_duration=2.0,
+        alpha_offset=1e3,
+        freeze=0.034,
+        touchdown_delay=0.026,
+        cop_margin_x=0.02,
+        cop_margin_y=0.012,
+    ),
+}
+
+
+def preset_config(name: str) -> PlannerConfig:
+    """Look a preset up by name.
+
+    Raises:
+        UnknownNameError: listing the valid names.
+    """
+    if name not in PRESETS:
+        raise UnknownNameError("preset", name, PRESETS)
+    return PRESETS[name]

@@ -1,0 +1,290 @@
+"""The two-stage planner and its ablated arms, as functions of the observation alone."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .config import PAPER_WEIGHTS, PlannerConfig, preset_config
+from .errors import InvalidValueError, UnknownNameError
+from .limits import GAIT_SIZE, GaitLimits
+from .nominal_gait import NominalGait
+from .observation import DCM, OBSERVATION_SIZE, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .robot import RobotModel
+from .stage_1 import (
+    GAIT,
+    HELD,
+    NOMINAL,
+    OFFSET,
+    REMAINING,
+    TARGET,
+    scale_actions,
+    stage_1_constants,
+    stage_1_rows,
+)
+
+POLICY_NAMES = (
+    "passive",
+    "stage-1-paper",
+    "stage-1",
+    "stage-1+cop",
+    "stage-1+momentum",
+    "two-stage-paper",
+    "two-stage",
+    "random",
+)
+
+Floats = NDArray[np.float64]
+Actions = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a policy decided for one observation, canonical frame."""
+
+    gait: Floats  # (7,), units of GAIT_NAMES
+    offset: Floats  # DCM offset b that stage 1 expects, (2,) [m]
+    nominal: NominalGait
+    dcm_target: Floats  # xi_des = u_T + b_nom, (2,) [m]
+    dcm_end: Floats  # DCM that stage 2 expects at touchdown, (2,) [m]; u_T + b without stage 2
+    remaining: float  # until the new foot carries load [s]
+    held: bool  # the step plan is the previous one
+    status: str  # of stage 2's solver, or of the arm
+
+    @property
+    def step(self) -> Floats:
+        """Foothold u_T, (2,) [m]."""
+        return self.gait[0:2]
+
+    @property
+    def duration(self) -> float:
+        """Step duration T [s]."""
+        return float(self.gait[2])
+
+    @property
+    def cop(self) -> Floats:
+        """CoP, (2,) [m]."""
+        return self.gait[3:5]
+
+    @property
+    def trunk_acceleration(self) -> Floats:
+        """Trunk angular acceleration: pitch, roll, (2,) [rad/s^2]."""
+        return self.gait[5:7]
+
+
+class GaitPolicy(Protocol):
+    """What `make_policy` returns."""
+
+    name: str
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """Action (7,) or (n, 7) in [-1, 1], and the state, unchanged."""
+        ...
+
+
+def as_batch(observation: ArrayLike) -> tuple[Floats, bool]:
+    """Observations as (n, 34) float64, and whether it was a single one.
+
+    Raises:
+        InvalidValueError: for another shape or something that is no number.
+    """
+    try:
+        batch = np.ascontiguousarray(observation, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
+    single = np.ndim(observation) == 1
+    batch = batch.reshape(1, -1) if single else batch
+    if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:
+        raise InvalidValueError(
+            f"observation must have shape ({OBSERVATION_SIZE},) or (n, {OBSERVATION_SIZE}), "
+            f"got {np.shape(observation)}"
+        )
+    return batch, single
+
+
+class TwoStagePolicy:
+    """Stage 1, then stage 2 where CoP or trunk may be used; a pure function of the observation."""
+
+    def __init__(
+        self,
+        robot: RobotModel | None = None,
+        limits: GaitLimits | None = None,
+        config: PlannerConfig | None = None,
+        *,
+        adapt: bool = True,
+        name: str = "two-stage",
+    ):
+        """Build the planner.
+
+        Args:
+            robot: physical constants; the paper's by default.
+            limits: step box, CoP and trunk bounds; the paper's for the robot by default.
+            config: weights and margins; the preset `default` by default.
+            adapt: False walks the nominal gait without reaction.
+            name: for tables.
+        """
+        self.robot = RobotModel() if robot is None else robot
+        self.limits = GaitLimits.of(self.robot) if limits is None else limits
+        self.config = PlannerConfig() if config is None else config
+        self.name = name
+        self._adapt = adapt
+        self._constants = stage_1_constants(self.robot, self.limits, self.config)
+        self._low, self._high = self.limits.low, self.limits.high
+        self._cop_planner = _make_cop_planner(self.robot, self.limits, self.config)
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged.
+
+        Args:
+            observation: (34,) or (n, 34), see `observation.py`.
+            state: passed through; the policy has no memory.
+            episode_start: ignored.
+            deterministic: ignored.
+        """
+        batch, single = as_batch(observation)
+        rows = self._rows(batch)
+        if self._cop_planner is not None:
+            for obs, row in zip(batch, rows, strict=True):
+                self._regulate(obs, row)
+        actions = scale_actions(rows, self._low, self._high)
+        return (actions[0] if single else actions), state
+
+    def plan(self, observation: ArrayLike) -> Plan:
+        """The plan of one observation (34,), with what led to it."""
+        batch, single = as_batch(observation)
+        if not single:
+            raise InvalidValueError(f"plan takes one observation ({OBSERVATION_SIZE},), got {batch.shape}")
+        row = self._rows(batch)[0]
+        dcm_end, status = row[GAIT][:2] + row[OFFSET], self.name
+        if self._cop_planner is not None:
+            dcm_end, status = self._regulate(batch[0], row)
+        return Plan(
+            gait=row[GAIT],
+            offset=row[OFFSET],
+            nominal=NominalGait(*(float(value) for value in row[NOMINAL])),
+            dcm_target=row[TARGET],
+            dcm_end=dcm_end,
+            remaining=float(row[REMAINING]),
+            held=bool(row[HELD]),
+            status=status,
+        )
+
+    def _rows(self, batch: Floats) -> Floats:
+        rows, finite = stage_1_rows(batch, self._constants, self._low, self._high, self._adapt)
+        if not finite:
+            raise InvalidValueError("observation must be finite, got NaN or infinity")
+        return rows
+
+    def _regulate(self, obs: Floats, row: Floats) -> tuple[Floats, str]:
+        """Stage 2: write CoP and trunk acceleration into the row; returns the expected DCM and the status."""
+        plan = self._cop_planner(obs, row)
+        row[3:5] = plan.cop
+        if self.config.use_trunk:
+            row[5:7] = plan.trunk_acceleration
+        return plan.dcm_end, str(plan.status)
+
+
+def _make_cop_planner(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> Any:
+    """A call (observation, stage 1 row) -> CopPlan, or None where stage 2 has nothing to decide."""
+    if not (config.use_cop or config.use_trunk):
+        return None
+    if config.form == "zoh":
+        from .cop_planner import CopPlanner
+
+        planner = CopPlanner(robot, limits, config)
+        return lambda obs, row: planner.plan(
+            row[REMAINING], obs[DCM], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET]
+        )
+    from .cop_planner_jerk import JerkCopPlanner
+
+    jerk_planner = JerkCopPlanner(robot, limits, config)
+
+    def regulate(obs: Floats, row: Floats) -> Any:
+        previous = limits.from_action(obs[PREVIOUS_ACTION])
+        return jerk_planner.plan(
+            row[REMAINING],
+            obs[DCM],
+            obs[TRUNK_ANGLE],
+            obs[TRUNK_RATE],
+            row[TARGET],
+            previous_cop=previous[3:5],
+            previous_trunk_acceleration=previous[5:7],
+        )
+
+    return regulate
+
+
+class RandomPolicy:
+    """Uniform actions, drawn from a hash of the observation so that equal episodes get equal actions."""
+
+    def __init__(self, name: str = "random"):
+        self.name = name
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged."""
+        batch, single = as_batch(observation)
+        if not np.isfinite(batch).all():
+            raise InvalidValueError("observation must be finite, got NaN or infinity")
+        actions = np.empty((len(batch), GAIT_SIZE), dtype=np.float32)
+        for obs, action in zip(batch, actions, strict=True):
+            action[:] = np.random.default_rng(zlib.crc32(obs.tobytes())).uniform(-1.0, 1.0, GAIT_SIZE)
+        return (actions[0] if single else actions), state
+
+
+_STAGES = {
+    "passive": (False, False),
+    "stage-1-paper": (False, False),
+    "stage-1": (False, False),
+    "stage-1+cop": (True, False),
+    "stage-1+momentum": (False, True),
+    "two-stage-paper": (True, True),
+    "two-stage": (True, True),
+}  # use_cop, use_trunk
+
+
+def make_policy(
+    name: str,
+    robot: RobotModel | None = None,
+    limits: GaitLimits | None = None,
+    preset: str = "default",
+) -> TwoStagePolicy | RandomPolicy:
+    """Build an analytic policy by name.
+
+    The arms differ in what they may use, not in their weights: all take them from the preset, except the
+    two `-paper` arms, which put the weights of the paper's Table II into it.
+
+    Raises:
+        UnknownNameError: for a name that is not in POLICY_NAMES or an unknown preset; lists the valid ones.
+    """
+    if name not in POLICY_NAMES:
+        raise UnknownNameError("policy", name, POLICY_NAMES)
+    config = preset_config(preset)
+    if name == "random":
+        return RandomPolicy()
+    if name.endswith("-paper"):
+        config = replace(config, **PAPER_WEIGHTS)
+    use_cop, use_trunk = _STAGES[name]
+    config = replace(config, use_cop=use_cop, use_trunk=use_trunk)
+    return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)

@@ -1,0 +1,132 @@
+"""From observations to stage 1 plans: one compiled pass, the hot path of every policy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .config import PlannerConfig
+from .limits import GAIT_SIZE, GaitLimits
+from .nominal_gait import check_pelvis, nominal_gait_kernel
+from .observation import COMMAND, DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .robot import RobotModel
+from .step_planner import PROBLEM_SIZE, SOLUTION_SIZE, solve_step_kernel
+
+# Columns of a stage 1 row (ROW_SIZE,)
+GAIT = slice(0, 7)  # L, W, T, CoP (0, 0), trunk acceleration of the upright law
+OFFSET = slice(7, 9)  # b of the plan [m]
+NOMINAL = slice(9, 14)  # L, W, T, b_x, b_y
+TARGET = slice(14, 16)  # xi_des = u_T + b_nom (eq. 7) [m]
+REMAINING = 16  # until the new foot carries load [s], >= 0
+HELD = 17  # 1 where the plan is the previous one
+ROW_SIZE = 18
+
+# Constants of a policy (CONSTANTS_SIZE,): omega, l_p, weights, switches, margins, upright law
+CONSTANTS_SIZE = 12
+
+_T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
+_DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
+_PREVIOUS = PREVIOUS_ACTION.start
+
+
+def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
+    """Pack what `stage_1_row` needs of a robot and a configuration."""
+    check_pelvis(robot, limits)
+    return np.array(
+        [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,
+         float(config.adapt_step), float(config.adapt_duration), config.duration_margin, config.freeze,
+         config.touchdown_delay, config.upright_stiffness, config.upright_damping]
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
+    """Solve stage 1 for one observation: gait and offset into `row`.
+
+    tau may not lie before the present: tau >= exp(omega (t + margin)), and where even T_max has passed the
+    upper bound gives way.
+    """
+    omega, elapsed = c[0], obs[_T0]
+    problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
+    scale = math.exp(omega * (c[9] - elapsed))
+    tau_low = math.exp(omega * max(low[2], elapsed + c[7]))
+    tau_high = max(math.exp(omega * high[2]), tau_low)
+    problem[4] = math.exp(omega * nominal[2])
+    for axis in range(2):
+        problem[axis] = obs[_DCM + axis] * scale
+        problem[2 + axis] = nominal[axis]
+        problem[5 + axis] = nominal[3 + axis]
+        problem[7 + axis] = low[axis] if c[5] > 0.0 else nominal[axis]
+        problem[9 + axis] = high[axis] if c[5] > 0.0 else nominal[axis]
+    if c[6] == 0.0:
+        tau_low = min(max(problem[4], tau_low), tau_high)
+        tau_high = tau_low
+    problem[11], problem[12] = tau_low, tau_high
+    problem[13], problem[14], problem[15] = c[2], c[3], c[4]
+    solve_step_kernel(problem, solution)
+    row[0], row[1] = solution[0], solution[1]
+    row[2] = max(math.log(solution[2]) / omega, low[2])
+    row[7], row[8] = solution[3], solution[4]
+
+
+@njit(cache=True)
+def _hold(obs, c, low, high, row):  # pragma: no cover
+    """Take place and time from the previous action; True where too little of the step remains to change it."""
+    duration = low[2] + 0.5 * (obs[_T1] + 1.0) * (high[2] - low[2])
+    if c[8] <= 0.0 or duration - obs[_T0] >= c[8]:
+        return False
+    growth = math.exp(c[0] * (max(duration, obs[_T0]) + c[9] - obs[_T0]))
+    for i in range(3):
+        row[i] = low[i] + 0.5 * (obs[_PREVIOUS + i] + 1.0) * (high[i] - low[i])
+    for axis in range(2):
+        row[7 + axis] = obs[_DCM + axis] * growth - row[axis]
+    return True
+
+
+@njit(cache=True)
+def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
+    """Plan of one observation (34,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
+    nominal = row[9:14]
+    nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal)
+    held = adapt and _hold(obs, c, low, high, row)
+    if not adapt:
+        row[0], row[1], row[2], row[7], row[8] = nominal[0], nominal[1], nominal[2], nominal[3], nominal[4]
+    elif not held:
+        _adapt(obs, c, low, high, nominal, row)
+    row[17] = 1.0 if held else 0.0
+    row[16] = max(row[2] - obs[_T0], 0.0) + c[9]
+    for axis in range(2):
+        row[14 + axis] = row[axis] + nominal[3 + axis]
+        row[3 + axis] = 0.0
+        lean = -c[10] * obs[_ANGLE + axis] - c[11] * obs[_RATE + axis]
+        row[5 + axis] = min(max(lean, low[5 + axis]), high[5 + axis])
+
+
+@njit(cache=True)
+def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
+    """Plans (n, ROW_SIZE) of observations (n, 34), and whether every observation is finite."""
+    n = observations.shape[0]
+    rows = np.empty((n, ROW_SIZE))
+    finite = True
+    for i in range(n):
+        for j in range(observations.shape[1]):
+            finite = finite and math.isfinite(observations[i, j])
+    if finite:
+        for i in range(n):
+            stage_1_row(observations[i], c, low, high, adapt, rows[i])
+    return rows, finite
+
+
+@njit(cache=True)
+def scale_actions(rows, low, high):  # pragma: no cover
+    """The gait columns of `rows` as float32 actions (n, 7); the arithmetic of `GaitLimits.to_action`."""
+    n = rows.shape[0]
+    actions = np.empty((n, GAIT_SIZE), dtype=np.float32)
+    for i in range(n):
+        for j in range(GAIT_SIZE):
+            scaled = 2.0 * (rows[i, j] - low[j]) / (high[j] - low[j]) - 1.0
+            actions[i, j] = min(max(scaled, -1.0), 1.0)
+    return actions
