@@ -74,7 +74,7 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
 
 @njit(cache=True)
 def _hold(obs, c, low, high, row):  # pragma: no cover
-    """Take place and time from the previous action; True where too little of the step remains to change it."""
+    """Take place and time from the previous action; True where too little of the step remains."""
     duration = low[2] + 0.5 * (obs[_T1] + 1.0) * (high[2] - low[2])
     if c[8] <= 0.0 or duration - obs[_T0] >= c[8]:
         return False
