@@ -84,16 +84,19 @@ def run_frontier(args: argparse.Namespace) -> int:
     cells = []
     for index, psi in enumerate(result.limits):
         entries = [entry["directions"][index] for entry in objects.values()]
-        texts = [
-            f"{e['survived_N']:.0f} ({e['fraction']:.2f}"
-            + (f"; {e['largest_survived_N']:.0f})" if e["largest_survived_N"] > e["survived_N"] else ")")
-            for e in entries
-        ]
+        texts = [_frontier_cell(entry) for entry in entries]
         cells.append((f"{psi:g}", f"{result.limits[psi]:.0f}", *texts))
     title = f"{args.env}: largest force before the first failure [N] (share of F*; largest survived at all)"
     print_table(title, columns, cells)
     print("pictures: " + ", ".join(str(path) for path in pictures))
     return 0
+
+
+def _frontier_cell(entry: dict[str, Any]) -> str:
+    """Force before the first failure, its share of F*, and the largest survived where that is more."""
+    share = "-" if entry["fraction"] is None else f"{entry['fraction']:.2f}"
+    more = entry["largest_survived_N"]
+    return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 
 
 def run_bench(args: argparse.Namespace) -> int:

@@ -92,16 +92,18 @@ class Frontier:
 
     def to_dict(self, policy: str) -> dict[str, Any]:
         """The contract's object of one policy."""
-        directions = [
-            {
-                "psi_deg": row["psi_deg"],
-                "survived_N": row["survived_N"],
-                "largest_survived_N": row["largest_survived_N"],
-                "limit_N": self.limits[row["psi_deg"]],
-                "fraction": row["survived_N"] / self.limits[row["psi_deg"]],
-            }
-            for row in self.rows[policy]
-        ]
+        directions = []
+        for row in self.rows[policy]:
+            limit = self.limits[row["psi_deg"]]
+            directions.append(
+                {
+                    "psi_deg": row["psi_deg"],
+                    "survived_N": row["survived_N"],
+                    "largest_survived_N": row["largest_survived_N"],
+                    "limit_N": limit,
+                    "fraction": row["survived_N"] / limit if limit > 0 else None,
+                }
+            )
         push = {"duration": self.settings.duration, "body": self.settings.body}
         return {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
 
