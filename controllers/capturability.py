@@ -3,17 +3,18 @@
 Let c be the largest and d the smallest lateral DCM (towards the swing side) at the start of a step from which
 the widest and narrowest steps at T_min still alternate for ever, and lambda = exp(omega T_min):
 
-    c = (w_max - d) / lambda,  d = (w_min - c) / lambda,     so     c = (lambda w_max - w_min) / (lambda^2 - 1).
+    c = (w_max - d) / lambda,  d = (w_min - c) / lambda,     so     c = (lambda w_max - w_min) / (lambda^2 -
+    1).
 
-Where d comes out positive a slower step is better: d = (w_min - c) / exp(omega T_max). Sagittally the limit is
-L_max / (lambda - 1). With r left until the earliest touchdown, a state may be recovered from if
+Where d comes out positive a slower step is better: d = (w_min - c) / exp(omega T_max). Sagittally the limit
+is L_max / (lambda - 1). With r left until the earliest touchdown, a state may be recovered from if
 
     xi_x <= exp(-omega r) L_max lambda / (lambda - 1) + f_x + B,
     xi_y <= exp(-omega r) (w_max - d) + f_y + B,       xi_y >= exp(-omega r) (w_min - c) - f_y - B,
 
 (mirrored for -x), where f is half the sole and B what the trunk gives once, by the fastest swing to theta_max:
-B = (tau_max / (m g)) (1 - exp(-omega sqrt(theta_max j / tau_max)))^2 from rest. A push F at the start of a step
-counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2).
+B = (tau_max / (m g)) (1 - exp(-omega sqrt(theta_max j / tau_max)))^2 from rest. A push F at the start of a
+step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2).
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ def capture_constants(
 def trunk_reserve(angle, rate, constants):  # pragma: no cover
     """B towards positive lean from a trunk state: discounted CMP shift of the fastest swing to theta_max [m].
 
-    B = (j / (m g)) int omega exp(-omega s) theta'' ds: accelerate for t_1, brake for t_2, stop at theta_max. A
-    trunk that cannot stop in time brakes all the way and ends at the stop.
+    B = (j / (m g)) int omega exp(-omega s) theta'' ds: accelerate for t_1, brake for t_2, stop at
+    theta_max. A trunk that cannot stop in time brakes all the way and ends at the stop.
     """
     omega, gain, push, limit = constants[0], constants[9], constants[10], constants[11]
     if push <= 0.0:
@@ -77,7 +78,7 @@ def trunk_reserve(angle, rate, constants):  # pragma: no cover
 
 @njit(cache=True)
 def offset_bounds_kernel(elapsed, angle, rate, constants, bounds):  # pragma: no cover
-    """Write (low_x, low_y, high_x, high_y) [m] for a time since the step began and a trunk state (2,), (2,)."""
+    """Write (low_x, low_y, high_x, high_y) [m] for a time since the step began and a trunk state."""
     omega = constants[0]
     growth = math.exp(omega * constants[5])
     wide = (growth * constants[4] - constants[3]) / (growth * growth - 1.0)
@@ -147,7 +148,7 @@ def capture_margin(
     foot: bool = True,
     flywheel: bool = True,
 ) -> float:
-    """Distance of the DCM from the nearest bound of `recoverable_offset` [m]; negative: no controller recovers."""
+    """Distance of the DCM from the nearest bound of `recoverable_offset` [m]; negative: beyond recovery."""
     constants = capture_constants(robot, limits, foot, flywheel)
     angle, rate = _pair("trunk_angle", trunk_angle), _pair("trunk_rate", trunk_rate)
     return float(capture_margin_kernel(elapsed, _pair("dcm", dcm), angle, rate, constants))

@@ -1,10 +1,10 @@
 """Swing-foot trajectory, re-generated every cycle towards the adapted place and time.
 
-Each axis follows a fifth-order polynomial from its present position, velocity and acceleration to the target at
-the planned time, and is re-planned every cycle (Khadiv et al. 2016, section IV). Position, velocity and
-acceleration are therefore continuous however place and time change: what jumps is the jerk. Horizontally the
-foot arrives at rest shortly before touchdown; vertically it rises to an apex in mid-step and then comes down to
-meet the floor at T. A foot that is late keeps descending at constant speed.
+Each axis follows a fifth-order polynomial from its present position, velocity and acceleration to the
+target at the planned time, and is re-planned every cycle (Khadiv et al. 2016, section IV). Position,
+velocity and acceleration are therefore continuous however place and time change: what jumps is the jerk.
+Horizontally the foot arrives at rest shortly before touchdown; vertically it rises to an apex in mid-step
+and then comes down to meet the floor at T. A foot that is late keeps descending at constant speed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PEAK = 1.875  # peak speed of a rest-to-rest quintic over its mean speed
 
 @njit(cache=True)
 def quintic_advance(state, axis, target, velocity, horizon, dt):  # pragma: no cover
-    """Advance one axis of `state` (9,) by dt on the quintic that ends at `target`, `velocity`, zero acceleration.
+    """Advance one axis of `state` (9,) by dt on the quintic to `target`, `velocity`, zero acceleration.
 
     p(s) = p + v s + a s^2/2 + c3 s^3 + c4 s^4 + c5 s^5, with c3..c5 from the three conditions at s = horizon.
     """

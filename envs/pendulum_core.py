@@ -1,0 +1,313 @@
+"""n linear inverted pendulums with flywheel, integrated exactly.
+
+Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
+
+    x'' = omega^2 (x - c),    c = x_CMP - F / (m omega^2),    theta'' = a.
+
+Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about c. A
+cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop. There is
+no integration step. State is kept in the world frame: x forward, y left.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..controllers.capturability import capture_constants, capture_margin_kernel
+from ..controllers.limits import GAIT_SIZE, GaitLimits
+from ..controllers.observation import OBSERVATION_SIZE
+from ..controllers.robot import RobotModel
+from .nominal_start import NominalStart
+from .push import PENDING, SIDES, push_arrays, resolve_starts
+from .scenario import Scenario
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FAILURES = ("", "dcm_diverged", "not_finite")
+BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
+APEX = 0.06  # height of the swing foot in mid-step [m]
+
+
+class Pendulums(NamedTuple):
+    """State of n pendulums, world frame; axis 0 forward, axis 1 left."""
+
+    com: Array  # (n, 2) [m]
+    velocity: Array  # (n, 2) [m/s]
+    angle: Array  # (n, 2) lean of the trunk [rad]
+    rate: Array  # (n, 2) [rad/s]
+    stance: Array  # (n, 2) centre of the stance sole [m]
+    lift: Array  # (n, 2) where the swing foot stood [m]
+    plan: Array  # (n, 7) gait variables, canonical frame
+    cop: Array  # (n, 2) CoP at the end of the cycle [m]
+    cmp: Array  # (n, 2) [m]
+    time: Array  # (n,) since reset [s]
+    step_start: Array  # (n,) [s]
+    side: Ints  # (n,) stance foot, index into SIDES
+    steps: Ints  # (n,) completed
+    failure: Ints  # (n,) index into FAILURES
+
+
+class PushState(NamedTuple):
+    """Pushes of n pendulums, at most P each, and what they have delivered."""
+
+    force: Array  # (n, P, 3) [N]
+    duration: Array  # (n, P) [s]
+    start: Array  # (n, P) [s]
+    step: Ints  # (n, P)
+    fraction: Array  # (n, P)
+    delivered: Array  # (n, P, 3) impulse [N s]
+
+
+class Physics(NamedTuple):
+    """Physical constants."""
+
+    omega: float  # [1/s]
+    mass: float  # [kg]
+    gain: float  # j / (m g) [m s^2]
+    half_length: float  # of the sole [m]
+    half_width: float  # [m]
+    acceleration_max: float  # tau_max / j [rad/s^2]
+    angle_max: float  # [rad]
+
+
+def empty_pushes(n: int, count: int) -> PushState:
+    """No pushes: forces of zero that never start."""
+    return PushState(
+        np.zeros((n, count, 3)), np.ones((n, count)), np.full((n, count), PENDING),
+        np.full((n, count), -1, np.int64), np.zeros((n, count)), np.zeros((n, count, 3)),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def time_to_stop(angle, rate, acceleration, limit):  # pragma: no cover
+    """Least s > 0 with angle + rate s + acceleration s^2 / 2 = +-limit, moving outwards; inf if never."""
+    best = np.inf
+    for sign in (1.0, -1.0):
+        room, speed, push = limit - sign * angle, sign * rate, sign * acceleration
+        if room <= 0.0 and (speed > 0.0 or (speed == 0.0 and push > 0.0)):
+            return 0.0
+        square = speed * speed + 2.0 * push * room
+        if square < 0.0 or room < 0.0:
+            continue
+        root = speed + math.sqrt(square)
+        if root > 0.0 and room > 0.0:
+            best = min(best, 2.0 * room / root)
+    return best
+
+
+@njit(cache=True)
+def advance_axis(s, k, axis, cop, acceleration, force, span, p):  # pragma: no cover
+    """One axis for a span without events but the trunk's stop.
+
+    The stop is inelastic: it takes the trunk's angular momentum j theta' at once, a torque impulse that gives
+    the CoM j theta' / (m h) [m/s] = omega^2 (j / (m g)) theta'. While the torque pushes the trunk against its
+    stop the two cancel.
+    """
+    left = span
+    for _ in range(4):
+        a = acceleration
+        angle, rate = s.angle[k, axis], s.rate[k, axis]
+        if abs(angle) >= p.angle_max and angle * a >= 0.0 and rate == 0.0:
+            a = 0.0
+            hit = np.inf
+        else:
+            hit = time_to_stop(angle, rate, a, p.angle_max)
+        d = min(left, hit)
+        centre = cop + p.gain * a - force / (p.mass * p.omega * p.omega)
+        x, v = s.com[k, axis] - centre, s.velocity[k, axis] / p.omega
+        grow = math.exp(p.omega * d)
+        xi, eta = (x + v) * grow, (x - v) / grow
+        s.com[k, axis] = centre + 0.5 * (xi + eta)
+        s.velocity[k, axis] = 0.5 * p.omega * (xi - eta)
+        s.angle[k, axis] = angle + d * (rate + 0.5 * a * d)
+        s.rate[k, axis] = rate + a * d
+        s.cmp[k, axis] = cop + p.gain * a
+        if hit > left:
+            break
+        s.velocity[k, axis] += p.omega * p.omega * p.gain * s.rate[k, axis]
+        s.rate[k, axis] = 0.0
+        s.angle[k, axis] = math.copysign(p.angle_max, s.angle[k, axis])
+        left -= d
+        if left <= 0.0:
+            break
+
+
+@njit(cache=True)
+def touch_down(s, k):  # pragma: no cover
+    """The swing foot becomes the stance foot, exactly where the plan wants it."""
+    sign = -1.0 if s.side[k] == 0 else 1.0
+    old_x, old_y = s.stance[k, 0], s.stance[k, 1]
+    s.stance[k, 0] = old_x + s.plan[k, 0]
+    s.stance[k, 1] = old_y + sign * s.plan[k, 1]
+    s.lift[k, 0], s.lift[k, 1] = old_x, old_y
+    s.side[k] = 1 - s.side[k]
+    s.steps[k] += 1
+    s.step_start[k] = s.time[k]
+
+
+@njit(cache=True)
+def _next_event(s, q, k, end, landed):  # pragma: no cover
+    """Time of the next event after now, at most `end`; starts of pushes that wait for it are resolved [s]."""
+    now = s.time[k]
+    until = end
+    if not landed:
+        until = min(until, s.step_start[k] + s.plan[k, 2])
+    resolve_starts(
+        q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, 2], now, until
+    )
+    for i in range(q.start.shape[1]):
+        if now < q.start[k, i] < until:
+            until = q.start[k, i]
+        stop = q.start[k, i] + q.duration[k, i]
+        if now < stop < until:
+            until = stop
+    return until
+
+
+@njit(cache=True)
+def advance(s, q, dt, p):  # pragma: no cover
+    """One control cycle of every pendulum under its plan.
+
+    The CoP is clipped to the sole and the trunk's acceleration to the torque. After a touchdown inside the
+    cycle the CoP rests at the centre of the new sole and the trunk's acceleration goes on.
+    """
+    for k in range(s.time.shape[0]):
+        if s.failure[k] != 0:
+            continue
+        end = s.time[k] + dt
+        sign = -1.0 if s.side[k] == 0 else 1.0
+        cop_x = min(max(s.plan[k, 3], -p.half_length), p.half_length)
+        cop_y = sign * min(max(s.plan[k, 4], -p.half_width), p.half_width)
+        pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max)
+        roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max)
+        landed = False
+        while s.time[k] < end:
+            if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2]:
+                touch_down(s, k)
+                landed = True
+                cop_x, cop_y = 0.0, 0.0
+            until = _next_event(s, q, k, end, landed)
+            span = until - s.time[k]
+            force_x, force_y = 0.0, 0.0
+            for i in range(q.start.shape[1]):
+                if q.start[k, i] <= s.time[k] < q.start[k, i] + q.duration[k, i]:
+                    force_x += q.force[k, i, 0]
+                    force_y += q.force[k, i, 1]
+                    for a in range(3):
+                        q.delivered[k, i, a] += q.force[k, i, a] * span
+            advance_axis(s, k, 0, s.stance[k, 0] + cop_x, pitch, force_x, span, p)
+            advance_axis(s, k, 1, s.stance[k, 1] + cop_y, roll, force_y, span, p)
+            s.time[k] = until
+        s.cop[k, 0], s.cop[k, 1] = s.stance[k, 0] + cop_x, s.stance[k, 1] + cop_y
+
+
+@njit(cache=True)
+def observe(s, command, previous, p, out):  # pragma: no cover
+    """Observations (n, 34), canonical frame; the swing foot moves on a quintic of the step's phase."""
+    for k in range(s.time.shape[0]):
+        o = out[k]
+        o[:] = 0.0
+        elapsed = s.time[k] - s.step_start[k]
+        phase = min(elapsed / s.plan[k, 2], 1.0)
+        blend = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase * phase)
+        pace = 30.0 * (phase * (1.0 - phase)) ** 2 / s.plan[k, 2]
+        o[0] = elapsed
+        for axis in range(2):
+            sign = -1.0 if axis == 1 and s.side[k] == 0 else 1.0
+            o[3 + axis] = sign * (s.com[k, axis] - s.stance[k, axis])
+            o[5 + axis] = sign * s.velocity[k, axis]
+            o[1 + axis] = o[3 + axis] + o[5 + axis] / p.omega
+            lift = sign * (s.lift[k, axis] - s.stance[k, axis])
+            o[9 + axis] = lift + blend * (s.plan[k, axis] - lift)
+            o[12 + axis] = pace * (s.plan[k, axis] - lift)
+            o[15 + axis] = sign * s.angle[k, axis]
+            o[17 + axis] = sign * s.rate[k, axis]
+            o[25 + axis] = sign * command[k, axis]
+        o[11] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
+        o[14] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / s.plan[k, 2]
+        o[23] = 1.0
+        o[24] = 1.0 if elapsed == 0.0 else 0.0
+        o[27:34] = previous[k]
+
+
+@njit(cache=True)
+def check_failures(s, observation, constants, margins):  # pragma: no cover
+    """Capture margins (n,) [m], and the pendulums that not even a step at this moment could save."""
+    for k in range(s.time.shape[0]):
+        o = observation[k]
+        margins[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], constants)
+        if s.failure[k] != 0:
+            continue
+        if not (math.isfinite(o[1]) and math.isfinite(o[2])):
+            s.failure[k] = 2
+        elif capture_margin_kernel(1e3, o[1:3], o[15:17], o[17:19], constants) < -BEYOND:
+            s.failure[k] = 1
+
+
+class PendulumCore:
+    """n pendulums; arrays are indexed by pendulum, and none depends on another."""
+
+    def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0):
+        self.n, self.robot, self.dt = n, robot, 1.0 / control_hz
+        self.physics = Physics(
+            robot.omega, robot.mass, robot.cmp_per_trunk_acceleration, robot.foot_length / 2,
+            robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
+        )  # fmt: skip
+        self.capture = capture_constants(robot, limits)
+        pair = [np.zeros((n, 2)) for _ in range(6)]
+        self.state = Pendulums(
+            *pair, np.zeros((n, GAIT_SIZE)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n), np.zeros(n),
+            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64),
+        )  # fmt: skip
+        self.pushes = empty_pushes(n, 1)
+        self.command = np.zeros((n, 2))
+        self.previous_action = np.zeros((n, GAIT_SIZE))
+        self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.margin = np.zeros(n)
+
+    def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""
+        s = self.state
+        for field in s:
+            field[k] = 0
+        s.side[k] = SIDES.index(scenario.stance_side)
+        sign = -1.0 if s.side[k] == 0 else 1.0
+        s.com[k] = start.com[0], sign * start.com[1]
+        s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
+        s.lift[k] = start.swing[0], sign * start.swing[1]
+        s.plan[k] = gait
+        self.command[k] = scenario.command.vx, scenario.command.vy
+        self.previous_action[k] = action
+        self._set_pushes(k, scenario)
+        self._look()
+
+    def step(self, gaits: Array, actions: Array) -> None:
+        """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
+        self.state.plan[:] = gaits
+        self.previous_action[:] = actions
+        advance(self.state, self.pushes, self.dt, self.physics)
+        self._look()
+
+    def _look(self) -> None:
+        observe(self.state, self.command, self.previous_action, self.physics, self.observation)
+        check_failures(self.state, self.observation, self.capture, self.margin)
+
+    def _set_pushes(self, k: int, scenario: Scenario) -> None:
+        new = push_arrays(scenario.pushes, scenario.stance_side)
+        count = new.start.shape[0]
+        if count > self.pushes.start.shape[1]:
+            grown = empty_pushes(self.n, count)
+            for old, field in zip(self.pushes, grown, strict=True):
+                field[:, : old.shape[1]] = old
+            self.pushes = grown
+        for field, blank in zip(self.pushes, empty_pushes(1, self.pushes.start.shape[1]), strict=True):
+            field[k] = blank[0]
+        values = (new.force, new.duration, new.start, new.step, new.fraction)
+        for field, value in zip(self.pushes[:-1], values, strict=True):
+            field[k, :count] = value
