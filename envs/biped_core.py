@@ -1,0 +1,153 @@
+"""n bipeds at physics rate: one planning period holds one gait action.
+
+Within the period every physics step computes, for each robot, touchdown, swing foot, whole-body torque and push,
+and then the batch of simulations advances together.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from ..controllers.capturability import capture_constants
+from ..controllers.errors import InvalidValueError
+from ..controllers.limits import GAIT_SIZE, GaitLimits
+from ..controllers.observation import OBSERVATION_SIZE
+from ..controllers.robot import RobotModel
+from .biped_gait import Gait, GaitSettings, Pushes, check_failures, control, side_sign
+from .biped_kinematics import Array, Physics
+from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
+from .biped_observation import observe
+from .nominal_start import NominalStart
+from .push import PENDING, SIDES, PushArrays, push_arrays
+from .scenario import Scenario
+from .whole_body import Gains
+from .wrench_bounds import BoundSettings, make_bounds
+
+
+class BipedCore:
+    """n bipeds that share one compiled model; `mujoco.batch` steps them on a thread pool.
+
+    Arrays are indexed by robot. The state of a robot does not depend on the others or on the thread count.
+    """
+
+    def __init__(
+        self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0, threads: int = 1
+    ):
+        self.n = n
+        self.robot = robot
+        self.substeps = physics_steps(control_hz)
+        self.batch = Batch(biped_model(), n, threads, persistent=True)
+        bind = self.batch.bind
+        self.physics = Physics(
+            bind("qpos"), bind("qvel"), bind("xpos"), bind("xmat"), bind("xanchor"), bind("xaxis"),
+            bind("subtree_com"), bind("M"), bind("qfrc_bias"), bind("sensordata"), bind("ctrl"),
+            bind("xfrc_applied"),
+        )  # fmt: skip
+        self.index = mass_matrix_index()
+        self.gains = Gains()
+        self.set_bounds(BoundSettings())
+        self.settings = GaitSettings(
+            omega=robot.omega, com_height=robot.com_height, cmp_gain=robot.cmp_per_trunk_acceleration
+        )
+        self.gait = Gait(
+            stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
+            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros(n), plan=np.zeros((n, GAIT_SIZE)),
+            failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
+        )  # fmt: skip
+        self.pushes = empty_pushes(n, 1)
+        self.command = np.zeros((n, 2))
+        self.previous_action = np.zeros((n, GAIT_SIZE))
+        self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.margin = np.zeros(n)  # capture margin [m]
+        self._capture = capture_constants(robot, limits)
+
+    def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
+
+        `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones.
+        """
+        stance = SIDES.index(scenario.stance_side)
+        sign = side_sign(stance)
+        soles = np.zeros((2, 3))
+        soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
+        com = np.array([start.com[0], sign * start.com[1], self.robot.com_height])
+        velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
+        qpos, qvel = posture(com, velocity, soles)
+        self.batch.reset([k], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self.physics.qpos[k], self.physics.qvel[k] = qpos, qvel
+        self.batch.forward([k], stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        for field in self.gait:
+            field[k] = 0
+        self.gait.stance[k] = stance
+        self.gait.swing[k, :3] = soles[1 - stance]
+        self.gait.height[k] = self.robot.com_height
+        self.command[k] = scenario.command.vx, scenario.command.vy
+        self.gait.plan[k] = gait
+        self.previous_action[k] = action
+        self._set_pushes(k, push_arrays(scenario.pushes, scenario.stance_side))
+        self.observe()
+
+    def _set_pushes(self, k: int, new: PushArrays) -> None:
+        count = new.start.shape[0]
+        if count > self.pushes.start.shape[1]:
+            grown = empty_pushes(self.n, count)
+            for old, field in zip(self.pushes, grown, strict=True):
+                field[:, : old.shape[1]] = old
+            self.pushes = grown
+        for field, blank in zip(self.pushes, empty_pushes(1, self.pushes.start.shape[1]), strict=True):
+            field[k] = blank[0]
+        for field, value in zip(self.pushes[:-1], new, strict=True):
+            field[k, :count] = value
+
+    def step(self, gaits: Array, actions: Array) -> None:
+        """Hold gait variables (n, 7) for one planning period; `actions` (n, 7) are what the observation repeats."""
+        self.gait.plan[:] = gaits
+        self.previous_action[:] = actions
+        for _ in range(self.substeps):
+            control(
+                self.physics,
+                self.gait,
+                self.pushes,
+                self.settings,
+                self.gains,
+                self.bounds,
+                self.index,
+                PHYSICS_DT,
+            )
+            self.batch.step(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        check_failures(self.physics, self.gait, self.settings)
+        self.observe()
+
+    def set_bounds(self, settings: BoundSettings) -> None:
+        """Bounds of the stance wrench and prices of the deviations from the whole-body tasks."""
+        torque_max = biped_model().actuator_forcerange[:, 1].copy()
+        self.bounds, self._bounds_memory = make_bounds(settings, torque_max)
+
+    def observe(self) -> None:
+        """Write `observation` (n, 34) and `margin` (n,) from the state."""
+        observe(
+            self.physics, self.gait, self.settings, self.index, self.command, self.previous_action,
+            self._capture, self.observation, self.margin,
+        )  # fmt: skip
+
+
+def physics_steps(control_hz: float) -> int:
+    """Physics steps per planning period; the rate must divide the physics rate."""
+    steps = round(1.0 / (control_hz * PHYSICS_DT)) if control_hz > 0 else 0
+    if steps < 1 or abs(steps * PHYSICS_DT * control_hz - 1.0) > 1e-9:
+        valid = ", ".join(f"{500 / s:g}" for s in (1, 2, 4, 5, 10))
+        raise InvalidValueError(
+            f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"
+        )
+    return steps
+
+
+def empty_pushes(n: int, count: int) -> Pushes:
+    """Arrays of `count` pushes for n robots, none of which ever starts."""
+    shape = (n, count)
+    return Pushes(
+        np.zeros((*shape, 3)), np.zeros(shape), np.full(shape, PENDING), np.full(shape, -1, dtype=np.int64),
+        np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)), np.zeros((*shape, 3)),
+    )  # fmt: skip

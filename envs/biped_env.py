@@ -1,0 +1,93 @@
+"""`PushRecovery/Biped-v0`: the 60 kg MuJoCo biped under a gait action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..controllers.limits import GaitLimits
+from ..controllers.robot import RobotModel
+from .biped_core import BipedCore
+from .biped_gait import FAILURES
+from .biped_kinematics import sole_position
+from .gait_env import GaitEnv
+from .nominal_start import NominalStart
+from .scenario import PushDistribution, Scenario
+
+Array = NDArray[np.float64]
+
+BIPED = RobotModel()  # Table II
+BIPED_LIMITS = GaitLimits(length_min=-0.35, length_max=0.35, duration_min=0.25, duration_max=0.75)
+
+
+class BipedEnv(GaitEnv):
+    """Torque-controlled biped with waist and flat feet; whole-body control realises the gait action.
+
+    The robot's own gait limits are narrower than the paper's where its legs are: see `BIPED_LIMITS`.
+    """
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        control_hz: float = 100.0,
+        preset: str = "biped",
+        push_distribution: dict[str, Any] | PushDistribution | None = None,
+    ):
+        """Build one biped.
+
+        Args:
+            render_mode: "human", "rgb_array" or None.
+            control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
+            preset: of the planner that belongs to this environment.
+            push_distribution: of the scenarios that `reset` draws, as an object or its dict.
+        """
+        super().__init__(BIPED, BIPED_LIMITS, preset, control_hz, render_mode, push_distribution)
+        self.core = BipedCore(1, self.robot, self.limits, control_hz)
+        self._picture: Any = None
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            from .render import BipedView
+
+            self._picture = BipedView(window=self.render_mode == "human")
+        image = self._picture.draw(self.core)
+        return image if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
+    def _begin(self, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        self.core.reset(0, scenario, start, gait, action)
+
+    def _advance(self, gait: Array, action: Array) -> None:
+        self.core.step(gait[None], action[None])
+
+    def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
+        gait = self.core.gait
+        return gait.steps, self.core.physics.com[:, 0, :2], gait.time, int(gait.stance[0])
+
+    def _failure(self) -> str | None:
+        return FAILURES[self.core.gait.failure[0]] or None
+
+    def _world_info(self) -> dict[str, Any]:
+        core = self.core
+        stance = int(core.gait.stance[0])
+        sign = -1.0 if stance == 0 else 1.0
+        sole, wrench = sole_position(core.physics, 0, stance), core.gait.wrench[0]
+        observation, plan = core.observation[0], core.gait.plan[0]
+        cop = sole[:2] + np.array([-wrench[4], wrench[3]]) / max(wrench[2], 1.0)
+        load = core.physics.load[0]
+        return {
+            "dcm": sole[:2] + observation[1:3] * np.array([1.0, sign]),
+            "cop": cop,
+            "cmp": cop + self.robot.cmp_per_trunk_acceleration * plan[5:7] * np.array([1.0, sign]),
+            "contacts": {"left": bool(load[0] > 1.0), "right": bool(load[1] > 1.0)},
+        }

@@ -1,0 +1,85 @@
+"""The gait observation of n bipeds, and how far they are from what can be recovered."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..controllers.capturability import capture_margin_kernel
+from .biped_gait import Gait, GaitSettings, side_sign
+from .biped_kinematics import (
+    PELVIS,
+    TRUNK,
+    WAIST_DOF,
+    WAIST_JOINT,
+    Array,
+    Ints,
+    Physics,
+    base_angular_velocity,
+    com_velocity,
+    sole_motion,
+    sole_position,
+)
+
+
+@njit(cache=True)
+def write_motion(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, index: Ints, o: Array, omega: Array
+) -> None:
+    """DCM, CoM and swing sole (observation 1-14) of one robot, canonical frame."""
+    stance = gait.stance[k]
+    sign = side_sign(stance)
+    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+    sole, foot = sole_position(phys, k, stance), sole_motion(phys, k, 1 - stance, omega)
+    com, velocity = phys.com[k, 0], com_velocity(phys, k, index)
+    dx, dy = com[0] - sole[0], com[1] - sole[1]
+    o[3], o[4] = cos * dx + sin * dy, sign * (-sin * dx + cos * dy)
+    o[5], o[6] = cos * velocity[0] + sin * velocity[1], sign * (-sin * velocity[0] + cos * velocity[1])
+    o[1], o[2] = o[3] + o[5] / s.omega, o[4] + o[6] / s.omega
+    o[7], o[8] = com[2] - sole[2] - s.com_height, velocity[2]
+    p, v = foot.position, foot.twist
+    dx, dy = p[0] - sole[0], p[1] - sole[1]
+    o[9], o[10], o[11] = cos * dx + sin * dy, sign * (-sin * dx + cos * dy), p[2]
+    o[12], o[13], o[14] = cos * v[0] + sin * v[1], sign * (-sin * v[0] + cos * v[1]), v[2]
+
+
+@njit(cache=True)
+def write_posture(phys: Physics, gait: Gait, k: int, o: Array, omega: Array) -> None:
+    """Lean of trunk and pelvis, heading and contacts (observation 15-24) of one robot, canonical frame."""
+    sign = side_sign(gait.stance[k])
+    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+    trunk_omega = omega.copy()
+    for j in range(2):
+        for i in range(3):
+            trunk_omega[i] += phys.xaxis[k, WAIST_JOINT + j, i] * phys.qvel[k, WAIST_DOF + j]
+    for b in range(2):
+        R = phys.xmat[k, TRUNK] if b == 0 else phys.xmat[k, PELVIS]
+        o[15 + 4 * b] = np.arctan2(cos * R[2] + sin * R[5], R[8])
+        o[16 + 4 * b] = sign * np.arctan2(-sin * R[2] + cos * R[5], R[8])
+    o[17] = -sin * trunk_omega[0] + cos * trunk_omega[1]
+    o[18] = -sign * (cos * trunk_omega[0] + sin * trunk_omega[1])
+    yaw = np.arctan2(phys.xmat[k, PELVIS, 3], phys.xmat[k, PELVIS, 0]) - gait.heading[k]
+    o[21] = sign * np.arctan2(np.sin(yaw), np.cos(yaw))
+    o[22] = sign * omega[2]
+    o[23] = 1.0 if phys.load[k, gait.stance[k]] > 1.0 else 0.0
+    o[24] = 1.0 if phys.load[k, 1 - gait.stance[k]] > 1.0 else 0.0
+
+
+@njit(cache=True)
+def observe(
+    phys: Physics, gait: Gait, s: GaitSettings, index: Ints, command: Array, previous: Array, capture: Array,
+    out: Array, margin: Array,
+) -> None:  # fmt: skip
+    """Observations (n, 34) and capture margins (n,) [m] of every robot."""
+    for k in range(gait.time.shape[0]):
+        o = out[k]
+        omega = base_angular_velocity(phys, k)
+        o[0] = gait.elapsed[k]
+        write_motion(phys, gait, k, s, index, o, omega)
+        write_posture(phys, gait, k, o, omega)
+        sign = side_sign(gait.stance[k])
+        cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+        o[25] = cos * command[k, 0] + sin * command[k, 1]
+        o[26] = sign * (-sin * command[k, 0] + cos * command[k, 1])
+        o[27:34] = previous[k]
+        margin[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)

@@ -1,0 +1,47 @@
+"""State of the pendulum at the start of a step of the undisturbed two-step periodic gait."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..controllers.nominal_gait import NominalGait
+
+
+class NominalStart(NamedTuple):
+    """Canonical frame of the step that begins."""
+
+    com: NDArray[np.float64]  # (2,) [m]
+    com_velocity: NDArray[np.float64]  # (2,) [m/s]
+    swing: NDArray[np.float64]  # (2,) where the foot that swings now stood, [m]
+
+
+def nominal_start(gait: NominalGait, pelvis_width: float, omega: float, delay: float = 0.0) -> NominalStart:
+    """CoM, its velocity and the swing foot at the start of a step of `gait`.
+
+    With e = exp(omega P), P = T + delay, a stance at the origin gives com(P) = xi_0 (e - 1/e) / 2 + com_0 / e. Sagittally
+    com(P) = com_0 + L; laterally this step of width W and the next one of width 2 l_p - W alternate, and the
+    frame is mirrored between them: com_next = W - com(P).
+
+    Args:
+        gait: nominal gait of this step.
+        pelvis_width: l_p [m].
+        omega: natural frequency [1/s].
+        delay: the new foot carries load this long after T [s].
+    """
+    growth = math.exp(omega * (gait.duration + delay))
+    spread = 0.5 * (growth - 1.0 / growth)
+    other_width = 2.0 * pelvis_width - gait.width
+    dcm = np.array(
+        [gait.offset_x, (gait.width - pelvis_width) / (growth - 1.0) + pelvis_width / (growth + 1.0)]
+    )
+    other_dcm_y = (other_width - pelvis_width) / (growth - 1.0) + pelvis_width / (growth + 1.0)
+    com_x = (dcm[0] * spread - gait.length) / (1.0 - 1.0 / growth)
+    # y0' = W - spread xi - y0 / e  and  y0 = W' - spread xi' - y0' / e
+    this, other = gait.width - spread * dcm[1], other_width - spread * other_dcm_y
+    com_y = (other - this / growth) / (1.0 - 1.0 / growth**2)
+    com = np.array([com_x, com_y])
+    return NominalStart(com, omega * (dcm - com), np.array([-gait.length, other_width]))
