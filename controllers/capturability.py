@@ -3,8 +3,8 @@
 Let c be the largest and d the smallest lateral DCM (towards the swing side) at the start of a step from which
 the widest and narrowest steps at T_min still alternate for ever, and lambda = exp(omega T_min):
 
-    c = (w_max - d) / lambda,  d = (w_min - c) / lambda,     so     c = (lambda w_max - w_min) / (lambda^2 -
-    1).
+    c = (w_max - d) / lambda,  d = (w_min - c) / lambda,  so that
+    c = (lambda w_max - w_min) / (lambda^2 - 1).
 
 Where d comes out positive a slower step is better: d = (w_min - c) / exp(omega T_max). Sagittally the limit
 is L_max / (lambda - 1). With r left until the earliest touchdown, a state may be recovered from if
@@ -12,9 +12,9 @@ is L_max / (lambda - 1). With r left until the earliest touchdown, a state may b
     xi_x <= exp(-omega r) L_max lambda / (lambda - 1) + f_x + B,
     xi_y <= exp(-omega r) (w_max - d) + f_y + B,       xi_y >= exp(-omega r) (w_min - c) - f_y - B,
 
-(mirrored for -x), where f is half the sole and B what the trunk gives once, by the fastest swing to theta_max:
-B = (tau_max / (m g)) (1 - exp(-omega sqrt(theta_max j / tau_max)))^2 from rest. A push F at the start of a
-step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2).
+(mirrored for -x), where f is half the sole and B what the trunk gives once, by its fastest swing to
+theta_max: B = (tau_max / (m g)) (1 - exp(-omega sqrt(theta_max j / tau_max)))^2 from rest. A push F at the
+start of a step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2).
 """
 
 from __future__ import annotations

@@ -49,11 +49,14 @@ def check_action(action: ArrayLike) -> NDArray[np.float32]:
 class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     """Base of the environments whose action is a gait; a subclass brings the physics as a core of one robot.
 
-    The core offers arrays of length 1: `observation`, `command`, `previous_action`, `margin` and `pushes`, and
-    what the abstract methods below ask for.
+    The core offers arrays of length 1: `observation`, `command`, `previous_action`, `margin` and `pushes`,
+    and what the abstract methods below ask for.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 50,
+    }
 
     robot: RobotModel
     limits: GaitLimits

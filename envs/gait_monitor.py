@@ -1,8 +1,8 @@
 """Has the robot recovered? Gait statistics at every touchdown, for n robots.
 
-A step counts as good where the DCM at its start lies within OFFSET_TOLERANCE of the nominal gait's. Recovered means:
-after the last push two good steps in a row, over which the mean velocity is within SPEED_TOLERANCE of the
-command. It is judged anew at each touchdown, and taken back where it no longer holds.
+A step counts as good where the DCM at its start lies within OFFSET_TOLERANCE of the nominal gait's.
+Recovered means: after the last push two good steps in a row, over which the mean velocity is within
+SPEED_TOLERANCE of the command. It is judged anew at each touchdown, and taken back where it no longer holds.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..controllers.limits import GaitLimits
 from ..controllers.nominal_gait import nominal_gait_kernel
-from ..controllers.observation import COMMAND, DCM, ELAPSED
+from ..controllers.observation import COMMAND, DCM
 from ..controllers.robot import RobotModel
 
 Array = NDArray[np.float64]

@@ -39,7 +39,7 @@ def fall(x: RewardInput) -> float:
 
 
 def dcm(x: RewardInput) -> float:
-    """exp(-|e|^2 / (0.1 m)^2) with e the DCM's error against the nominal gait, traced back to the step's start."""
+    """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step."""
     back = math.exp(-x.omega * float(x.observation[ELAPSED]))
     error = x.observation[DCM] * back - np.array(x.start_dcm)
     return 0.0 if x.failed else math.exp(-float(error @ error) / 0.01)

@@ -4,9 +4,9 @@ Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
 
     x'' = omega^2 (x - c),    c = x_CMP - F / (m omega^2),    theta'' = a.
 
-Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about c. A
-cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop. There is
-no integration step. State is kept in the world frame: x forward, y left.
+Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about
+c. A cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop.
+There is no integration step. State is kept in the world frame: x forward, y left.
 """
 
 from __future__ import annotations
@@ -260,10 +260,11 @@ class PendulumCore:
             robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
         )  # fmt: skip
         self.capture = capture_constants(robot, limits)
-        pair = [np.zeros((n, 2)) for _ in range(6)]
         self.state = Pendulums(
-            *pair, np.zeros((n, GAIT_SIZE)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n), np.zeros(n),
-            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64),
+            com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
+            stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
+            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), time=np.zeros(n), step_start=np.zeros(n),
+            side=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
         )  # fmt: skip
         self.pushes = empty_pushes(n, 1)
         self.command = np.zeros((n, 2))

@@ -41,9 +41,10 @@ class PendulumView:
         dcm = com + state.velocity[0] / robot.omega
         sign = -1.0 if state.side[0] == 0 else 1.0
         target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
-        for centre, style in ((stance, {"fc": "0.6"}), (target, {"fc": "none", "ls": "--"})):
+        for centre, fill, line in ((stance, "0.6", "-"), (target, "none", "--")):
             corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
-            axes.add_patch(Rectangle(tuple(corner), robot.foot_length, robot.foot_width, ec="k", **style))
+            corner = (float(corner[0]), float(corner[1]))
+            axes.add_patch(Rectangle(corner, robot.foot_length, robot.foot_width, ec="k", fc=fill, ls=line))
         axes.plot(*com, "o", color="tab:blue", label="CoM")
         axes.plot(*dcm, "x", color="tab:red", label="DCM")
         axes.plot(*state.cmp[0], "+", color="tab:green", label="CMP")
