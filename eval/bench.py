@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -18,8 +19,6 @@ from .rollout import planning_period
 
 WARM_UP = 100  # calls before timing: compilation and caches
 CALLS = 2000  # timed calls of a planner's part
-RAW_TIME = 5.0  # simulated time of the bare physics [s]
-FALL_FREE = 0.2  # the unactuated robot is put back upright after this long [s]
 
 
 class BenchError(PushRecoveryError):
@@ -97,51 +96,71 @@ def planner_timings(env: gym.Env, observations: Observations) -> dict[str, Timin
     }
 
 
-def physics_timings(env: gym.Env) -> dict[str, Any]:
-    """Bare mj_step of the environment's model, and what control adds to a physics step.
+@dataclass(frozen=True)
+class Walk:
+    """A nominal walk of the biped as the physics met it."""
 
-    whole_body_us is the wall time of an environment step less its bare physics, by physics step: gait
-    machine, swing foot, whole-body control, observation and Python around them.
+    step_us: NDArray[np.float64]  # (n,) wall time of one planning period inside the simulation core [us]
+    states: list[tuple[NDArray[np.float64], ...]]  # (qpos, qvel, ctrl) after each of them
+
+
+def record_walk(env: gym.Env, core: Any) -> Walk:
+    """Walk in place with two-stage; times the core's step, without policy and environment around it."""
+    policy = load_policy("two-stage", env)
+    period = planning_period(env)
+    scenario = Scenario("bench", duration=(WARM_UP + CALLS) * period)
+    observation, _ = env.reset(seed=0, options={"scenario": scenario})
+    spent, states, step = [], [], core.step
+
+    def timed(*arguments: Any) -> None:
+        began = time.perf_counter_ns()
+        step(*arguments)
+        spent.append((time.perf_counter_ns() - began) / 1e3)
+
+    core.step = timed
+    try:
+        over = False
+        while not over:
+            action, _ = policy.predict(observation)
+            observation, _, terminated, truncated, _ = env.step(action)
+            states.append(
+                tuple(np.array(getattr(core.physics, name)[0]) for name in ("qpos", "qvel", "ctrl"))
+            )
+            over = terminated or truncated
+    finally:
+        del core.step
+    skip = min(WARM_UP, len(spent) // 2)
+    return Walk(np.array(spent[skip:]), states[skip:])
+
+
+def physics_timings(env: gym.Env) -> dict[str, Any]:
+    """Bare mj_step along a walk, and what control adds to a physics step.
+
+    whole_body_us is the wall time of the simulation core less the bare physics of the same states, by physics
+    step: gait machine, swing foot, whole-body control.
     """
-    model = getattr(env.unwrapped, "model", None)
-    if model is None:
+    from ..envs.biped_env import BipedEnv
+    from ..envs.biped_model import biped_model
+
+    if not isinstance(env.unwrapped, BipedEnv):
         return {}
     import mujoco as mujoco_module
 
     mujoco: Any = mujoco_module  # its functions are not in its stubs
-    data = mujoco.MjData(model)
-    count = max(1, round(FALL_FREE / model.opt.timestep))
-    wall = simulated = 0.0
-    while simulated < RAW_TIME:
-        if model.nkey:
-            mujoco.mj_resetDataKeyframe(model, data, 0)
-        else:
-            mujoco.mj_resetData(model, data)
-        began = time.perf_counter()
-        mujoco.mj_step(model, data, count)
-        wall += time.perf_counter() - began
-        simulated += count * model.opt.timestep
-    raw_us = wall / simulated * model.opt.timestep * 1e6
-    ticks = planning_period(env) / model.opt.timestep
-    spent = [(step_us - ticks * raw_us) / ticks for step_us in _step_times(env)]
-    return {"raw_physics_rtf": simulated / wall, "whole_body_us": summary(spent)}
-
-
-def _step_times(env: gym.Env) -> list[float]:
-    """Wall times of environment steps along a nominal gait [us]."""
-    policy = load_policy("passive", env)
-    period = planning_period(env)
-    observation, _ = env.reset(
-        seed=0, options={"scenario": Scenario("bench", duration=(WARM_UP + CALLS) * period)}
-    )
-    spent, over = [], False
-    while not over:
-        action, _ = policy.predict(observation)
+    model, core = biped_model(), env.unwrapped.core
+    walk, data = record_walk(env, core), mujoco.MjData(model)
+    steps = core.substeps
+    spent = []
+    for qpos, qvel, ctrl in walk.states:
+        data.qpos, data.qvel, data.ctrl = qpos, qvel, ctrl
         began = time.perf_counter_ns()
-        observation, _, terminated, truncated, _ = env.step(action)
+        mujoco.mj_step(model, data, steps)
         spent.append((time.perf_counter_ns() - began) / 1e3)
-        over = terminated or truncated
-    return spent[min(WARM_UP, len(spent) // 2) :]
+    raw_us = float(np.median(spent)) / steps
+    return {
+        "raw_physics_rtf": model.opt.timestep * 1e6 / raw_us,
+        "whole_body_us": summary(walk.step_us / steps - raw_us),
+    }
 
 
 def bench(env_id: str, seconds: float) -> dict[str, Any]:
