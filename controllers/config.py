@@ -77,13 +77,13 @@ PAPER_WEIGHTS = {
     "beta_dcm": 1e5,
 }  # Table II to the letter
 
-_DEFAULT = PlannerConfig()
+_BASE = PlannerConfig()
 
 PRESETS: dict[str, PlannerConfig] = {
-    "paper": replace(_DEFAULT, **PAPER_WEIGHTS),
-    "default": _DEFAULT,
+    "paper": replace(_BASE, **PAPER_WEIGHTS),
+    "default": replace(_BASE, beta_trunk=1e-2, beta_trunk_rate=0.1, beta_trunk_angle=0.1),
     "biped": replace(
-        _DEFAULT,
+        _BASE,
         alpha_duration=2.0,
         alpha_offset=1e3,
         freeze=0.034,

@@ -140,7 +140,7 @@ class TwoStagePolicy:
         """
         self.robot = RobotModel() if robot is None else robot
         self.limits = GaitLimits.of(self.robot) if limits is None else limits
-        self.config = PlannerConfig() if config is None else config
+        self.config = preset_config("default") if config is None else config
         self.name = name
         self._adapt = adapt
         self._constants = stage_1_constants(self.robot, self.limits, self.config)

@@ -29,7 +29,7 @@ def random_problem(rng, alpha_offset=None):
 
 
 def cost(p, step, tau):
-    offset = np.array(p.gain) * tau - step
+    offset = np.multiply.outer(tau, p.gain) - step
     return (
         p.alpha_step * np.sum((step - np.array(p.step_nominal)) ** 2, -1)
         + p.alpha_duration * (tau - p.tau_nominal) ** 2

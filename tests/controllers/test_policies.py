@@ -1,0 +1,181 @@
+import math
+
+import numpy as np
+import pytest
+from push_recovery.controllers.config import PRESETS, PlannerConfig
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.limits import GaitLimits
+from push_recovery.controllers.nominal_gait import nominal_gait
+from push_recovery.controllers.observation import (
+    COMMAND,
+    DCM,
+    ELAPSED,
+    PREVIOUS_ACTION,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
+from push_recovery.controllers.policies import POLICY_NAMES, TwoStagePolicy, make_policy
+from push_recovery.controllers.robot import RobotModel
+from push_recovery.controllers.step_planner import StepProblem, solve_step
+
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+
+
+def random_observations(n, seed=0):
+    rng = np.random.default_rng(seed)
+    obs = rng.normal(0.0, 0.05, (n, 34))
+    obs[:, ELAPSED] = rng.uniform(0.0, 0.6, n)
+    obs[:, TRUNK_RATE] *= 10
+    obs[:, COMMAND] = rng.uniform([-0.25, -0.2], [0.5, 0.2], (n, 2))
+    obs[:, PREVIOUS_ACTION] = rng.uniform(-1, 1, (n, 7))
+    return obs
+
+
+@pytest.mark.parametrize("name", POLICY_NAMES)
+@pytest.mark.parametrize("preset", ["default", "biped"])
+def test_is_a_function_of_the_observation_alone(name, preset):
+    policy = make_policy(name, preset=preset)
+    obs = random_observations(12)
+    batch, state = policy.predict(obs, state="anything")
+    assert batch.shape == (12, 7)
+    assert batch.dtype == np.float32
+    assert np.abs(batch).max() <= 1.0
+    assert state == "anything"
+    for i in reversed(range(12)):  # other order, one at a time, fresh or used: the same bits
+        assert np.array_equal(policy.predict(obs[i])[0], batch[i])
+    assert np.array_equal(make_policy(name, preset=preset).predict(obs[3])[0], batch[3])
+
+
+@pytest.mark.parametrize("name", [n for n in POLICY_NAMES if n != "random"])
+def test_action_is_the_plan_in_the_units_of_the_limits(name):
+    policy = make_policy(name)
+    for obs in random_observations(5, 1):
+        assert np.array_equal(policy.predict(obs)[0], LIMITS.to_action(policy.plan(obs).gait))
+
+
+@pytest.mark.parametrize("name", [n for n in POLICY_NAMES if n not in ("random", "passive")])
+def test_nominal_state_gives_the_nominal_step(name):
+    for command in ((0.0, 0.0), (0.5, 0.0)):
+        gait = nominal_gait(ROBOT, LIMITS, command)
+        obs = np.zeros(34)
+        obs[COMMAND] = command
+        obs[DCM] = gait.offset_x, -gait.offset_y
+        plan = make_policy(name).plan(obs)
+        assert plan.gait[:3] == pytest.approx([gait.length, gait.width, gait.duration], abs=1e-6)
+        if "paper" not in name:
+            assert plan.gait[3:] == pytest.approx(np.zeros(4), abs=1e-6)
+
+
+def test_stage_1_solves_equation_3():
+    policy = make_policy("stage-1")
+    for obs in random_observations(50, 2):
+        plan, t, omega = policy.plan(obs), obs[ELAPSED], ROBOT.omega
+        scale = math.exp(-omega * t)
+        exact = solve_step(
+            StepProblem(
+                gain=(obs[1] * scale, obs[2] * scale),
+                step_nominal=(plan.nominal.length, plan.nominal.width),
+                tau_nominal=math.exp(omega * plan.nominal.duration),
+                offset_nominal=(plan.nominal.offset_x, plan.nominal.offset_y),
+                step_low=(-0.5, LIMITS.width_min),
+                step_high=(0.5, LIMITS.width_max),
+                tau_low=math.exp(omega * max(0.3, t)),
+                tau_high=math.exp(omega * 1.0),
+            )
+        )
+        assert plan.step == pytest.approx(exact.step, abs=1e-9)
+        assert plan.duration == pytest.approx(exact.duration(omega), abs=1e-9)
+        assert plan.offset == pytest.approx(exact.offset, abs=1e-9)
+        assert plan.dcm_target == pytest.approx(plan.step + plan.nominal.offset)  # eq. 7
+
+
+def test_arms_use_only_what_they_may():
+    obs = random_observations(1, 3)[0]
+    obs[DCM] = 0.15, 0.2
+    obs[ELAPSED] = 0.1
+    plans = {name: make_policy(name).plan(obs) for name in POLICY_NAMES if name != "random"}
+    upright = np.clip(-20 * obs[TRUNK_ANGLE] - 9 * obs[TRUNK_RATE], -18.75, 18.75)
+    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+cop"):
+        assert plans[name].trunk_acceleration == pytest.approx(upright)
+    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+momentum"):
+        assert plans[name].cop.tolist() == [0.0, 0.0]
+    assert np.abs(plans["stage-1+cop"].cop).max() > 0.01
+    assert np.abs(plans["two-stage"].cop).max() > 0.01
+    assert np.abs(plans["stage-1+momentum"].trunk_acceleration - upright).max() > 1.0
+    assert plans["passive"].step == pytest.approx(
+        [plans["passive"].nominal.length, plans["passive"].nominal.width]
+    )
+    assert plans["stage-1-paper"].duration != plans["stage-1"].duration
+
+
+def test_duration_is_never_in_the_past_and_never_after_its_maximum_unless_late():
+    policy = make_policy("two-stage")
+    for t in (0.0, 0.5, 0.99, 1.0, 1.2):
+        obs = random_observations(1, 4)[0]
+        obs[ELAPSED] = t
+        plan = policy.plan(obs)
+        assert plan.duration >= t - 1e-9
+        assert plan.duration <= max(1.0, t) + 1e-9
+
+
+def test_plan_is_held_at_the_end_of_a_step():
+    policy = TwoStagePolicy(config=PRESETS["biped"], name="held")
+    obs = random_observations(1, 5)[0]
+    previous = np.array([0.1, 0.25, 0.5, 0, 0, 0, 0])
+    obs[PREVIOUS_ACTION] = LIMITS.to_action(previous)
+    obs[ELAPSED] = 0.48
+    plan = policy.plan(obs)
+    assert plan.held
+    assert plan.gait[:3] == pytest.approx(previous[:3], abs=1e-6)
+    obs[ELAPSED] = 0.0  # a new step: nothing to hold
+    assert not policy.plan(obs).held
+    assert policy.plan(obs).remaining == pytest.approx(policy.plan(obs).duration + 0.026)
+
+
+def test_touchdown_delay_is_in_the_prediction():
+    delay = 0.026
+    policy = TwoStagePolicy(config=PlannerConfig(touchdown_delay=delay, use_cop=False, use_trunk=False))
+    obs = random_observations(1, 6)[0]
+    plan = policy.plan(obs)
+    end = obs[DCM] * math.exp(ROBOT.omega * (plan.duration + delay - obs[ELAPSED]))
+    assert plan.step + plan.offset == pytest.approx(end)
+
+
+@pytest.mark.parametrize("name", ["two-stage", "stage-1", "random"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        np.zeros(33),
+        np.zeros((2, 33)),
+        np.zeros((1, 2, 34)),
+        np.full(34, np.nan),
+        np.full(34, np.inf),
+        "x",
+        1.0,
+    ],
+)
+def test_bad_observations(name, bad):
+    with pytest.raises(InvalidValueError, match="observation"):
+        make_policy(name).predict(bad)
+
+
+def test_unknown_names():
+    with pytest.raises(UnknownNameError, match="two-stage"):
+        make_policy("two-stages")
+    with pytest.raises(UnknownNameError, match="biped"):
+        make_policy("two-stage", preset="bipedal")
+
+
+def test_paper_preset_is_table_2():
+    config = PRESETS["paper"]
+    assert (config.alpha_step, config.alpha_duration, config.alpha_offset) == (1.0, 1.0, 1000.0)
+    betas = (
+        config.beta_cop,
+        config.beta_dcm_acceleration,
+        config.beta_trunk,
+        config.beta_trunk_rate,
+        config.beta_dcm,
+    )
+    assert betas == (1.0, 1.0, 1.0, 1.0, 1e5)
+    assert config.form == "jerk"
