@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,11 +39,15 @@ class GaitLimits:
     def __post_init__(self) -> None:
         for field in fields(self):
             if not math.isfinite(getattr(self, field.name)):
-                raise InvalidValueError(f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)}")
+                raise InvalidValueError(
+                    f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)}"
+                )
         for name in ("length", "width", "duration"):
             low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
             if not low < high:
-                raise InvalidValueError(f"GaitLimits.{name}_min must be below {name}_max, got {low} >= {high}")
+                raise InvalidValueError(
+                    f"GaitLimits.{name}_min must be below {name}_max, got {low} >= {high}"
+                )
         if not self.duration_min > 0:
             raise InvalidValueError(f"GaitLimits.duration_min must be positive [s], got {self.duration_min}")
         for name in ("cop_x_max", "cop_y_max", "trunk_acceleration_max"):
@@ -60,18 +65,18 @@ class GaitLimits:
             trunk_acceleration_max=robot.trunk_torque_max / robot.trunk_inertia,
         )
 
-    @property
+    @cached_property
     def low(self) -> NDArray[np.float64]:
-        """Lower bounds, (7,), in the units of GAIT_NAMES."""
-        return np.array(
+        """Lower bounds, (7,), in the units of GAIT_NAMES; read-only."""
+        return _frozen(
             [self.length_min, self.width_min, self.duration_min, -self.cop_x_max, -self.cop_y_max,
              -self.trunk_acceleration_max, -self.trunk_acceleration_max]
         )  # fmt: skip
 
-    @property
+    @cached_property
     def high(self) -> NDArray[np.float64]:
-        """Upper bounds, (7,)."""
-        return np.array(
+        """Upper bounds, (7,); read-only."""
+        return _frozen(
             [self.length_max, self.width_max, self.duration_max, self.cop_x_max, self.cop_y_max,
              self.trunk_acceleration_max, self.trunk_acceleration_max]
         )  # fmt: skip
@@ -85,3 +90,9 @@ class GaitLimits:
         """Actions (..., 7) in [-1, 1], clipped -> gait variables."""
         clipped = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         return self.low + 0.5 * (clipped + 1.0) * (self.high - self.low)
+
+
+def _frozen(values: list[float]) -> NDArray[np.float64]:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array

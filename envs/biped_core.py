@@ -15,15 +15,17 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
-from .biped_gait import Gait, GaitSettings, Pushes, check_failures, control, side_sign
+from .biped_arena import Arena, View, arena_constants, arena_table, control_step, finish_period
+from .biped_gait import Gait, GaitSettings, Pushes, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
-from .biped_observation import observe
 from .nominal_start import NominalStart
 from .push import PENDING, SIDES, PushArrays, push_arrays
 from .scenario import Scenario
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
+
+AT_VELOCITY = mujoco.mjtStage.mjSTAGE_VEL.value  # stages that are current after a physics step
 
 
 class BipedCore:
@@ -45,12 +47,6 @@ class BipedCore:
             bind("subtree_com"), bind("M"), bind("qfrc_bias"), bind("sensordata"), bind("ctrl"),
             bind("xfrc_applied"),
         )  # fmt: skip
-        self.index = mass_matrix_index()
-        self.gains = Gains()
-        self.set_bounds(BoundSettings())
-        self.settings = GaitSettings(
-            omega=robot.omega, com_height=robot.com_height, cmp_gain=robot.cmp_per_trunk_acceleration
-        )
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros(n), plan=np.zeros((n, GAIT_SIZE)),
@@ -62,6 +58,23 @@ class BipedCore:
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.margin = np.zeros(n)  # capture margin [m]
         self._capture = capture_constants(robot, limits)
+        self.settings = GaitSettings(
+            omega=robot.omega, com_height=robot.com_height, cmp_gain=robot.cmp_per_trunk_acceleration
+        )
+        self.configure(self.settings, Gains(), BoundSettings())
+
+    def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
+        """Set the constants of gait machine and whole-body control."""
+        self.settings = settings
+        self.bounds, self._bounds_memory = make_bounds(bounds, biped_model().actuator_forcerange[:, 1].copy())
+        self._constants = arena_constants(settings, gains, bounds)
+        self._bind()
+
+    def _bind(self) -> None:
+        """Write the address table anew; to be called whenever an array is replaced."""
+        view = View(self.command, self.previous_action, self._capture, self.observation, self.margin)
+        self._arena = Arena(self.physics, self.gait, self.pushes, self.bounds, mass_matrix_index(), view)
+        self._table = arena_table(self._arena)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
@@ -77,7 +90,7 @@ class BipedCore:
         qpos, qvel = posture(com, velocity, soles)
         self.batch.reset([k], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.physics.qpos[k], self.physics.qvel[k] = qpos, qvel
-        self.batch.forward([k], stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        self.batch.forward([k], stage=AT_VELOCITY)
         for field in self.gait:
             field[k] = 0
         self.gait.stance[k] = stance
@@ -87,7 +100,7 @@ class BipedCore:
         self.gait.plan[k] = gait
         self.previous_action[k] = action
         self._set_pushes(k, push_arrays(scenario.pushes, scenario.stance_side))
-        self.observe()
+        finish_period(self._table, self._constants)
 
     def _set_pushes(self, k: int, new: PushArrays) -> None:
         count = new.start.shape[0]
@@ -96,6 +109,7 @@ class BipedCore:
             for old, field in zip(self.pushes, grown, strict=True):
                 field[:, : old.shape[1]] = old
             self.pushes = grown
+            self._bind()
         for field, blank in zip(self.pushes, empty_pushes(1, self.pushes.start.shape[1]), strict=True):
             field[k] = blank[0]
         for field, value in zip(self.pushes[:-1], new, strict=True):
@@ -106,31 +120,9 @@ class BipedCore:
         self.gait.plan[:] = gaits
         self.previous_action[:] = actions
         for _ in range(self.substeps):
-            control(
-                self.physics,
-                self.gait,
-                self.pushes,
-                self.settings,
-                self.gains,
-                self.bounds,
-                self.index,
-                PHYSICS_DT,
-            )
-            self.batch.step(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-        check_failures(self.physics, self.gait, self.settings)
-        self.observe()
-
-    def set_bounds(self, settings: BoundSettings) -> None:
-        """Bounds of the stance wrench and prices of the deviations from the whole-body tasks."""
-        torque_max = biped_model().actuator_forcerange[:, 1].copy()
-        self.bounds, self._bounds_memory = make_bounds(settings, torque_max)
-
-    def observe(self) -> None:
-        """Write `observation` (n, 34) and `margin` (n,) from the state."""
-        observe(
-            self.physics, self.gait, self.settings, self.index, self.command, self.previous_action,
-            self._capture, self.observation, self.margin,
-        )  # fmt: skip
+            control_step(self._table, self._constants, PHYSICS_DT)
+            self.batch.step(stage=AT_VELOCITY)
+        finish_period(self._table, self._constants)
 
 
 def physics_steps(control_hz: float) -> int:

@@ -16,7 +16,7 @@ from ..controllers.config import preset_config
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import NominalGait, nominal_gait
-from ..controllers.observation import OBSERVATION_SIZE
+from ..controllers.observation import COMMAND, OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from .gait_monitor import GaitMonitor
 from .gait_reward import REWARD_TERMS, RewardInput
@@ -93,6 +93,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay)
         self.scenario: Scenario | None = None
         self._ended = True
+        self._omega = robot.omega
+        self._nominal_of: dict[tuple[float, ...], tuple[NominalGait, tuple[float, float]]] = {}  # by command
 
     # The core's side
 
@@ -136,6 +138,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         gait = self._nominal(command.vx, sign * command.vy)
         start = nominal_start(gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay)
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
+        self._nominal_of.clear()
         self._begin(self.scenario, start, values, self.limits.to_action(values).astype(np.float64))
         self.monitor.reset(0)
         self._ended = False
@@ -148,7 +151,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if self.scenario is None or self._ended:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
         clipped = check_action(action)
-        before = self.core.previous_action[0].copy()
+        before = self.core.previous_action[0].tolist()
         gait = self.limits.from_action(clipped)
         self._advance(gait, clipped.astype(np.float64))
         steps, com, time, _ = self._motion()
@@ -185,14 +188,18 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     def _nominal(self, vx: float, vy: float) -> NominalGait:
         return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay)
 
-    def _reward_terms(self, before: Array, duration: float, failed: bool) -> dict[str, float]:
-        obs = self.core.observation[0]
-        nominal = self._nominal(float(obs[25]), float(obs[26]))
-        start = step_start_dcm(nominal, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay)
+    def _reward_terms(self, before: list[float], duration: float, failed: bool) -> dict[str, float]:
+        obs = self.core.observation[0].tolist()
+        command = tuple(obs[COMMAND])
+        if command not in self._nominal_of:
+            nominal = self._nominal(*command)
+            start = step_start_dcm(nominal, self.robot.pelvis_width, self._omega, self.touchdown_delay)
+            self._nominal_of[command] = nominal, start
+        nominal, start = self._nominal_of[command]
         x = RewardInput(
-            obs, before, nominal, start, duration, self.robot.omega, float(self.core.margin[0]), failed
+            obs, before, nominal, start, duration, self._omega, float(self.core.margin[0]), failed
         )
-        return {name: float(term(x)) for name, term in REWARD_TERMS.items()}
+        return {name: term(x) for name, term in REWARD_TERMS.items()}
 
     def _info(self, duration: float, failure: str | None) -> dict[str, Any]:
         assert self.scenario is not None  # noqa: S101

@@ -6,20 +6,17 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..controllers.nominal_gait import NominalGait
 from ..controllers.observation import DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
-
-Array = NDArray[np.float64]
 
 
 class RewardInput(NamedTuple):
     """What the terms may look at, after the period."""
 
-    observation: Array  # (34,)
-    previous_action: Array  # (7,) of the period before; PREVIOUS_ACTION of `observation` is this period's
+    observation: list[float]  # (34,)
+    previous_action: list[
+        float
+    ]  # (7,) of the period before; PREVIOUS_ACTION of `observation` is this period's
     nominal: NominalGait
     start_dcm: tuple[float, float]  # of the nominal step [m]
     duration: float  # planned T [s]
@@ -40,9 +37,10 @@ def fall(x: RewardInput) -> float:
 
 def dcm(x: RewardInput) -> float:
     """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step."""
-    back = math.exp(-x.omega * float(x.observation[ELAPSED]))
-    error = x.observation[DCM] * back - np.array(x.start_dcm)
-    return 0.0 if x.failed else math.exp(-float(error @ error) / 0.01)
+    back = math.exp(-x.omega * x.observation[ELAPSED])
+    dcm_x, dcm_y = x.observation[DCM]
+    squared = (dcm_x * back - x.start_dcm[0]) ** 2 + (dcm_y * back - x.start_dcm[1]) ** 2
+    return 0.0 if x.failed else math.exp(-squared / 0.01)
 
 
 def margin(x: RewardInput) -> float:
@@ -57,14 +55,14 @@ def duration(x: RewardInput) -> float:
 
 def trunk(x: RewardInput) -> float:
     """-0.3 |lean|^2 - 0.01 |rate|^2, at least -2."""
-    lean, rate = x.observation[TRUNK_ANGLE], x.observation[TRUNK_RATE]
-    return max(-0.3 * float(lean @ lean) - 0.01 * float(rate @ rate), -2.0)
+    (pitch, roll), (pitch_rate, roll_rate) = x.observation[TRUNK_ANGLE], x.observation[TRUNK_RATE]
+    return max(-0.3 * (pitch**2 + roll**2) - 0.01 * (pitch_rate**2 + roll_rate**2), -2.0)
 
 
 def smoothness(x: RewardInput) -> float:
     """-0.02 |a - a_previous|^2."""
-    change = x.observation[PREVIOUS_ACTION] - x.previous_action
-    return -0.02 * float(change @ change)
+    action = x.observation[PREVIOUS_ACTION]
+    return -0.02 * sum((new - old) ** 2 for new, old in zip(action, x.previous_action, strict=True))
 
 
 REWARD_TERMS: dict[str, Callable[[RewardInput], float]] = {
