@@ -81,7 +81,13 @@ _BASE = PlannerConfig()
 
 PRESETS: dict[str, PlannerConfig] = {
     "paper": replace(_BASE, **PAPER_WEIGHTS),
-    "default": replace(_BASE, beta_trunk=1e-2, beta_trunk_rate=0.1, beta_trunk_angle=0.1),
+    "default": replace(
+        _BASE,
+        beta_trunk=1e-2,
+        beta_trunk_rate=0.1,
+        beta_trunk_angle=0.1,
+        terminal_off=0.005,  # half a period: less moves no DCM, yet leaves the trunk swinging
+    ),
     "biped": replace(
         _BASE,
         alpha_duration=2.0,

@@ -266,6 +266,7 @@ class PendulumCore:
             cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), time=np.zeros(n), step_start=np.zeros(n),
             side=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
         )  # fmt: skip
+        self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset
         self.pushes = empty_pushes(n, 1)
         self.command = np.zeros((n, 2))
         self.previous_action = np.zeros((n, GAIT_SIZE))
