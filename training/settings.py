@@ -38,7 +38,7 @@ class TrainingSettings:
     learning_rate_end: float = 5e-5
     policy_layers: tuple[int, ...] = (128, 128)
     value_layers: tuple[int, ...] = (256, 256)
-    log_std: float = -1.0  # initial, of the action
+    log_std: float = -3.0  # initial, of the action: more makes the walker fall before it is pushed
     normalise_reward: bool = True  # divided by the running deviation of the return
 
     # Reports
