@@ -83,7 +83,7 @@ def test_json_and_pictures(tmp_path, capsys):
     policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     out = tmp_path / "out"
     argv = ["frontier", "--env", toy.ENV_ID, "--policy", policy, "--directions", "3", "--grid", "50"]
-    argv += ["--out", str(out), "--workers", "2"]
+    argv += ["--out", str(out), "--workers", "1"]
     assert main([*argv, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert set(content) == {"env", "policy", "push", "directions"}
