@@ -17,7 +17,7 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	touch $@ $(VENV)/run.stamp
 
 run: $(VENV)/run.stamp
-	$(BIN)/push-recovery evaluate --suite quick --out runs/quick
+	$(BIN)/push-recovery evaluate --suite quick
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests

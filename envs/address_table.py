@@ -1,8 +1,8 @@
 """Hand many arrays to a compiled loop as one table of addresses.
 
-Numba checks and unpacks every array of a call, about 0.15 us each; a control cycle that takes sixty of them spends
-more time there than on control. A table row is (address, shape, strides) of an array that Python keeps alive;
-the compiled side rebuilds views of it.
+Numba checks and unpacks every array of a call, about 0.15 us each; a control cycle that takes sixty of them
+spends as much time there as on control. A table row is (address, shape, strides) of an array that Python
+keeps alive; the compiled side rebuilds views of it.
 """
 
 # The arguments of an intrinsic are those of its signature, less the typing context.

@@ -1,4 +1,4 @@
-"""All arrays of n bipeds behind one address table, and the two compiled calls that a planning period needs."""
+"""All arrays of n bipeds behind one address table, and the two compiled calls of a planning period."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class View(NamedTuple):
     capture: Array  # constants of the capture margin
     observation: Array  # (n, 34), written
     margin: Array  # (n,) capture margin [m], written
+    world: Array  # (n, 6) DCM, CoP and CMP in the world [m], written
 
 
 class Arena(NamedTuple):
@@ -97,10 +98,10 @@ def control_step(t: Ints, c: Array, dt: float) -> None:
 
 @njit(cache=True)
 def finish_period(t: Ints, c: Array) -> None:
-    """Falls, observations and capture margins of every robot; rows 38-42 are the view's."""
+    """Falls, observations and capture margins of every robot; rows 38-43 are the view's."""
     physics, gait, settings = physics_of(t), gait_of(t), settings_of(c)
     check_failures(physics, gait, settings)
     observe(
         physics, gait, settings, ints_2(t[37]), floats_2(t[38]), floats_2(t[39]), floats_1(t[40]),
-        floats_2(t[41]), floats_1(t[42]),
+        floats_2(t[41]), floats_1(t[42]), floats_2(t[43]),
     )  # fmt: skip

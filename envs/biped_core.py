@@ -1,7 +1,7 @@
 """n bipeds at physics rate: one planning period holds one gait action.
 
-Within the period every physics step computes, for each robot, touchdown, swing foot, whole-body torque and push,
-and then the batch of simulations advances together.
+Within the period every physics step computes, for each robot, touchdown, swing foot, whole-body torque and
+push, and then the batch of simulations advances together.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ class BipedCore:
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.margin = np.zeros(n)  # capture margin [m]
+        self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
         self.settings = GaitSettings(
             omega=robot.omega, com_height=robot.com_height, cmp_gain=robot.cmp_per_trunk_acceleration
@@ -72,7 +73,9 @@ class BipedCore:
 
     def _bind(self) -> None:
         """Write the address table anew; to be called whenever an array is replaced."""
-        view = View(self.command, self.previous_action, self._capture, self.observation, self.margin)
+        view = View(
+            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world
+        )
         self._arena = Arena(self.physics, self.gait, self.pushes, self.bounds, mass_matrix_index(), view)
         self._table = arena_table(self._arena)
 
@@ -116,7 +119,7 @@ class BipedCore:
             field[k, :count] = value
 
     def step(self, gaits: Array, actions: Array) -> None:
-        """Hold gait variables (n, 7) for one planning period; `actions` (n, 7) are what the observation repeats."""
+        """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
         self.gait.plan[:] = gaits
         self.previous_action[:] = actions
         for _ in range(self.substeps):

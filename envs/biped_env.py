@@ -11,7 +11,6 @@ from ..controllers.limits import GaitLimits
 from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
-from .biped_kinematics import sole_position
 from .gait_env import GaitEnv
 from .nominal_start import NominalStart
 from .scenario import PushDistribution, Scenario
@@ -19,7 +18,14 @@ from .scenario import PushDistribution, Scenario
 Array = NDArray[np.float64]
 
 BIPED = RobotModel()  # Table II
-BIPED_LIMITS = GaitLimits(length_min=-0.35, length_max=0.35, duration_min=0.25, duration_max=0.75)
+BIPED_LIMITS = GaitLimits(
+    length_min=-0.385,
+    length_max=0.385,
+    width_min=0.1,
+    width_max=0.419,
+    duration_min=0.192,
+    duration_max=0.633,
+)
 
 
 class BipedEnv(GaitEnv):
@@ -78,16 +84,10 @@ class BipedEnv(GaitEnv):
         return FAILURES[self.core.gait.failure[0]] or None
 
     def _world_info(self) -> dict[str, Any]:
-        core = self.core
-        stance = int(core.gait.stance[0])
-        sign = -1.0 if stance == 0 else 1.0
-        sole, wrench = sole_position(core.physics, 0, stance), core.gait.wrench[0]
-        observation, plan = core.observation[0], core.gait.plan[0]
-        cop = sole[:2] + np.array([-wrench[4], wrench[3]]) / max(wrench[2], 1.0)
-        load = core.physics.load[0]
+        world, load = self.core.world[0].copy(), self.core.physics.load[0]
         return {
-            "dcm": sole[:2] + observation[1:3] * np.array([1.0, sign]),
-            "cop": cop,
-            "cmp": cop + self.robot.cmp_per_trunk_acceleration * plan[5:7] * np.array([1.0, sign]),
+            "dcm": world[0:2],
+            "cop": world[2:4],
+            "cmp": world[4:6],
             "contacts": {"left": bool(load[0] > 1.0), "right": bool(load[1] > 1.0)},
         }

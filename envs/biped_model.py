@@ -61,8 +61,8 @@ def posture(com: Array, com_velocity: Array, soles: NDArray[np.float64]) -> tupl
         if np.abs(error).max() < 1e-13:
             break
     if np.abs(error).max() > 1e-9:
-        raise InvalidValueError(f"no posture puts the CoM at {com} m over soles at {soles.tolist()} m")
-    # qvel = J v with v the velocity of the pelvis: base rows are the identity, leg rows keep the soles at rest
+        raise InvalidValueError(f"no posture puts the CoM at {com.tolist()} m over soles {soles.tolist()}")
+    # qvel = J v, v the velocity of the pelvis: base rows are the identity, leg rows keep the soles at rest
     J = np.zeros((model.nv, 3))
     J[:3] = np.eye(3)
     for leg in range(2):

@@ -66,11 +66,26 @@ def write_posture(phys: Physics, gait: Gait, k: int, o: Array, omega: Array) -> 
 
 
 @njit(cache=True)
+def write_world(phys: Physics, gait: Gait, k: int, s: GaitSettings, o: Array, world: Array) -> None:
+    """DCM, CoP and CMP of one robot in the world, (6,) [m]; the CoP is the one asked of the stance sole."""
+    sign = side_sign(gait.stance[k])
+    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+    sole, wrench = sole_position(phys, k, gait.stance[k]), gait.wrench[k]
+    vertical = max(wrench[2], 1.0)
+    dcm_x, dcm_y = o[1], sign * o[2]
+    shift_x, shift_y = s.cmp_gain * gait.plan[k, 5], sign * s.cmp_gain * gait.plan[k, 6]
+    world[0], world[1] = sole[0] + cos * dcm_x - sin * dcm_y, sole[1] + sin * dcm_x + cos * dcm_y
+    world[2], world[3] = sole[0] - wrench[4] / vertical, sole[1] + wrench[3] / vertical
+    world[4] = world[2] + cos * shift_x - sin * shift_y
+    world[5] = world[3] + sin * shift_x + cos * shift_y
+
+
+@njit(cache=True)
 def observe(
     phys: Physics, gait: Gait, s: GaitSettings, index: Ints, command: Array, previous: Array, capture: Array,
-    out: Array, margin: Array,
+    out: Array, margin: Array, world: Array,
 ) -> None:  # fmt: skip
-    """Observations (n, 34) and capture margins (n,) [m] of every robot."""
+    """Observations (n, 34), capture margins (n,) [m] and world points (n, 6) [m] of every robot."""
     for k in range(gait.time.shape[0]):
         o = out[k]
         omega = base_angular_velocity(phys, k)
@@ -83,3 +98,4 @@ def observe(
         o[26] = sign * (-sin * command[k, 0] + cos * command[k, 1])
         o[27:34] = previous[k]
         margin[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)
+        write_world(phys, gait, k, s, o, world[k])

@@ -55,7 +55,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
         "render_modes": list(RENDER_MODES),
-        "render_fps": 50,
+        "render_fps": 100,
     }
 
     robot: RobotModel
@@ -84,6 +84,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self.robot, self.limits, self.preset, self.render_mode = robot, limits, preset, render_mode
         self.dt = 1.0 / control_hz
+        self.metadata = {**self.metadata, "render_fps": round(control_hz)}  # type: ignore[misc]
         self.touchdown_delay = preset_config(preset).touchdown_delay
         self.action_space = spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
         self.observation_space = spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64)
@@ -170,9 +171,10 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     def last_push_end(self) -> float:
         """When the last push ends [s]: 0 without pushes, inf while a gait event has not come."""
         assert self.scenario is not None  # noqa: S101
-        count = len(self.scenario.pushes)
-        pushes = self.core.pushes
-        return float(np.max(pushes.start[0, :count] + pushes.duration[0, :count], initial=0.0))
+        starts = self.core.pushes.start[0]
+        return max(
+            (float(starts[i]) + push.duration for i, push in enumerate(self.scenario.pushes)), default=0.0
+        )
 
     def _scenario(self, options: dict[str, Any] | None) -> Scenario:
         unknown = set(options or {}) - {"scenario"}

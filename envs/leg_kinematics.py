@@ -34,7 +34,7 @@ def leg_joints(
         foot: rotation of the foot, (3, 3).
 
     Returns:
-        Hip yaw, roll, pitch, knee, ankle pitch, ankle roll, (6,) [rad]; a hip out of reach gives a straight leg.
+        Hip yaw, roll, pitch, knee, ankle pitch, ankle roll, (6,) [rad]; out of reach, a straight leg.
     """
     ankle = sole + foot[:, 2] * ANKLE_HEIGHT
     to_hip = foot.T @ (hip - ankle)

@@ -1,12 +1,12 @@
 """Whole-body control: exact inverse dynamics of the floating-base biped on one flat stance foot.
 
-The accelerations of stance foot, swing foot, waist, pelvis and CoM determine all 20 generalised accelerations,
+The accelerations of stance foot, swing foot, waist, pelvis and CoM determine all generalised accelerations,
 
     M(q) qdd + h(q, qd) = S' tau + J_s' w,      J_i qdd = a_i - Jdot_i qd   for both feet,
 
 so nothing is left to optimise as long as no bound is met. With the base acceleration x = (a, alpha) as the
-unknown, qdd = c + D x, and the contact wrench at the stance sole, w = w0 + W x, follows from the six rows of the
-base. The CoM obeys the pendulum, acc = omega^2 (com - cmp), and the CoP absorbs the momentum of the swing leg.
+unknown, qdd = c + D x, and the contact wrench at the stance sole, w = w0 + W x, follows from the six rows of
+the base. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's momentum.
 Where a torque, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the least
 deviation from the tasks that keeps it.
 """
@@ -45,15 +45,15 @@ class Gains(NamedTuple):
 
     stance_kp: float = 300.0  # levels the stance foot
     stance_kd: float = 35.0
-    swing_kp: float = 600.0  # sole position
-    swing_kd: float = 49.0
-    swing_max: float = 30.0  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_kp: float = 384.0  # sole position
+    swing_kd: float = 39.2
+    swing_max: float = 64.2  # bound of the acceleration asked of the swing sole [m/s^2]
     swing_turn_kp: float = 400.0  # sole orientation
     swing_turn_kd: float = 40.0
-    pelvis_kp: float = 200.0  # upright
-    pelvis_kd: float = 28.0
-    heading_kp: float = 100.0
-    heading_kd: float = 20.0
+    pelvis_kp: float = 163.0  # upright
+    pelvis_kd: float = 25.6
+    heading_kp: float = 118.0
+    heading_kd: float = 21.7
     height_kp: float = 100.0  # CoM height
     height_kd: float = 20.0
     damping: float = 1e-6  # of the leg inverse near a straight knee
@@ -211,7 +211,7 @@ def joint_torque(
 def whole_body_torque(
     phys: Physics, k: int, task: Task, gains: Gains, bounds: Bounds, index: Ints, torque: Array
 ) -> Array:
-    """Write the joint torques (14,) [N m] of robot k; returns the wrench (6,) that they ask of the stance sole."""
+    """Write the joint torques (14,) [N m] of robot k; returns the wrench (6,) they ask of the stance sole."""
     M = dense_mass_matrix(phys, k, index)
     omega = base_angular_velocity(phys, k)
     stance = sole_motion(phys, k, task.stance, omega)

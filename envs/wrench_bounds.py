@@ -29,18 +29,18 @@ FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.08  # [m], from the centre of the sole
-    cop_y_max: float = 0.038  # [m]
+    cop_x_max: float = 0.0856  # [m], from the centre of the sole
+    cop_y_max: float = 0.0401  # [m]
     yaw_friction: float = 0.03  # bound of |M_z| / f_z about the CoP [m]
-    friction: float = 0.7  # bound of |f_x| / f_z and |f_y| / f_z
+    friction: float = 0.821  # bound of |f_x| / f_z and |f_y| / f_z
     force_min: float = 100.0  # lowest vertical force [N]
     com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.05  # of (1 m/s^2)^2
-    pelvis_price: float = 0.02  # of (1 rad/s^2)^2, pitch and roll
+    height_price: float = 0.0497  # of (1 m/s^2)^2
+    pelvis_price: float = 0.0158  # of (1 rad/s^2)^2, pitch and roll
     heading_price: float = 0.005  # of (1 rad/s^2)^2
     swing_price: float = 0.02  # of (1 m/s^2)^2
-    swing_turn_price: float = 0.002  # of (1 rad/s^2)^2
-    waist_price: float = 0.02  # of (1 rad/s^2)^2
+    swing_turn_price: float = 0.00173  # of (1 rad/s^2)^2
+    waist_price: float = 0.00441  # of (1 rad/s^2)^2
     row_price: float = 1e4  # of a bound passed by one unit of its row
 
 
@@ -120,10 +120,7 @@ def within_bounds(wrench: Array, torque: Array, axes: Array, bounds: Bounds) -> 
     for axis in range(2):
         if abs(axes[axis, 0] * wrench[0] + axes[axis, 1] * wrench[1]) > s.friction * wrench[2]:
             return False
-    for i in range(NU):
-        if abs(torque[i]) > bounds.torque_max[i]:
-            return False
-    return True
+    return bool(np.all(np.abs(torque) <= bounds.torque_max))
 
 
 @njit(cache=True)
