@@ -31,6 +31,6 @@ OBSERVATION_NAMES = (
     "com_vertical_velocity", "swing_x", "swing_y", "swing_z", "swing_velocity_x", "swing_velocity_y",
     "swing_velocity_z", "trunk_pitch", "trunk_roll", "trunk_pitch_rate", "trunk_roll_rate", "pelvis_pitch",
     "pelvis_roll", "heading_error", "yaw_rate", "stance_contact", "swing_contact", "command_x", "command_y",
-    "previous_step_length", "previous_step_width", "previous_step_duration", "previous_cop_x", "previous_cop_y",
-    "previous_trunk_pitch_acceleration", "previous_trunk_roll_acceleration",
+    "previous_step_length", "previous_step_width", "previous_step_duration", "previous_cop_x",
+    "previous_cop_y", "previous_trunk_pitch_acceleration", "previous_trunk_roll_acceleration",
 )  # fmt: skip

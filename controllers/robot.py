@@ -11,7 +11,7 @@ GRAVITY = 9.81  # [m/s^2]
 
 
 def natural_frequency(com_height: float) -> float:
-    """omega = sqrt(g / h) [1/s] of a pendulum of constant height h [m]."""
+    """Natural frequency sqrt(g / h) [1/s] of a pendulum of constant height h [m]."""
     if not com_height > 0:
         raise InvalidValueError(f"com_height must be positive [m], got {com_height}")
     return math.sqrt(GRAVITY / com_height)

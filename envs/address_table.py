@@ -13,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numba import carray, njit, types
+from numba import njit, types
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 

@@ -1,5 +1,8 @@
 """All arrays of n bipeds behind one address table, and the two compiled calls of a planning period."""
 
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -36,14 +39,16 @@ class Arena(NamedTuple):
     gait: Gait
     pushes: Pushes
     bounds: Bounds
-    index: Ints  # (nM, 2) rows and columns of the sparse mass matrix
+    mass_entries: Ints  # (nM, 2) rows and columns of the sparse mass matrix
     view: View
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
-    return address_table([*arena.physics, *arena.gait, *arena.pushes, *bounds[1:], arena.index, *arena.view])
+    return address_table(
+        [*arena.physics, *arena.gait, *arena.pushes, *bounds[1:], arena.mass_entries, *arena.view]
+    )
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:

@@ -22,9 +22,9 @@ class NominalStart(NamedTuple):
 def nominal_start(gait: NominalGait, pelvis_width: float, omega: float, delay: float = 0.0) -> NominalStart:
     """CoM, its velocity and the swing foot at the start of a step of `gait`.
 
-    With e = exp(omega P), P = T + delay, a stance at the origin gives com(P) = xi_0 (e - 1/e) / 2 + com_0 / e.
-    Sagittally com(P) = com_0 + L; laterally this step of width W and the next one of 2 l_p - W take turns, and
-    the frame is mirrored between them: com_next = W - com(P).
+    With e = exp(omega P), P = T + delay, and the stance at 0: com(P) = xi_0 (e - 1/e) / 2 + com_0 / e.
+    Sagittally com(P) = com_0 + L; laterally this step of width W and the next one of 2 l_p - W take turns,
+    and the frame is mirrored between them: com_next = W - com(P).
 
     Args:
         gait: nominal gait of this step.
