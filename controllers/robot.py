@@ -52,5 +52,5 @@ class RobotModel:
 
     @property
     def cmp_per_trunk_acceleration(self) -> float:
-        """j / (m g) [m s^2]: CMP = CoP + this x trunk acceleration (eqs. 5, 9)."""
+        """Gain j / (m g) [m s^2]: CMP = CoP + this x trunk acceleration (eqs. 5, 9)."""
         return self.trunk_inertia / self.weight
