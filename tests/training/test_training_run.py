@@ -17,7 +17,7 @@ from push_recovery.training.settings import TrainingSettings
 def settings(toy):
     return TrainingSettings(
         kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
-        value_layers=(16,), checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
+        value_layers=(16,), log_std=-1.0, checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
     )  # fmt: skip
 
 
