@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -11,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .config import PAPER_WEIGHTS, PlannerConfig, preset_config
-from .cop_planner import STATUS, CopPlanner
-from .cop_planner_jerk import JerkCopPlanner
+from .cop_rule import make_cop_rule
 from .errors import InvalidValueError, UnknownNameError
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import NominalGait
-from .observation import DCM, ELAPSED, OBSERVATION_SIZE, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .observation import OBSERVATION_SIZE
 from .robot import RobotModel
 from .stage_1 import (
     GAIT,
@@ -41,7 +39,6 @@ POLICY_NAMES = (
     "random",
 )
 
-TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
@@ -145,7 +142,7 @@ class TwoStagePolicy:
         self._adapt = adapt
         self._constants = stage_1_constants(self.robot, self.limits, self.config)
         self._low, self._high = self.limits.low, self.limits.high
-        self._cop_rule = _make_cop_rule(self.robot, self.limits, self.config)
+        self._cop_rule = make_cop_rule(self.robot, self.limits, self.config)
 
     def predict(
         self,
@@ -205,66 +202,6 @@ class TwoStagePolicy:
         if self.config.use_trunk:
             rows[:, 5:7] = result[:, 2:4]
         return result[:, 4:6], statuses
-
-
-CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
-
-
-def _make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule | None:
-    """Stage 2 over observations (n, 34) and stage 1 rows, or None where it has nothing to decide.
-
-    The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each.
-    """
-    if not (config.use_cop or config.use_trunk):
-        return None
-    if config.form == "zoh" and config.solver == "daqp":
-        return _compiled_rule(CopPlanner(robot, limits, config))
-    if config.form == "zoh":
-        return _looped_rule(CopPlanner(robot, limits, config), None)
-    return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
-
-
-def _compiled_rule(planner: CopPlanner) -> CopRule:
-    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        inputs = np.zeros((len(batch), 11))
-        inputs[:, 0] = rows[:, REMAINING]
-        inputs[:, 1:3] = batch[:, DCM]
-        inputs[:, 3:7] = batch[:, TRUNK_STATE]
-        inputs[:, 7:9] = rows[:, TARGET]
-        result = planner.plan_batch(inputs)
-        return result, [STATUS[int(index)] for index in result[:, 6]]
-
-    return rule
-
-
-def _looped_rule(planner: CopPlanner | JerkCopPlanner, limits: GaitLimits | None) -> CopRule:
-    """One call a row; the jerk form also takes the previous CoP and acceleration out of the observation."""
-    period = planner.config.first_interval_min
-
-    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        result, statuses = np.empty((len(batch), 6)), []
-        for obs, row, out in zip(batch, rows, result, strict=True):
-            state = (row[REMAINING], obs[DCM], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET])
-            if limits is None:
-                plan = planner.plan(*state)
-            else:
-                plan = planner.plan(*state, (0.0, 0.0), *_previous(obs, limits, period))  # type: ignore[call-arg]
-            out[0:2], out[2:4], out[4:6] = plan.cop, plan.trunk_acceleration, plan.dcm_end
-            statuses.append(plan.status)
-        return result, statuses
-
-    return rule
-
-
-def _previous(obs: Floats, limits: GaitLimits, period: float) -> tuple[Floats, Floats]:
-    """CoP [m] and trunk acceleration [rad/s^2] in force now; a new stance foot begins at the sole's centre.
-
-    The previous action was made in the frame of its own step, so that its roll turns its sign at touchdown.
-    """
-    gait = limits.from_action(obs[PREVIOUS_ACTION])
-    if obs[ELAPSED] < period:
-        return np.zeros(2), np.array([gait[5], -gait[6]])
-    return gait[3:5], gait[5:7]
 
 
 class RandomPolicy:

@@ -120,7 +120,7 @@ def test_duration_is_never_in_the_past_and_never_after_its_maximum_unless_late()
 
 
 def test_plan_is_held_at_the_end_of_a_step():
-    policy = TwoStagePolicy(config=PRESETS["biped"], name="held")
+    policy = TwoStagePolicy(config=PlannerConfig(freeze=0.034, touchdown_delay=0.026))
     obs = random_observations(1, 5)[0]
     previous = np.array([0.1, 0.25, 0.5, 0, 0, 0, 0])
     obs[PREVIOUS_ACTION] = LIMITS.to_action(previous)

@@ -1,0 +1,78 @@
+"""Stage 2 as the policies call it: from observations and stage 1 rows to CoP and trunk acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .config import PlannerConfig
+from .cop_planner import STATUS, CopPlanner
+from .cop_planner_jerk import JerkCopPlanner
+from .limits import GaitLimits
+from .observation import DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .robot import RobotModel
+from .stage_1 import REMAINING, TARGET
+
+TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
+
+Floats = NDArray[np.float64]
+CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
+
+
+def make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule | None:
+    """Stage 2 over observations (n, 34) and stage 1 rows, or None where it has nothing to decide.
+
+    The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each.
+    """
+    if not (config.use_cop or config.use_trunk):
+        return None
+    if config.form == "zoh" and config.solver == "daqp":
+        return _compiled_rule(CopPlanner(robot, limits, config))
+    if config.form == "zoh":
+        return _looped_rule(CopPlanner(robot, limits, config), None)
+    return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
+
+
+def _compiled_rule(planner: CopPlanner) -> CopRule:
+    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+        inputs = np.zeros((len(batch), 11))
+        inputs[:, 0] = rows[:, REMAINING]
+        inputs[:, 1:3] = batch[:, DCM]
+        inputs[:, 3:7] = batch[:, TRUNK_STATE]
+        inputs[:, 7:9] = rows[:, TARGET]
+        result = planner.plan_batch(inputs)
+        return result, [STATUS[int(index)] for index in result[:, 6]]
+
+    return rule
+
+
+def _looped_rule(planner: CopPlanner | JerkCopPlanner, limits: GaitLimits | None) -> CopRule:
+    """One call a row; the jerk form also takes the previous CoP and acceleration out of the observation."""
+    period = planner.config.first_interval_min
+
+    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+        result, statuses = np.empty((len(batch), 6)), []
+        for obs, row, out in zip(batch, rows, result, strict=True):
+            state = (row[REMAINING], obs[DCM], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET])
+            if limits is None:
+                plan = planner.plan(*state)
+            else:
+                plan = planner.plan(*state, (0.0, 0.0), *_previous(obs, limits, period))  # type: ignore[call-arg]
+            out[0:2], out[2:4], out[4:6] = plan.cop, plan.trunk_acceleration, plan.dcm_end
+            statuses.append(plan.status)
+        return result, statuses
+
+    return rule
+
+
+def _previous(obs: Floats, limits: GaitLimits, period: float) -> tuple[Floats, Floats]:
+    """CoP [m] and trunk acceleration [rad/s^2] in force now; a new stance foot begins at the sole's centre.
+
+    The previous action was made in the frame of its own step, so that its roll turns its sign at touchdown.
+    """
+    gait = limits.from_action(obs[PREVIOUS_ACTION])
+    if obs[ELAPSED] < period:
+        return np.zeros(2), np.array([gait[5], -gait[6]])
+    return gait[3:5], gait[5:7]
