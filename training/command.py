@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.residual_action import DEFAULT_FACTOR, default_residual_scale
-from ..eval.progress import progress_bars
+from ..eval.progress import Bars, progress_bars
 from .extras import require_training
 from .settings import TrainingSettings
 
@@ -99,15 +101,17 @@ def _scale(args: argparse.Namespace) -> tuple[float, ...] | None:
     return tuple(scale.tolist())
 
 
-def _with_progress(timesteps: int, work: Any) -> TrainingResult:
-    """Run `work(report)` with a bar on standard error."""
-    with progress_bars(["training"], timesteps) as bars:
+def _with_progress(timesteps: int, work: Callable[[Report], TrainingResult]) -> TrainingResult:
+    """Run `work(report)` with a bar on standard error, which appears at the first report."""
+    with ExitStack() as stack:
+        bars: list[Bars] = []
 
-        def show(done: int, recovered: float | None) -> None:
+        def report(done: int, recovered: float | None) -> None:
+            if not bars:
+                bars.append(stack.enter_context(progress_bars(["training"], timesteps)))
             note = "" if recovered is None else f"{100 * recovered:.0f} % recovered"
-            bars.set("training", min(done, timesteps), note)
+            bars[0].set("training", min(done, timesteps), note)
 
-        report: Report = show
         return work(report)
 
 

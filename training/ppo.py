@@ -77,6 +77,7 @@ class Run:
         """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
         settings = self.settings
         self._open_folder()
+        report(self.start, None)
         write_atomically(
             self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
         )

@@ -36,7 +36,7 @@ def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, settings):
     seen = []
     result = train(settings, tmp_path / "run", lambda steps, share: seen.append(steps))
     assert result.timesteps == 1024
-    assert seen == [256, 512, 768, 1024]
+    assert seen == [0, 256, 512, 768, 1024]
     assert [p.timesteps for p in result.curve] == [0, 512, 1024]
     assert read_curve(tmp_path / "run" / "curve.csv") == list(result.curve)
     assert [load_checkpoint(c).timesteps for c in find_checkpoints(tmp_path / "run")] == [768, 1024]
