@@ -60,7 +60,8 @@ def posture(com: Array, com_velocity: Array, soles: NDArray[np.float64]) -> tupl
         pelvis = pelvis + error
         if np.abs(error).max() < 1e-13:
             break
-    if np.abs(error).max() > 1e-9:
+    reached = np.array([data.site(name).xpos for name in SOLES])
+    if max(np.abs(error).max(), np.abs(reached - soles).max()) > 1e-9:
         raise InvalidValueError(f"no posture puts the CoM at {com.tolist()} m over soles {soles.tolist()}")
     # qvel = J v, v the velocity of the pelvis: base rows are the identity, leg rows keep the soles at rest
     J = np.zeros((model.nv, 3))
