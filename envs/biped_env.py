@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 
 BIPED = RobotModel()  # Table II
 BIPED_LIMITS = GaitLimits(
-    length_min=-0.385,
-    length_max=0.385,
-    width_min=0.1,
+    length_min=-0.399,
+    length_max=0.399,
+    width_min=0.109,
     width_max=0.419,
-    duration_min=0.192,
+    duration_min=0.18,
     duration_max=0.633,
 )
 

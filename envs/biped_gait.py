@@ -51,15 +51,15 @@ class GaitSettings(NamedTuple):
     omega: float  # [1/s]
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
-    apex: float = 0.0598  # height of the swing sole in mid-step [m]
+    apex: float = 0.0575  # height of the swing sole in mid-step [m]
     landing_delay: float = 0.005  # the swing sole aims at the floor this long after T [s]
     early: float = 0.003  # contact counts as touchdown from T - this [s]
     early_load: float = 20.0  # with this load [N]
     forced_load: float = 150.0  # or with this load, late in the step
     forced_phase: float = 0.6  # fraction of T from which forced_load counts
     descent: float = 0.3  # of the swing foot when late [m/s]
-    reach: float = 0.682  # longest leg, hip to ankle [m]
-    height_drop: float = 0.148  # how far the CoM is lowered for a long step [m]
+    reach: float = 0.673  # longest leg, hip to ankle [m]
+    height_drop: float = 0.162  # how far the CoM is lowered for a long step [m]
     height_time: float = 0.05  # time constant of the height reference [s]
 
 

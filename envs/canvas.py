@@ -1,4 +1,4 @@
-"""An offscreen OpenGL canvas for MuJoCo scenes: EGL on a machine without a display, OSMesa where EGL fails."""
+"""An offscreen OpenGL canvas for MuJoCo scenes: EGL without a display, OSMesa where EGL fails."""
 
 from __future__ import annotations
 
@@ -35,7 +35,13 @@ def make_context(width: int, height: int) -> Any:
     """
     named = os.environ.get("MUJOCO_GL", "").lower().strip()
     if not sys.platform.startswith("linux") or named not in {"", *BACKENDS}:
-        return _current(mujoco.GLContext(width, height))
+        try:
+            return _current(mujoco.GLContext(width, height))
+        except Exception as error:
+            raise RenderError(
+                f"no OpenGL for offscreen rendering: {error or type(error).__name__}; "
+                f"MUJOCO_GL is {named or 'unset'}; on Linux leave it unset or set it to one of {', '.join(BACKENDS)}"
+            ) from error
     reasons: list[str] = []
     for backend in (named,) if named else BACKENDS:
         try:
@@ -46,8 +52,8 @@ def make_context(width: int, height: int) -> Any:
             reasons.append(f"{backend}: {type(error).__name__}: {error}")
             _forget_opengl(backend)
     raise RenderError(
-        f"no OpenGL for offscreen rendering: {'; '.join(reasons)}. Install EGL (libegl1 with a driver such as "
-        "libgl1-mesa-dri) or OSMesa (libosmesa6), and leave MUJOCO_GL unset or set it to one of "
+        f"no OpenGL for offscreen rendering: {'; '.join(reasons)}. Install EGL (libegl1 with a driver, "
+        "such as libgl1-mesa-dri) or OSMesa (libosmesa6), and leave MUJOCO_GL unset or set it to one of "
         f"{', '.join(BACKENDS)}"
     )
 

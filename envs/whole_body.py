@@ -45,15 +45,15 @@ class Gains(NamedTuple):
 
     stance_kp: float = 300.0  # levels the stance foot
     stance_kd: float = 35.0
-    swing_kp: float = 384.0  # sole position
-    swing_kd: float = 39.2
-    swing_max: float = 64.2  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_kp: float = 329.0  # sole position
+    swing_kd: float = 36.3
+    swing_max: float = 72.6  # bound of the acceleration asked of the swing sole [m/s^2]
     swing_turn_kp: float = 400.0  # sole orientation
     swing_turn_kd: float = 40.0
-    pelvis_kp: float = 163.0  # upright
-    pelvis_kd: float = 25.6
-    heading_kp: float = 118.0
-    heading_kd: float = 21.7
+    pelvis_kp: float = 108.0  # upright
+    pelvis_kd: float = 20.8
+    heading_kp: float = 205.0
+    heading_kd: float = 28.6
     height_kp: float = 100.0  # CoM height
     height_kd: float = 20.0
     damping: float = 1e-6  # of the leg inverse near a straight knee

@@ -29,13 +29,13 @@ FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.0856  # [m], from the centre of the sole
+    cop_x_max: float = 0.0791  # [m], from the centre of the sole
     cop_y_max: float = 0.0401  # [m]
-    yaw_friction: float = 0.03  # bound of |M_z| / f_z about the CoP [m]
+    yaw_friction: float = 0.0294  # bound of |M_z| / f_z about the CoP [m]
     friction: float = 0.821  # bound of |f_x| / f_z and |f_y| / f_z
     force_min: float = 100.0  # lowest vertical force [N]
     com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.0497  # of (1 m/s^2)^2
+    height_price: float = 0.254  # of (1 m/s^2)^2
     pelvis_price: float = 0.0158  # of (1 rad/s^2)^2, pitch and roll
     heading_price: float = 0.005  # of (1 rad/s^2)^2
     swing_price: float = 0.02  # of (1 m/s^2)^2
