@@ -15,7 +15,7 @@ from push_recovery.envs.scenario import Scenario
 
 @pytest.fixture(scope="session")
 def random_state() -> Callable:
-    """State (qpos, qvel) of a crouching robot, feet near the floor, everything off by `spread` [rad, rad/s]."""
+    """State (qpos, qvel) of a crouching robot, every coordinate off by `spread` and every rate by twice that."""
 
     def draw(rng: np.random.Generator, spread: float = 0.2):
         soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
@@ -61,7 +61,7 @@ def biped_core() -> Callable:
 
 @pytest.fixture(scope="session")
 def begin() -> Callable:
-    """Put robot k of a core at the start of a scenario, in the nominal step for its command; returns the gait (7,)."""
+    """Put robot k of a core at the start of a scenario; returns the nominal gait (7,) of its command."""
 
     def start(core: BipedCore, k: int, scenario: Scenario) -> np.ndarray:
         sign = -1.0 if scenario.stance_side == "left" else 1.0
