@@ -38,10 +38,7 @@ def make_context(width: int, height: int) -> Any:
         try:
             return _current(mujoco.GLContext(width, height))
         except Exception as error:
-            raise RenderError(
-                f"no OpenGL for offscreen rendering: {error or type(error).__name__}; "
-                f"MUJOCO_GL is {named or 'unset'}; on Linux leave it unset or set it to one of {', '.join(BACKENDS)}"
-            ) from error
+            raise RenderError(_refusal(f"{named or 'default'}: {error or type(error).__name__}")) from error
     reasons: list[str] = []
     for backend in (named,) if named else BACKENDS:
         try:
@@ -51,9 +48,13 @@ def make_context(width: int, height: int) -> Any:
         except Exception as error:  # drivers fail in many ways: ImportError, AttributeError, GLError ...
             reasons.append(f"{backend}: {type(error).__name__}: {error}")
             _forget_opengl(backend)
-    raise RenderError(
-        f"no OpenGL for offscreen rendering: {'; '.join(reasons)}. Install EGL (libegl1 with a driver, "
-        "such as libgl1-mesa-dri) or OSMesa (libosmesa6), and leave MUJOCO_GL unset or set it to one of "
+    raise RenderError(_refusal("; ".join(reasons)))
+
+
+def _refusal(reasons: str) -> str:
+    return (
+        f"no OpenGL for offscreen rendering ({reasons}). On Linux install EGL (libegl1 with a driver, such "
+        "as libgl1-mesa-dri) or OSMesa (libosmesa6), and leave MUJOCO_GL unset or set it to one of "
         f"{', '.join(BACKENDS)}"
     )
 
@@ -93,7 +94,10 @@ class Canvas:
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
         self._shape = (height, width, 3)
         self._context: Any = make_context(width, height)
-        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        try:
+            self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        except mujoco.FatalError as error:
+            raise RenderError(_refusal(str(error))) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
         mujoco.mjr_resizeOffscreen(width, height, self._renderer)  # what is not read need not be cleared
         self._rectangle = mujoco.MjrRect(0, 0, width, height)

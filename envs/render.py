@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import warnings
 from typing import Any
 
 import mujoco
@@ -76,23 +77,12 @@ class _Window:
     """MuJoCo's viewer, at the speed of the simulated time where the computer keeps up."""
 
     def __init__(self) -> None:
-        if sys.platform.startswith("linux") and not (
-            os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        ):
-            raise RenderError(
-                "render_mode 'human' needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set; "
-                "use render_mode 'rgb_array', or push-recovery play --out FILE.mp4"
-            )
+        _require_display()
         from mujoco import viewer
 
         self._model = biped_model()
         self._data = mujoco.MjData(self._model)
-        try:
-            self._viewer = viewer.launch_passive(
-                self._model, self._data, show_left_ui=False, show_right_ui=False
-            )
-        except RuntimeError as error:
-            raise RenderError(f"the window cannot be opened: {error}") from error
+        self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
         _aim(self._viewer.cam)
         self._lead = -np.inf  # simulated time less the clock [s]
 
@@ -123,3 +113,20 @@ def _aim(camera: mujoco.MjvCamera) -> None:
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.distance, camera.azimuth, camera.elevation = DISTANCE, AZIMUTH, ELEVATION
     camera.lookat[:] = (0.0, 0.0, LOOK_HEIGHT)
+
+
+def _require_display() -> None:
+    """The viewer ends the process where it finds no display, so this asks first."""
+    if not sys.platform.startswith("linux"):
+        return
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) and glfw.init()
+    if not found:
+        raise RenderError(
+            "render_mode 'human' needs a display, and none answers (DISPLAY="
+            f"{os.environ.get('DISPLAY', '')!r}); use render_mode 'rgb_array', or "
+            "push-recovery play --out FILE.mp4"
+        )

@@ -1,4 +1,4 @@
-"""Show one episode in a window, or write it as a film or a contact sheet."""
+"""Show one episode in a window, or write it as a film or a strip of pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.errors import InvalidValueError, MissingExtraError
+from ..controllers.errors import MissingExtraError
 from ..controllers.policy_file import write_atomically
 from ..envs.scenario import Scenario
 from .commands import output_suffix
@@ -20,32 +20,39 @@ from .rollout import planning_period, rollout
 
 FORMATS = (".mp4", ".gif", ".png")
 FILM_RATE = 25.0  # frames per simulated second
-SHEET_FRAMES = 8
+STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments of a strip, after the push began [s]
+PANEL = (11, 12)  # width to height of one picture of a strip
 
 
 class _Camera(gym.Wrapper):
-    """Keeps a rendered frame at FILM_RATE of simulated time."""
+    """Keeps a rendered frame at FILM_RATE of simulated time, and when the push began."""
 
     def __init__(self, env: gym.Env):
         super().__init__(env)
         self.frames: list[NDArray[np.uint8]] = []
-        self.every = max(1, round(1.0 / (FILM_RATE * planning_period(env))))
+        self.times: list[float] = []  # of the frames, since reset [s]
+        self.push_start = 0.0  # [s]
+        self._period = planning_period(env)
+        self._every = max(1, round(1.0 / (FILM_RATE * self._period)))
         self._count = 0
 
-    def _shoot(self) -> None:
-        if self._count % self.every == 0:
+    def _shoot(self, info: dict[str, Any], ended: bool) -> None:
+        if self._count % self._every == 0 or ended:
             self.frames.append(np.array(self.env.render(), dtype=np.uint8))
+            self.times.append(float(info.get("time", self._count * self._period)))
         self._count += 1
+        start = (info.get("push") or {}).get("start")
+        self.push_start = self.push_start if start is None else float(start)
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        result = self.env.reset(**kwargs)
-        self._shoot()
-        return result
+        observation, info = self.env.reset(**kwargs)
+        self._shoot(info, False)
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        result = self.env.step(action)
-        self._shoot()
-        return result
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._shoot(info, terminated or truncated)
+        return observation, reward, terminated, truncated, info
 
 
 def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tuple[Outcome, Path | None]:
@@ -66,9 +73,7 @@ def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tupl
         outcome = rollout(camera, load_policy(policy, env), scenario, policy)
     finally:
         env.close()
-    write_atomically(
-        out, _contact_sheet(camera.frames) if suffix == ".png" else _film(camera.frames, str(suffix))
-    )
+    write_atomically(out, _strip(camera) if suffix == ".png" else _film(camera.frames, str(suffix)))
     return outcome, out
 
 
@@ -91,17 +96,33 @@ def _film(frames: list[NDArray[np.uint8]], suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _contact_sheet(frames: list[NDArray[np.uint8]]) -> bytes:
-    """Evenly spaced frames side by side in two rows, as PNG."""
-    if not frames:
-        raise InvalidValueError("the episode has no frames")
-    from matplotlib.image import imsave
+def _moments(camera: _Camera) -> list[int]:
+    """Frames nearest to the moments of STRIP, all of them earlier where the episode ends before the last."""
+    times = np.array(camera.times)
+    squeeze = min(1.0, (times[-1] - camera.push_start) / STRIP[-1])
+    return [int(np.argmin(np.abs(times - camera.push_start - squeeze * after))) for after in STRIP]
 
-    chosen = [frames[round(i)] for i in np.linspace(0, len(frames) - 1, SHEET_FRAMES)]
-    half = SHEET_FRAMES // 2
-    sheet = np.concatenate(
-        [np.concatenate(chosen[:half], axis=1), np.concatenate(chosen[half:], axis=1)], axis=0
-    )
+
+def _strip(camera: _Camera) -> bytes:
+    """The push and what follows: six frames side by side with their times after its begin, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    width, height = 2.3, 2.3 * PANEL[1] / PANEL[0]  # of a panel [inch]
+    figure = Figure(figsize=(width * len(STRIP), height + 0.25), dpi=100)
+    for column, index in enumerate(_moments(camera)):
+        axes = figure.add_axes((column / len(STRIP), 0.0, 0.995 / len(STRIP), height / (height + 0.25)))
+        axes.imshow(_crop(camera.frames[index]), aspect="auto")
+        axes.set_title(f"{camera.times[index] - camera.push_start:+.2f} s", fontsize=10, pad=3)
+        axes.set_axis_off()
     buffer = io.BytesIO()
-    imsave(buffer, sheet, format="png")
+    FigureCanvasAgg(figure).print_png(buffer)
     return buffer.getvalue()
+
+
+def _crop(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The middle of a frame, in the proportions of PANEL."""
+    rows, columns = frame.shape[:2]
+    kept = min(columns, rows * PANEL[0] // PANEL[1])
+    left = (columns - kept) // 2
+    return frame[:, left : left + kept]
