@@ -13,7 +13,9 @@ from ..controllers.robot import RobotModel
 from .pendulum_core import Pendulums
 
 ARROW = 1.0 / 1000.0  # length of the push's arrow [m/N]
-SPAN = 1.2  # half the width of the view [m]
+SPAN = 0.8  # half the width of the view [m]
+FOOT_COLOURS = ("#f2851f", "#2973cc")  # left, right
+FOOTHOLD_COLOUR = "#2fae8c"
 
 
 class PendulumView:
@@ -36,26 +38,34 @@ class PendulumView:
     ) -> NDArray[np.uint8] | None:
         """Draw pendulum 0 under a push (2,) [N]; returns the image (480, 640, 3) unless it is a window."""
         self._figure.clear()
-        axes = self._figure.add_subplot(111, aspect="equal")
+        axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
         com, stance = state.com[0], state.stance[0]
         dcm = com + state.velocity[0] / robot.omega
         sign = -1.0 if state.side[0] == 0 else 1.0
         target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
-        for centre, fill, line in ((stance, "0.6", "-"), (target, "none", "--")):
+        colour = FOOT_COLOURS[int(state.side[0])]
+        for centre, fill, line in ((stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")):
             corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
             corner = (float(corner[0]), float(corner[1]))
-            axes.add_patch(Rectangle(corner, robot.foot_length, robot.foot_width, ec="k", fc=fill, ls=line))
-        axes.plot(*com, "o", color="tab:blue", label="CoM")
-        axes.plot(*dcm, "x", color="tab:red", label="DCM")
-        axes.plot(*state.cmp[0], "+", color="tab:green", label="CMP")
+            axes.add_patch(
+                Rectangle(corner, robot.foot_length, robot.foot_width, ec="0.3", fc=fill, ls=line, alpha=0.6)
+            )
         lean = com + 0.5 * np.sin(state.angle[0])
-        axes.plot([com[0], lean[0]], [com[1], lean[1]], color="tab:blue", lw=2)
+        axes.plot([com[0], lean[0]], [com[1], lean[1]], color="0.25", lw=3, solid_capstyle="round")
+        axes.plot(*com, "o", color="0.25", ms=9, label="CoM and trunk")
+        axes.plot(*dcm, "o", color="#cc1a8c", ms=7, label="DCM")
+        axes.plot(*state.cmp[0], "P", color="#1a59e6", ms=9, mec="w", label="CMP")
         if np.any(force):
-            tip = {"arrowstyle": "->", "color": "tab:orange", "lw": 3}
-            axes.annotate("", com, com - ARROW * force, arrowprops=tip)
-        axes.set(xlim=(stance[0] - SPAN, stance[0] + SPAN), ylim=(stance[1] - 0.9, stance[1] + 0.9))
+            arrow = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": "#e01f1a", "lw": 4}
+            axes.annotate("", com, com - ARROW * force, arrowprops=arrow)
+        middle = np.round((com + stance) / 2, 1)  # moves by leaps of 0.1 m: a still background
+        axes.set(
+            xlim=(middle[0] - SPAN, middle[0] + SPAN), ylim=(middle[1] - 0.71 * SPAN, middle[1] + 0.71 * SPAN)
+        )
         axes.set(xlabel="x [m]", ylabel="y [m]", title=f"t = {state.time[0]:.2f} s")
-        axes.legend(loc="upper right")
+        axes.grid(color="0.9")
+        axes.set_axisbelow(True)
+        axes.legend(loc="upper center", ncols=3, fontsize=9, framealpha=1.0)
         self._figure.canvas.draw()
         if self._window:
             self._figure.canvas.flush_events()
