@@ -1,4 +1,4 @@
-"""All arrays of n bipeds behind one address table, and the two compiled calls of a planning period."""
+"""All arrays of n bipeds behind one address table, and the compiled calls of a planning period."""
 
 # to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
@@ -12,7 +12,7 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
-from .biped_gait import Gait, GaitSettings, Pushes, check_failures, control
+from .biped_gait import Gait, GaitSettings, Pushes, accept, check_failures, control
 from .biped_kinematics import Array, Ints, Physics
 from .biped_observation import observe
 from .whole_body import Gains
@@ -87,6 +87,14 @@ def pushes_of(t: Ints) -> Pushes:
 def settings_of(c: Array) -> GaitSettings:
     """The first constants."""
     return GaitSettings(*to_fixed_tuple(c[:SETTINGS], SETTINGS))
+
+
+@njit(cache=True)
+def begin_period(t: Ints, c: Array, gaits: Array, actions: Array) -> None:
+    """Take over gaits (n, 7) and actions (n, 7); row 39 is the previous action."""
+    gait, settings, previous = gait_of(t), settings_of(c), floats_2(t[39])
+    for k in range(gait.time.shape[0]):
+        accept(gait, k, settings, gaits[k], actions[k], previous[k])
 
 
 @njit(cache=True)

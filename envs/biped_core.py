@@ -15,7 +15,15 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
-from .biped_arena import Arena, View, arena_constants, arena_table, control_step, finish_period
+from .biped_arena import (
+    Arena,
+    View,
+    arena_constants,
+    arena_table,
+    begin_period,
+    control_step,
+    finish_period,
+)
 from .biped_gait import Gait, GaitSettings, Pushes, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
@@ -120,8 +128,7 @@ class BipedCore:
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
-        self.gait.plan[:] = gaits
-        self.previous_action[:] = actions
+        begin_period(self._table, self._constants, gaits, actions)
         for _ in range(self.substeps):
             control_step(self._table, self._constants, PHYSICS_DT)
             self.batch.step(stage=AT_VELOCITY)

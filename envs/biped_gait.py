@@ -53,6 +53,7 @@ class GaitSettings(NamedTuple):
     cmp_gain: float  # j / (m g) [m s^2]
     apex: float = 0.0575  # height of the swing sole in mid-step [m]
     landing_delay: float = 0.005  # the swing sole aims at the floor this long after T [s]
+    commit: float = 0.055  # place and time of the step are final from T - this [s]
     early: float = 0.003  # contact counts as touchdown from T - this [s]
     early_load: float = 20.0  # with this load [N]
     forced_load: float = 150.0  # or with this load, late in the step
@@ -80,6 +81,18 @@ class Pushes(NamedTuple):
 def side_sign(stance: int) -> float:
     """Sign in world y of the canonical y, which points from the stance foot to the swing side."""
     return -1.0 if stance == 0 else 1.0
+
+
+@njit(cache=True)
+def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, previous: Array) -> None:
+    """Take over the asked gait (7,) of one robot, and its action (7,) as the previous one.
+
+    A swing foot about to land is committed: place and time of the step stay, whoever asks for others.
+    """
+    first = 3 if gait.plan[k, 2] - gait.elapsed[k] < s.commit else 0
+    for i in range(first, asked.shape[0]):
+        gait.plan[k, i] = asked[i]
+        previous[i] = action[i]
 
 
 @njit(cache=True)

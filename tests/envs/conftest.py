@@ -15,7 +15,7 @@ from push_recovery.envs.scenario import Scenario
 
 @pytest.fixture(scope="session")
 def random_state() -> Callable:
-    """State (qpos, qvel) of a crouching robot, every coordinate off by `spread` and every rate by twice that."""
+    """State (qpos, qvel) of a crouching robot, coordinates off by `spread`, rates by twice that."""
 
     def draw(rng: np.random.Generator, spread: float = 0.2):
         soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])

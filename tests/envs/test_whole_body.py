@@ -6,7 +6,6 @@ import pytest
 from push_recovery.controllers.robot import GRAVITY
 from push_recovery.envs.biped_env import BIPED
 from push_recovery.envs.biped_kinematics import (
-    LEG_DOF,
     NU,
     NV,
     PELVIS,
@@ -69,7 +68,7 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
 
 
 def dense_solution(core, data, task: Task, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Wrench (6,) and torque (14,) for the tasks changed by `deviation` (14,): M qdd + h = S' tau + J_s' w."""
+    """Wrench (6,) and torque (14,), M qdd + h = S' tau + J_s' w, of the tasks + `deviation` (14,)."""
     A, b = task_equations(core, data, task)
     b[:TASKS] += deviation
     M = np.zeros((NV, NV))
@@ -103,7 +102,7 @@ def test_damping_of_the_leg_inverse_is_negligible_off_the_straight_knee(random_s
 
 
 def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> np.ndarray:
-    """How far each bound is passed, < 0 inside: CoP x, y [m], friction, yaw [m], load / 300 N, torque / 100 N m."""
+    """By how much each is passed: CoP x, y [m], friction, yaw [m], load [300 N], torque [100 N m]."""
     s = BoundSettings()
     R = core.physics.xmat[0, foot_body(stance)].reshape(3, 3)
     x = R[:2, 0] / np.linalg.norm(R[:2, 0])
@@ -129,7 +128,7 @@ def foot_body(stance: int) -> int:
 
 @pytest.mark.parametrize("stance", [0, 1])
 def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robot_in, stance):
-    """KKT of min |v|^2 / 2 + sum w e^2 / 2: v + M' (w e) = 0, e how far each row is passed, d = Q^(-1/2) v."""
+    """KKT of min |v|^2 / 2 + sum w e^2 / 2: v + M' (w e) = 0, e what passes each row, d = Q^(-1/2) v."""
     rng, bound = np.random.default_rng(10 + stance), 0
     settings = BoundSettings()
     bounds, _memory = make_bounds(settings, TORQUE_MAX)
