@@ -102,7 +102,7 @@ def test_damping_of_the_leg_inverse_is_negligible_off_the_straight_knee(random_s
 
 
 def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> np.ndarray:
-    """By how much each is passed: CoP x, y [m], friction, yaw [m], load [300 N], torque [100 N m]."""
+    """Excess over each bound: CoP x, y [m], friction, yaw [m], load [300 N], torque [100 N m]."""
     s = BoundSettings()
     R = core.physics.xmat[0, foot_body(stance)].reshape(3, 3)
     x = R[:2, 0] / np.linalg.norm(R[:2, 0])
