@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import PushRecoveryError
+from push_recovery.envs.biped_env import BipedEnv
 from push_recovery.envs.biped_model import biped_model
 from push_recovery.envs.biped_scene import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
 from push_recovery.envs.canvas import RenderError, make_context
@@ -33,7 +34,7 @@ def env():
 
 
 def run(env, periods, scenario=LATERAL):
-    env.reset(options={"scenario": scenario})
+    _, info = env.reset(options={"scenario": scenario})
     for _ in range(periods):
         info = env.step(HOLD)[4]
     return info
@@ -128,10 +129,10 @@ def test_markers_lie_where_info_says(env, side):
 def test_two_views_live_side_by_side_and_close_twice(env):
     run(env, 1)
     before = env.render()
-    other = gym.make("PushRecovery/Biped-v0", render_mode="rgb_array")
+    other = BipedEnv(render_mode="rgb_array")
     run(other, 1)
     assert_same_picture(other.render(), before)
-    view = other.unwrapped._picture
+    view = other._picture
     other.close()
     view.close()
     with pytest.raises(RenderError, match="closed"):
