@@ -38,13 +38,14 @@ def contact_wrench(data: mujoco.MjData, stance: int) -> tuple[np.ndarray, float]
 def single_support(biped_core, begin):
     """CoM acceleration, the pendulum's, announced and true wrench of a robot walking undisturbed for 3 s."""
     core = biped_core(1, 500.0)
-    begin(core, 0, Scenario("walk", command=Command(0.2, 0.05)))
+    gait = begin(core, 0, Scenario("walk", command=Command(0.2, 0.05)))[None].copy()
+    action = core.previous_action.copy()
     data, index, gain = mujoco.MjData(MODEL), mass_matrix_index(), BIPED.cmp_per_trunk_acceleration
     rows = []
     for tick in range(1500):
         if tick % 5 == 0:
             action = POLICY.predict(core.observation)[0].astype(np.float64)
-            gait = BIPED_LIMITS.from_action(action)
+            gait[:] = BIPED_LIMITS.from_action(action)
         qpos, qvel = core.physics.qpos[0].copy(), core.physics.qvel[0].copy()
         com, before = core.physics.com[0, 0].copy(), com_velocity(core.physics, 0, index)
         core.step(gait, action)

@@ -110,7 +110,7 @@ def test_bad_actions_are_refused_and_change_nothing(env, action, words):
 def test_actions_outside_the_box_are_clipped(env):
     ends = []
     for size in (1.0, 5.0):
-        env.reset(options={"scenario": Scenario("clip")})
+        observation, _ = env.reset(options={"scenario": Scenario("clip")})
         for _ in range(10):
             observation, *_ = env.step(np.full(7, size, np.float32))
         ends.append(observation)
@@ -144,6 +144,7 @@ def test_info_tells_the_push_the_world_points_and_the_contacts(env):
     push = Push((30.0, 40.0, 0.0), 0.1, 0.3)
     policy = make_policy("two-stage", env.robot, env.limits, env.preset)
     observation, info = env.reset(options={"scenario": Scenario("told", (push,))})
+    reward = 0.0
     for _ in range(35):
         observation, reward, _, _, info = env.step(policy.predict(observation)[0])
     assert info["scenario_id"] == "told"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped_gait import GaitSettings, has_landed, reach_height, touch_down
+from push_recovery.envs.biped_gait import GaitSettings, accept, has_landed, reach_height, touch_down
 from push_recovery.envs.biped_kinematics import PELVIS, TRUNK, sole_position
 from push_recovery.envs.biped_model import PHYSICS_DT
 from push_recovery.envs.push import GaitEvent, Push
@@ -103,6 +103,18 @@ def test_a_foot_lands_near_the_end_of_its_step_or_under_heavy_load():
     assert has_landed(1.01 * s.forced_load, near, duration, s)
     assert not has_landed(0.99 * s.forced_load, near, duration, s)
     assert not has_landed(1e4, mid, duration, s)
+
+
+@pytest.mark.parametrize(("remaining", "held"), [(2.0, 0), (0.5, 3)])
+def test_place_and_time_of_a_step_are_final_shortly_before_it_ends(biped_core, begin, remaining, held):
+    """Within `commit` of touchdown a new foothold and duration are not taken over; CoP and trunk are."""
+    core = biped_core()
+    plan = begin(core, 0, Scenario("a"))
+    core.gait.elapsed[0] = plan[2] - remaining * SETTINGS.commit
+    asked, action, previous = plan + 0.01, np.full(7, 0.5), np.zeros(7)
+    accept(core.gait, 0, SETTINGS, asked, action, previous)
+    np.testing.assert_array_equal(core.gait.plan[0], np.where(np.arange(7) < held, plan, asked))
+    np.testing.assert_array_equal(previous, np.where(np.arange(7) < held, 0.0, action))
 
 
 @pytest.mark.parametrize("stance", [0, 1])
