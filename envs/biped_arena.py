@@ -12,9 +12,10 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
-from .biped_gait import Gait, GaitSettings, Pushes, accept, check_failures, control
+from .biped_gait import Gait, GaitSettings, accept, check_failures, control
 from .biped_kinematics import Array, Ints, Physics
 from .biped_observation import observe
+from .push_batch import Pushes
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
 

@@ -24,11 +24,12 @@ from .biped_arena import (
     control_step,
     finish_period,
 )
-from .biped_gait import Gait, GaitSettings, Pushes, side_sign
+from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
 from .nominal_start import NominalStart
-from .push import PENDING, SIDES, PushArrays, push_arrays
+from .push import SIDES
+from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
@@ -110,21 +111,11 @@ class BipedCore:
         self.command[k] = scenario.command.vx, scenario.command.vy
         self.gait.plan[k] = gait
         self.previous_action[k] = action
-        self._set_pushes(k, push_arrays(scenario.pushes, scenario.stance_side))
-        finish_period(self._table, self._constants)
-
-    def _set_pushes(self, k: int, new: PushArrays) -> None:
-        count = new.start.shape[0]
-        if count > self.pushes.start.shape[1]:
-            grown = empty_pushes(self.n, count)
-            for old, field in zip(self.pushes, grown, strict=True):
-                field[:, : old.shape[1]] = old
-            self.pushes = grown
+        pushes = assign_pushes(self.pushes, k, scenario)
+        if pushes is not self.pushes:
+            self.pushes = pushes
             self._bind()
-        for field, blank in zip(self.pushes, empty_pushes(1, self.pushes.start.shape[1]), strict=True):
-            field[k] = blank[0]
-        for field, value in zip(self.pushes[:-1], new, strict=True):
-            field[k, :count] = value
+        finish_period(self._table, self._constants)
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
@@ -144,12 +135,3 @@ def physics_steps(control_hz: float) -> int:
             f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"
         )
     return steps
-
-
-def empty_pushes(n: int, count: int) -> Pushes:
-    """Arrays of `count` pushes for n robots, none of which ever starts."""
-    shape = (n, count)
-    return Pushes(
-        np.zeros((*shape, 3)), np.zeros(shape), np.full(shape, PENDING), np.full(shape, -1, dtype=np.int64),
-        np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)), np.zeros((*shape, 3)),
-    )  # fmt: skip

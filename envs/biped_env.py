@@ -12,8 +12,7 @@ from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
 from .gait_env import GaitEnv
-from .nominal_start import NominalStart
-from .scenario import PushDistribution, Scenario
+from .scenario import PushDistribution
 
 Array = NDArray[np.float64]
 
@@ -51,7 +50,6 @@ class BipedEnv(GaitEnv):
         """
         super().__init__(BIPED, BIPED_LIMITS, preset, control_hz, render_mode, push_distribution)
         self.core = BipedCore(1, self.robot, self.limits, control_hz)
-        self._picture: Any = None
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
@@ -63,18 +61,6 @@ class BipedEnv(GaitEnv):
             self._picture = BipedView(window=self.render_mode == "human")
         image = self._picture.draw(self.core)
         return image if self.render_mode == "rgb_array" else None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._picture is not None:
-            self._picture.close()
-            self._picture = None
-
-    def _begin(self, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
-        self.core.reset(0, scenario, start, gait, action)
-
-    def _advance(self, gait: Array, action: Array) -> None:
-        self.core.step(gait[None], action[None])
 
     def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
         gait = self.core.gait

@@ -21,6 +21,7 @@ from .biped_kinematics import (
     sole_position,
 )
 from .push import mean_force, resolve_starts
+from .push_batch import Pushes
 from .whole_body import Gains, Task, whole_body_torque
 from .wrench_bounds import Bounds
 
@@ -62,19 +63,6 @@ class GaitSettings(NamedTuple):
     reach: float = 0.673  # longest leg, hip to ankle [m]
     height_drop: float = 0.162  # how far the CoM is lowered for a long step [m]
     height_time: float = 0.05  # time constant of the height reference [s]
-
-
-class Pushes(NamedTuple):
-    """Pushes of n robots, P each; the fields of `PushArrays`, and what was delivered."""
-
-    force: Array  # (n, P, 3) [N]
-    duration: Array  # (n, P) [s]
-    start: Array  # (n, P) [s], PENDING until the gait event has come
-    step: Ints  # (n, P)
-    fraction: Array  # (n, P)
-    body: Ints  # (n, P) index into BODIES
-    offset: Array  # (n, P, 3) from the body's CoM, body axes [m]
-    delivered: Array  # (n, P, 3) impulse so far [N s]
 
 
 @njit(cache=True)

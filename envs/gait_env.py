@@ -20,7 +20,7 @@ from ..controllers.observation import COMMAND, OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from .gait_monitor import GaitMonitor
 from .gait_reward import REWARD_TERMS, RewardInput
-from .nominal_start import NominalStart, nominal_start
+from .nominal_start import nominal_start
 from .push import Push
 from .scenario import PushDistribution, Scenario
 
@@ -49,8 +49,8 @@ def check_action(action: ArrayLike) -> NDArray[np.float32]:
 class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     """Base of the environments whose action is a gait; a subclass brings the physics as a core of one robot.
 
-    The core offers arrays of length 1: `observation`, `command`, `previous_action`, `margin` and `pushes`,
-    and what the abstract methods below ask for.
+    The core offers arrays of length 1: `observation`, `command`, `previous_action`, `margin` and `pushes`;
+    `reset(k, scenario, start, gait, action)`; `step(gaits, actions)`; and what the abstract methods ask for.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -93,6 +93,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.push_distribution = push_distribution or PushDistribution()
         self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay)
         self.scenario: Scenario | None = None
+        self._picture: Any = None  # what `render` draws with
         self._ended = True
         self._omega = robot.omega
         self._nominal_of: dict[tuple[float, ...], tuple[NominalGait, tuple[float, float]]] = {}  # by command
@@ -100,14 +101,6 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     # The core's side
 
     core: Any
-
-    @abstractmethod
-    def _begin(self, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
-        """Put the robot at the start of a nominal step."""
-
-    @abstractmethod
-    def _advance(self, gait: Array, action: Array) -> None:
-        """One planning period."""
 
     @abstractmethod
     def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
@@ -140,7 +133,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         start = nominal_start(gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay)
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
         self._nominal_of.clear()
-        self._begin(self.scenario, start, values, self.limits.to_action(values).astype(np.float64))
+        self.core.reset(0, self.scenario, start, values, self.limits.to_action(values).astype(np.float64))
         self.monitor.reset(0)
         self._ended = False
         if self.render_mode == "human":
@@ -154,7 +147,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         clipped = check_action(action)
         before = self.core.previous_action[0].tolist()
         gait = self.limits.from_action(clipped)
-        self._advance(gait, clipped.astype(np.float64))
+        self.core.step(gait[None], clipped[None].astype(np.float64))
         steps, com, time, _ = self._motion()
         push_end = self.last_push_end()
         self.monitor.update(steps, self.core.observation, com, time, np.array([push_end]), self.core.command)
@@ -167,6 +160,12 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         return self.core.observation[0].copy(), sum(terms.values()), failure is not None, truncated, info
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
 
     def last_push_end(self) -> float:
         """When the last push ends [s]: 0 without pushes, inf while a gait event has not come."""

@@ -23,7 +23,8 @@ from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from .nominal_start import NominalStart
-from .push import PENDING, SIDES, push_arrays, resolve_starts
+from .push import SIDES, resolve_starts
+from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -53,17 +54,6 @@ class Pendulums(NamedTuple):
     failure: Ints  # (n,) index into FAILURES
 
 
-class PushState(NamedTuple):
-    """Pushes of n pendulums, at most P each, and what they have delivered."""
-
-    force: Array  # (n, P, 3) [N]
-    duration: Array  # (n, P) [s]
-    start: Array  # (n, P) [s]
-    step: Ints  # (n, P)
-    fraction: Array  # (n, P)
-    delivered: Array  # (n, P, 3) impulse [N s]
-
-
 class Physics(NamedTuple):
     """Physical constants."""
 
@@ -74,14 +64,6 @@ class Physics(NamedTuple):
     half_width: float  # [m]
     acceleration_max: float  # tau_max / j [rad/s^2]
     angle_max: float  # [rad]
-
-
-def empty_pushes(n: int, count: int) -> PushState:
-    """No pushes: forces of zero that never start."""
-    return PushState(
-        np.zeros((n, count, 3)), np.ones((n, count)), np.full((n, count), PENDING),
-        np.full((n, count), -1, np.int64), np.zeros((n, count)), np.zeros((n, count, 3)),
-    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -286,7 +268,7 @@ class PendulumCore:
         s.plan[k] = gait
         self.command[k] = scenario.command.vx, scenario.command.vy
         self.previous_action[k] = action
-        self._set_pushes(k, scenario)
+        self.pushes = assign_pushes(self.pushes, k, scenario)
         self._look()
 
     def step(self, gaits: Array, actions: Array) -> None:
@@ -299,17 +281,3 @@ class PendulumCore:
     def _look(self) -> None:
         observe(self.state, self.command, self.previous_action, self.physics, self.observation)
         check_failures(self.state, self.observation, self.capture, self.margin)
-
-    def _set_pushes(self, k: int, scenario: Scenario) -> None:
-        new = push_arrays(scenario.pushes, scenario.stance_side)
-        count = new.start.shape[0]
-        if count > self.pushes.start.shape[1]:
-            grown = empty_pushes(self.n, count)
-            for old, field in zip(self.pushes, grown, strict=True):
-                field[:, : old.shape[1]] = old
-            self.pushes = grown
-        for field, blank in zip(self.pushes, empty_pushes(1, self.pushes.start.shape[1]), strict=True):
-            field[k] = blank[0]
-        values = (new.force, new.duration, new.start, new.step, new.fraction)
-        for field, value in zip(self.pushes[:-1], values, strict=True):
-            field[k, :count] = value
