@@ -143,6 +143,12 @@ class TwoStagePolicy:
         self._constants = stage_1_constants(self.robot, self.limits, self.config)
         self._low, self._high = self.limits.low, self.limits.high
         self._cop_rule = make_cop_rule(self.robot, self.limits, self.config)
+        self._statuses: tuple[str, ...] = ()
+
+    @property
+    def statuses(self) -> tuple[str, ...]:
+        """Of stage 2's solver for each observation of the last call, for reports; empty without a stage 2."""
+        return self._statuses
 
     def predict(
         self,
@@ -198,6 +204,7 @@ class TwoStagePolicy:
         """Stage 2: write CoP and trunk acceleration into the rows; returns the expected DCMs and statuses."""
         assert self._cop_rule is not None  # noqa: S101
         result, statuses = self._cop_rule(batch, rows)
+        self._statuses = tuple(statuses)
         rows[:, 3:5] = result[:, 0:2]
         if self.config.use_trunk:
             rows[:, 5:7] = result[:, 2:4]

@@ -6,6 +6,7 @@ import atexit
 import importlib
 import os
 import sys
+import warnings
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,6 +23,37 @@ BACKENDS = ("egl", "osmesa")  # tried in this order on Linux unless MUJOCO_GL na
 
 class RenderError(PushRecoveryError):
     """No picture can be drawn here."""
+
+
+def require_display() -> None:
+    """Ask for a display first: MuJoCo's viewer ends the process where it finds none.
+
+    Raises:
+        RenderError: none answers.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) and glfw.init()
+    if not found:
+        raise RenderError(
+            "render_mode 'human' needs a display, and none answers (DISPLAY="
+            f"{os.environ.get('DISPLAY', '')!r}); use render_mode 'rgb_array', or "
+            "push-recovery play --out FILE.mp4"
+        )
+
+
+def window_opens() -> bool:
+    """Whether there is a display; where none is, a warning: the environment then runs unseen."""
+    try:
+        require_display()
+    except RenderError as error:
+        warnings.warn(f"{error}. Nothing is shown", RuntimeWarning, stacklevel=2)
+        return False
+    return True
 
 
 def make_context(width: int, height: int) -> Any:

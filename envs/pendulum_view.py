@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from ..controllers.robot import RobotModel
+from .canvas import window_opens
 from .pendulum_core import Pendulums
 
 ARROW = 1.0 / 1000.0  # length of the push's arrow [m/N]
@@ -23,7 +24,8 @@ class PendulumView:
 
     def __init__(self, window: bool = False):
         self._window = window
-        if window:
+        self._seen = not window or window_opens()
+        if window and self._seen:
             import matplotlib.pyplot as plt
 
             self._figure: Any = plt.figure(figsize=(6.4, 4.8), dpi=100)
@@ -37,6 +39,8 @@ class PendulumView:
         self, state: Pendulums, robot: RobotModel, force: NDArray[np.float64]
     ) -> NDArray[np.uint8] | None:
         """Draw pendulum 0 under a push (2,) [N]; returns the image (480, 640, 3) unless it is a window."""
+        if not self._seen:
+            return None
         self._figure.clear()
         axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
         com, stance = state.com[0], state.stance[0]
@@ -74,7 +78,7 @@ class PendulumView:
 
     def close(self) -> None:
         """Close the window."""
-        if self._window:
+        if self._window and self._seen:
             import matplotlib.pyplot as plt
 
             plt.close(self._figure)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
-import warnings
 from typing import Any
 
 import mujoco
@@ -16,7 +13,7 @@ from .biped_core import BipedCore
 from .biped_kinematics import PELVIS
 from .biped_model import biped_model
 from .biped_scene import add_markers, set_posture
-from .canvas import Canvas, RenderError
+from .canvas import Canvas, window_opens
 
 WIDTH, HEIGHT = 640, 480
 DISTANCE, AZIMUTH, ELEVATION = 2.6, 145.0, -14.0  # of the camera: [m], [deg], [deg]
@@ -31,20 +28,25 @@ class BipedView:
     """
 
     def __init__(self, window: bool = False):
-        """Open the picture.
+        """Open the picture; a window without a display is a warning, and then nothing is drawn.
 
         Raises:
-            RenderError: there is no display for a window, or no OpenGL for an image.
+            RenderError: there is no OpenGL for an image.
         """
-        self._view: Any = _Window() if window else _Image()
+        self._view: Any = None
+        if not window:
+            self._view = _Image()
+        elif window_opens():
+            self._view = _Window()
 
     def draw(self, core: BipedCore) -> NDArray[np.uint8] | None:
         """Draw robot 0; returns the image (480, 640, 3) unless it is a window."""
-        return self._view.draw(core)
+        return None if self._view is None else self._view.draw(core)
 
     def close(self) -> None:
         """Close the window or release the canvas; may be called twice."""
-        self._view.close()
+        if self._view is not None:
+            self._view.close()
 
 
 class _Image:
@@ -77,7 +79,6 @@ class _Window:
     """MuJoCo's viewer, at the speed of the simulated time where the computer keeps up."""
 
     def __init__(self) -> None:
-        _require_display()
         from mujoco import viewer
 
         self._model = biped_model()
@@ -113,20 +114,3 @@ def _aim(camera: mujoco.MjvCamera) -> None:
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.distance, camera.azimuth, camera.elevation = DISTANCE, AZIMUTH, ELEVATION
     camera.lookat[:] = (0.0, 0.0, LOOK_HEIGHT)
-
-
-def _require_display() -> None:
-    """The viewer ends the process where it finds no display, so this asks first."""
-    if not sys.platform.startswith("linux"):
-        return
-    import glfw
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) and glfw.init()
-    if not found:
-        raise RenderError(
-            "render_mode 'human' needs a display, and none answers (DISPLAY="
-            f"{os.environ.get('DISPLAY', '')!r}); use render_mode 'rgb_array', or "
-            "push-recovery play --out FILE.mp4"
-        )

@@ -22,7 +22,8 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
     """The action is a residual on what a policy would do: total = clip(base + scale x action, -1, 1).
 
     Both see the same observation. Where scale x action is zero, the base's own bits pass. `info` gains
-    baseline_action and residual_action (scale x action), both (7,) in the units of the gait action.
+    baseline_action and residual_action (scale x action), both (7,) in the units of the gait action, and
+    qp_status: what the solver of the policy's stage 2 said, None for a policy without one.
 
     Args:
         env: A gait environment.
@@ -89,6 +90,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         self._observation = np.array(observation)
         info["baseline_action"] = base.copy()
         info["residual_action"] = self.scale * residual
+        info["qp_status"] = next(iter(getattr(self.policy, "statuses", ())), None)
         return observation, reward, terminated, truncated, info
 
 

@@ -219,12 +219,15 @@ def add_train_parser(commands: Subparsers) -> None:
     parser.set_defaults(handler=_handler("..training.command", "run"))
     parser.add_argument("kind", choices=("residual", "scratch"), help="what is learned")
     for option, metavar, parse, text in (
-        ("--env", "ID", str, "environment below (default: PushRecovery/Biped-v0)"),
-        ("--timesteps", "N", integer(0), "environment steps in all (default: 1000000)"),
+        ("--env", "ID", str, "plain environment id: a residual is learned on top of it, not on a residual id "
+         "(default: PushRecovery/Biped-v0)"),
+        ("--timesteps", "N", integer(0), "learned actions in all, over all environments, each held for 20 ms "
+         "(default: 1000000)"),
         ("--seed", "N", integer(0), "of weights, exploration and pushes (default: 0)"),
         ("--n-envs", "N", integer(1), "environments side by side (default: 16)"),
         ("--out", "DIR", Path, "policy, checkpoints and logs (default: under runs/)"),
-        ("--resume", "DIR", Path, "go on from the last checkpoint in DIR; name only runs of your own"),
-        ("--scale", "X", number(0, 10), "residual relative to its default size (residual only)"),
-    ):
+        ("--resume", "DIR", Path, "go on from the last checkpoint of the run in DIR, with its settings; "
+         "checkpoints are safetensors and JSON"),
+        ("--scale", "X", number(0, 10), "residual relative to its default size (residual only; default: 1)"),
+    ):  # fmt: skip
         parser.add_argument(option, metavar=metavar, type=parse, help=text)

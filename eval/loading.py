@@ -97,8 +97,27 @@ def load_policy(name: str, env: gym.Env) -> Policy:
             f"policy {name!r} was made for {sizes[0]} observations and {sizes[1]} actions; the environment "
             f"has observation shape {spaces[0]} and action shape {spaces[1]}"
         )
+    _check_kind(name, policy, env)
     policy.check_made_for(unwrapped.robot, unwrapped.limits)
     return policy
+
+
+def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
+    """Raise InvalidValueError where whole actions and residuals would be taken for one another.
+
+    A residual's file adds the planner below by itself, so that it acts on the plain environment.
+    """
+    about = policy.description
+    here = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    if about.residual is not None and _acts_on_residual(env):
+        raise InvalidValueError(
+            f"policy {name!r} is a residual learned on {about.env_id}, its {about.residual.policy} included; "
+            f"on {here} that would be added twice: score it on {about.env_id}"
+        )
+    if about.residual is None and about.env_id.rpartition(":")[2] != here.rpartition(":")[2]:
+        raise InvalidValueError(
+            f"policy {name!r} acts alone and was made for {about.env_id}, not for {here}: score it there"
+        )
 
 
 @cache

@@ -61,10 +61,15 @@ def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tupl
     Raises:
         MissingExtraError: a film is asked for and imageio is not installed.
         UnknownNameError: the suffix is no known format.
+        RenderError: a window is asked for and there is no display.
     """
     suffix = output_suffix(out, FORMATS) if out else None
     if suffix in {".mp4", ".gif"}:
         _imageio()
+    if out is None:
+        from ..envs.canvas import require_display
+
+        require_display()
     env = make_env(env_id, render_mode="rgb_array" if out else "human")
     try:
         if out is None:

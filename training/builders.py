@@ -49,6 +49,8 @@ def make_plain_env(env_id: str) -> gym.Env:
 def make_env(settings: TrainingSettings) -> gym.Env:
     """One training environment: the plain one, the residual, the hold."""
     env = make_plain_env(settings.env_id)
+    if hasattr(env.unwrapped, "push_distribution"):
+        env.unwrapped.push_distribution = settings.pushes  # type: ignore[attr-defined]
     if settings.residual:
         if find_residual(env) is not None:
             raise InvalidValueError(
@@ -98,7 +100,6 @@ def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Pat
         policy_kwargs={
             "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
             "activation_fn": torch.nn.Tanh,
-            "log_std_init": settings.log_std,
         },
         tensorboard_log=None if out is None else str(out / "tensorboard"),
         seed=seed,
@@ -106,7 +107,20 @@ def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Pat
     )
     for parameter in model.policy.action_net.parameters():
         torch.nn.init.zeros_(parameter)
+    _set_log_std(model, settings)
     return model
+
+
+def _set_log_std(model: PPO, settings: TrainingSettings) -> None:
+    """Give every action its own initial exploration noise, which PPO then adapts."""
+    log_std: torch.Tensor = model.policy.log_std.data
+    initial = settings.initial_log_std
+    if len(initial) not in {1, log_std.numel()}:
+        raise InvalidValueError(
+            f"log_std must be one number or {log_std.numel()} for the actions of {settings.env_id}, "
+            f"got {list(initial)}"
+        )
+    log_std.copy_(torch.tensor(initial))
 
 
 def segment_seed(seed: int, timesteps: int) -> int:

@@ -63,8 +63,8 @@ def _go_on(args: argparse.Namespace) -> TrainingResult:
     given = {
         "kind": args.kind,
         "env_id": None if args.env is None else TrainingSettings(args.kind, args.env).env_id,
-        "seed": _given(args.seed, DEFAULTS.seed),
-        "n_envs": _given(args.n_envs, DEFAULTS.n_envs),
+        "seed": args.seed,
+        "n_envs": args.n_envs,
     }
     for name, value in given.items():
         if value is not None and value != getattr(settings, name):
@@ -72,18 +72,12 @@ def _go_on(args: argparse.Namespace) -> TrainingResult:
                 f"the run in {args.resume} has {name} {getattr(settings, name)!r}, not {value!r}; "
                 "leave the option out to go on, or start a new run with --out"
             )
-    timesteps = _given(args.timesteps, DEFAULTS.timesteps)
-    end = _or(timesteps, settings.timesteps)
-    return _with_progress(end, lambda report: resume(args.resume, timesteps, report))
+    end = _or(args.timesteps, settings.timesteps)
+    return _with_progress(end, lambda report: resume(args.resume, args.timesteps, report))
 
 
 def _or(value: int | None, default: int) -> int:
     return default if value is None else value
-
-
-def _given(value: int | None, default: int) -> int | None:
-    """None where an option was left out or repeats its default: a resumed run keeps its own."""
-    return None if value == default else value
 
 
 def _scale(args: argparse.Namespace) -> tuple[float, ...] | None:

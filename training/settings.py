@@ -8,10 +8,15 @@ from typing import Any
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.residual_action import check_residual_scale
+from ..envs.scenario import PushDistribution
 
 KINDS = ("residual", "scratch")
 # A residual run wraps the gait environment itself, so that the policy also scores on the plain one.
 PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
+# Initial log-std of the action: the step's duration bears the least noise, the CoP the most.
+LOG_STD = {"residual": (-2.0, -2.0, -2.5, -1.5, -1.5, -2.0, -2.0), "scratch": (-1.0,)}
+# Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
+TRAINING_PUSHES = PushDistribution(impulse_min=20.0, impulse_max=90.0, first_step=1, settle_time=2.0)
 
 
 @dataclass(frozen=True)
@@ -26,25 +31,26 @@ class TrainingSettings:
     hold: int = 2  # planning periods for which a learned action is held: 50 Hz on 100 Hz
     policy: str = "two-stage"  # what a residual corrects
     scale: tuple[float, ...] | None = None  # (7,) in action units; None: the default of `ResidualAction`
+    pushes: PushDistribution = TRAINING_PUSHES  # of the training episodes; scores use other ones
 
     # Proximal policy optimisation
-    n_steps: int = 256  # actions per environment and update
-    batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
+    n_steps: int = 128  # actions per environment and update
+    batch_size: int = 512  # at most; the largest divisor of n_envs x n_steps is taken
     n_epochs: int = 5
     gamma: float = 0.99  # per learned action
     gae_lambda: float = 0.95
     clip_range: float = 0.2
-    learning_rate: float = 5e-4  # falls linearly to
-    learning_rate_end: float = 5e-5
+    learning_rate: float = 3e-4  # falls linearly to
+    learning_rate_end: float = 3e-5
     policy_layers: tuple[int, ...] = (128, 128)
     value_layers: tuple[int, ...] = (256, 256)
-    log_std: float = -3.0  # initial, of the action: more makes the walker fall before it is pushed
+    log_std: float | tuple[float, ...] | None = None  # initial, one or one per action; None: LOG_STD
     normalise_reward: bool = True  # divided by the running deviation of the return
 
     # Reports
     checkpoint_every: int = 20_000  # timesteps
     evaluate_every: int = 50_000  # timesteps
-    evaluation_scenarios: int = 32
+    evaluation_scenarios: int = 64
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -67,7 +73,10 @@ class TrainingSettings:
         for name in ("clip_range", "learning_rate", "learning_rate_end"):
             value = getattr(self, name)
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
-        self._check("log_std", math.isfinite(self.log_std), "finite")
+        if isinstance(self.pushes, dict):
+            object.__setattr__(self, "pushes", PushDistribution.from_dict(self.pushes))
+        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
+        self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
         for name in ("policy_layers", "value_layers"):
             layers = tuple(getattr(self, name))
             self._check(name, all(isinstance(n, int) and n >= 1 for n in layers), "widths >= 1")
@@ -91,6 +100,13 @@ class TrainingSettings:
     def residual(self) -> bool:
         """Whether the network corrects a policy."""
         return self.kind == "residual"
+
+    @property
+    def initial_log_std(self) -> tuple[float, ...]:
+        """Log of the exploration noise at the start, one for all actions or one per action."""
+        if self.log_std is None:
+            return LOG_STD[self.kind]
+        return self.log_std if isinstance(self.log_std, tuple) else (float(self.log_std),)
 
     @property
     def rollout(self) -> int:

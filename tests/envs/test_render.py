@@ -8,11 +8,10 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import PushRecoveryError
 from push_recovery.envs.biped_env import BipedEnv
 from push_recovery.envs.biped_model import biped_model
 from push_recovery.envs.biped_scene import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
-from push_recovery.envs.canvas import RenderError, make_context
+from push_recovery.envs.canvas import RenderError, make_context, require_display
 from push_recovery.envs.push import Push
 from push_recovery.envs.scenario import Scenario
 
@@ -141,12 +140,19 @@ def test_two_views_live_side_by_side_and_close_twice(env):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are found otherwise")
-def test_window_without_a_display_is_a_clear_error(monkeypatch):
+@pytest.mark.parametrize("env_id", ["PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"])
+def test_window_without_a_display_is_a_clear_warning(monkeypatch, env_id):
+    """The environment runs unseen, so that Gymnasium's checker passes; `play` refuses, see test_cli."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    human = gym.make("PushRecovery/Biped-v0", render_mode="human")
-    with pytest.raises(PushRecoveryError, match=r"display.*rgb_array"):
+    human = gym.make(env_id, render_mode="human")
+    with pytest.warns(RuntimeWarning, match=r"display.*rgb_array.*Nothing is shown"):
         human.reset(seed=0)
+    human.step(np.zeros(7, np.float32))
+    assert human.render() is None
+    human.close()
+    with pytest.raises(RenderError, match=r"display.*rgb_array"):
+        require_display()
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other backends")
