@@ -15,6 +15,7 @@ from .limits import GAIT_SIZE, GaitLimits
 from .mlp import Mlp, Normalisation
 from .policies import TwoStagePolicy, make_policy
 from .residual_action import check_residual_scale, compose
+from .residual_gate import check_gate, make_gate
 from .robot import RobotModel
 
 PolicyState = tuple[NDArray[Any], ...] | None
@@ -38,6 +39,7 @@ class ResidualBase:
     preset: str  # planner preset
     scale: tuple[float, ...]  # (7,) in action units
     config: PlannerConfig | None = None  # the planner's weights in training, whatever the preset says today
+    gate: tuple[float, float] | None = None  # (shut, open) of `ResidualGate` [m]; None: always open
 
     def __post_init__(self) -> None:
         if not (isinstance(self.policy, str) and isinstance(self.preset, str)):
@@ -45,6 +47,7 @@ class ResidualBase:
                 f"a residual's policy and preset must be names, got {self.policy!r}, {self.preset!r}"
             )
         object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
+        object.__setattr__(self, "gate", None if self.gate is None else check_gate(self.gate))
 
     def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
         """The policy below, with the weights that it had in training."""
@@ -110,6 +113,8 @@ class NetworkPolicy:
         if residual is not None and base is None:
             base = residual.make(description.robot, description.limits)
         self._base = base
+        band = None if residual is None else residual.gate
+        self._opening = make_gate(base, description.robot, description.limits, band)
 
     @property
     def observation_size(self) -> int:
@@ -145,6 +150,8 @@ class NetworkPolicy:
             action = learned
         else:
             base, _ = self._base.predict(rows)
+            if self._opening is not None:
+                learned = self._opening(rows) * learned
             action = compose(np.asarray(base, dtype=np.float32), learned, self._scale)
         return (action[0] if single else action), state
 

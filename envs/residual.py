@@ -15,14 +15,15 @@ from ..controllers.limits import GAIT_SIZE
 from ..controllers.network_policy import Policy
 from ..controllers.policies import make_policy
 from ..controllers.residual_action import check_residual_scale, compose, default_residual_scale
+from ..controllers.residual_gate import check_gate, make_gate
 from .action_hold import ActionHold
 
 
 class ResidualAction(gym.Wrapper, RecordConstructorArgs):
-    """The action is a residual on what a policy would do: total = clip(base + scale x action, -1, 1).
+    """The action is a residual on what a policy would do: total = clip(base + scale x g x action, -1, 1).
 
-    Both see the same observation. Where scale x action is zero, the base's own bits pass. `info` gains
-    baseline_action and residual_action (scale x action), both (7,) in the units of the gait action, and
+    Both see the same observation. Where scale x g x action is zero, the base's own bits pass. `info` gains
+    baseline_action and residual_action (scale x g x action), both (7,) in units of the gait action, and
     qp_status: what the solver of the policy's stage 2 said, None for a policy without one.
 
     Args:
@@ -31,9 +32,11 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         scale: One number or seven, in action units, >= 0; by default 1.5 x (0.12 m, 0.10 m, 0.15 s, 0.06 m,
             0.03 m, 12 rad/s^2, 12 rad/s^2) in the environment's limits.
         preset: The planner's preset where `policy` is a name; by default the environment's.
+        gate: (shut, open) of the DCM's error against the nominal gait [m], between which g goes from 0 to 1,
+            see `ResidualGate`; None: g is 1.
 
     Raises:
-        InvalidValueError: The environment's action is not the gait action, or the scale is impossible.
+        InvalidValueError: The environment's action is not the gait action, or scale or gate is impossible.
         UnknownNameError: No policy or preset of that name.
     """
 
@@ -43,6 +46,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         policy: Policy | str = "two-stage",
         scale: float | Sequence[float] | NDArray[Any] | None = None,
         preset: str | None = None,
+        gate: Sequence[float] | None = None,
     ):
         space = env.action_space
         if not (isinstance(space, gym.spaces.Box) and space.shape == (GAIT_SIZE,)):
@@ -57,8 +61,18 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
         else:
             self.policy = policy
+        self.gate = None if gate is None else check_gate(gate)
+        self._opening = (
+            make_gate(self.policy, unwrapped.robot, unwrapped.limits, self.gate) if self.gate else None
+        )
+        recorded = None if self.gate is None else list(self.gate)
         RecordConstructorArgs.__init__(
-            self, _disable_deepcopy=True, policy=policy, scale=self.scale.tolist(), preset=preset
+            self,
+            _disable_deepcopy=True,
+            policy=policy,
+            scale=self.scale.tolist(),
+            preset=preset,
+            gate=recorded,
         )
         gym.Wrapper.__init__(self, env)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
@@ -85,6 +99,8 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         )
         self._episode_start = False
         base = np.asarray(base, dtype=np.float32)
+        if self._opening is not None:
+            residual = self._opening(self._observation[None])[0] * residual
         total = compose(base, residual, self.scale)
         observation, reward, terminated, truncated, info = self.env.step(total)
         self._observation = np.array(observation)
@@ -109,6 +125,7 @@ def make_biped_residual(
     scale: float | Sequence[float] | None = None,
     preset: str | None = None,
     hold: int = 1,
+    gate: Sequence[float] | None = None,
     **biped: Any,
 ) -> gym.Env:
     """Entry point of PushRecovery/BipedResidual-v0: the biped, its action a residual on a named policy.
@@ -118,11 +135,12 @@ def make_biped_residual(
         scale: See `ResidualAction`; a list, so that the spec serialises to JSON.
         preset: The planner's preset; by default the biped's.
         hold: Planning periods for which a residual is held.
+        gate: See `ResidualAction`.
         biped: Keywords of PushRecovery/Biped-v0 (render_mode, control_hz, ...).
     """
     from .biped_env import BipedEnv
 
-    return build_residual(BipedEnv(**biped), policy, scale, preset, hold)
+    return build_residual(BipedEnv(**biped), policy, scale, preset, hold, gate)
 
 
 def build_residual(
@@ -131,9 +149,10 @@ def build_residual(
     scale: float | Sequence[float] | None = None,
     preset: str | None = None,
     hold: int = 1,
+    gate: Sequence[float] | None = None,
 ) -> gym.Env:
     """A residual environment for an entry point; its spec holds the keywords and not the wrappers."""
-    return _BuiltInHold(_BuiltInResidual(env, policy, scale, preset), hold)
+    return _BuiltInHold(_BuiltInResidual(env, policy, scale, preset, gate), hold)
 
 
 class _BuiltIn(gym.Wrapper):

@@ -56,7 +56,7 @@ def make_env(settings: TrainingSettings) -> gym.Env:
             raise InvalidValueError(
                 f"{settings.env_id} takes residuals already; name the environment below it"
             )
-        env = ResidualAction(env, settings.policy, settings.scale)
+        env = ResidualAction(env, settings.policy, settings.scale, gate=settings.gate)
     return ActionHold(env, settings.hold)
 
 

@@ -43,6 +43,8 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
     base = None
     if wrapper is not None:
         config = getattr(wrapper.policy, "config", None)
-        base = ResidualBase(settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()), config)
+        base = ResidualBase(
+            settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()), config, wrapper.gate
+        )
     description = PolicyDescription(settings.env_id, unwrapped.robot, unwrapped.limits, base, settings.hold)
     return NetworkPolicy(network, normalisation, description, None if wrapper is None else wrapper.policy)

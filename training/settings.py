@@ -8,15 +8,17 @@ from typing import Any
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.residual_action import check_residual_scale
+from ..controllers.residual_gate import check_gate
 from ..envs.scenario import PushDistribution
 
 KINDS = ("residual", "scratch")
 # A residual run wraps the gait environment itself, so that the policy also scores on the plain one.
 PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
 # Initial log-std of the action: the step's duration bears the least noise, the CoP the most.
-LOG_STD = {"residual": (-2.0, -2.0, -2.5, -1.5, -1.5, -2.0, -2.0), "scratch": (-1.0,)}
+LOG_STD = {"residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5), "scratch": (-1.0,)}
 # Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
-TRAINING_PUSHES = PushDistribution(impulse_min=20.0, impulse_max=90.0, first_step=1, settle_time=2.0)
+TRAINING_PUSHES = PushDistribution(impulse_min=40.0, impulse_max=90.0, first_step=1, settle_time=1.5)
+DEFAULT_GATE = (0.02, 0.06)  # an undisturbed walk of the biped stays below 0.004 m
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class TrainingSettings:
     hold: int = 2  # planning periods for which a learned action is held: 50 Hz on 100 Hz
     policy: str = "two-stage"  # what a residual corrects
     scale: tuple[float, ...] | None = None  # (7,) in action units; None: the default of `ResidualAction`
+    gate: tuple[float, ...] | None = DEFAULT_GATE  # (shut, open) of `ResidualGate` [m]; None: always open
     pushes: PushDistribution = TRAINING_PUSHES  # of the training episodes; scores use other ones
 
     # Proximal policy optimisation
@@ -73,6 +76,8 @@ class TrainingSettings:
         for name in ("clip_range", "learning_rate", "learning_rate_end"):
             value = getattr(self, name)
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
+        if self.gate is not None:
+            object.__setattr__(self, "gate", check_gate(self.gate))
         if isinstance(self.pushes, dict):
             object.__setattr__(self, "pushes", PushDistribution.from_dict(self.pushes))
         self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")

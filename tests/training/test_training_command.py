@@ -21,7 +21,7 @@ def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
     assert command.run(options(env=toy, timesteps=600, n_envs=2, seed=1, out=out)) == 0
     assert "policy.safetensors" in capsys.readouterr().out
     assert command.run(options(resume=out, timesteps=1200)) == 0
-    assert "1536 timesteps" in capsys.readouterr().out
+    assert "1280 timesteps" in capsys.readouterr().out
     about = NetworkPolicy.load(out / "policy").description
     assert about.residual is None
     assert about.hold == 2
@@ -87,7 +87,7 @@ def test_a_residual_run_takes_the_plain_environment():
     assert scratch.env_id == "PushRecovery/BipedResidual-v0"
 
 
-@pytest.mark.parametrize(("n_envs", "batch"), [(16, 1024), (4, 1024), (1, 256), (3, 768), (5, 640)])
+@pytest.mark.parametrize(("n_envs", "batch"), [(16, 512), (4, 512), (1, 128), (3, 384), (5, 320)])
 def test_minibatches_divide_the_rollout(n_envs, batch):
     settings = dataclasses.replace(TrainingSettings(), n_envs=n_envs)
     assert settings.minibatch == batch
