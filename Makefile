@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test lint format clean
+.PHONY: run test lint format clean clean-cache
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -33,3 +33,7 @@ format: $(VENV)/dev.stamp
 
 clean:
 	rm -rf $(VENV) build runs *.egg-info
+
+# numba's cache does not notice a changed callee in another file
+clean-cache:
+	find controllers envs eval training -name '*.nb[ci]' -delete
