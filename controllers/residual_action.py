@@ -11,9 +11,9 @@ from .errors import InvalidValueError
 from .limits import GAIT_NAMES, GAIT_SIZE, GaitLimits
 
 # What a learned correction of 1 means at factor 1, in the units of GAIT_NAMES: [m], [m], [s], [m], [m],
-# [rad/s^2], [rad/s^2]. At the default factor of 1.5 it is 0.18 m of step, 0.225 s of step time.
+# [rad/s^2], [rad/s^2].
 PHYSICAL_SCALE = (0.12, 0.10, 0.15, 0.06, 0.03, 12.0, 12.0)
-DEFAULT_FACTOR = 1.5
+DEFAULT_FACTOR = 1.0
 
 
 def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -> NDArray[np.float32]:

@@ -29,7 +29,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
     Args:
         env: A gait environment.
         policy: What acts below: anything with SB3's `predict`, or a name of `make_policy`.
-        scale: One number or seven, in action units, >= 0; by default 1.5 x (0.12 m, 0.10 m, 0.15 s, 0.06 m,
+        scale: One number or seven, in action units, >= 0; by default (0.12 m, 0.10 m, 0.15 s, 0.06 m,
             0.03 m, 12 rad/s^2, 12 rad/s^2) in the environment's limits.
         preset: The planner's preset where `policy` is a name; by default the environment's.
         gate: (shut, open) of the DCM's error against the nominal gait [m], between which g goes from 0 to 1,
@@ -79,6 +79,13 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         self._observation: NDArray[Any] | None = None
         self._policy_state: Any = None
         self._episode_start = True
+
+    @property
+    def opening(self) -> float:
+        """How far the gate stands open at the last observation, in [0, 1]."""
+        if self._opening is None or self._observation is None:
+            return 1.0
+        return float(self._opening(self._observation[None])[0, 0])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -15,6 +15,7 @@ from ..controllers.errors import InvalidValueError
 from ..envs.action_hold import ActionHold
 from ..envs.residual import ResidualAction
 from ..eval import loading
+from .quiet import SkipQuiet
 from .settings import TrainingSettings
 
 OBSERVATION_CLIP = 10.0
@@ -60,6 +61,15 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     return ActionHold(env, settings.hold)
 
 
+def make_learning_env(settings: TrainingSettings) -> gym.Env:
+    """What PPO steps through: the training environment, without what a shut gate takes from it."""
+    env = make_env(settings)
+    residual = find_residual(env)
+    if residual is None or residual.gate is None:
+        return env
+    return SkipQuiet(env, residual)
+
+
 def find_residual(env: gym.Env) -> ResidualAction | None:
     """The residual among an environment's wrappers, or None."""
     while isinstance(env, gym.Wrapper):
@@ -74,7 +84,7 @@ def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
 
     They run in this process: a planning period costs less than its way to another process and back.
     """
-    venv = VecMonitor(DummyVecEnv([lambda: make_env(settings) for _ in range(settings.n_envs)]))
+    venv = VecMonitor(DummyVecEnv([lambda: make_learning_env(settings) for _ in range(settings.n_envs)]))
     venv.seed(seed)
     return VecNormalize(
         venv,

@@ -39,7 +39,7 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         float(venv.epsilon),
     )
     unwrapped: Any = env.unwrapped
-    wrapper = find_residual(env)
+    wrapper = find_residual(env) if settings.residual else None  # or it is the environment's own
     base = None
     if wrapper is not None:
         config = getattr(wrapper.policy, "config", None)

@@ -17,7 +17,7 @@ PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
 # Initial log-std of the action: the step's duration bears the least noise, the CoP the most.
 LOG_STD = {"residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5), "scratch": (-1.0,)}
 # Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
-TRAINING_PUSHES = PushDistribution(impulse_min=40.0, impulse_max=90.0, first_step=1, settle_time=1.5)
+TRAINING_PUSHES = PushDistribution(impulse_min=30.0, impulse_max=80.0, first_step=0, settle_time=2.0)
 DEFAULT_GATE = (0.02, 0.06)  # an undisturbed walk of the biped stays below 0.004 m
 
 
@@ -37,14 +37,14 @@ class TrainingSettings:
     pushes: PushDistribution = TRAINING_PUSHES  # of the training episodes; scores use other ones
 
     # Proximal policy optimisation
-    n_steps: int = 128  # actions per environment and update
-    batch_size: int = 512  # at most; the largest divisor of n_envs x n_steps is taken
+    n_steps: int = 256  # actions per environment and update
+    batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
     n_epochs: int = 5
     gamma: float = 0.99  # per learned action
     gae_lambda: float = 0.95
     clip_range: float = 0.2
-    learning_rate: float = 3e-4  # falls linearly to
-    learning_rate_end: float = 3e-5
+    learning_rate: float = 5e-4  # falls linearly to
+    learning_rate_end: float = 5e-5
     policy_layers: tuple[int, ...] = (128, 128)
     value_layers: tuple[int, ...] = (256, 256)
     log_std: float | tuple[float, ...] | None = None  # initial, one or one per action; None: LOG_STD
