@@ -88,7 +88,7 @@ def test_default_scale_moves_the_gait_by_its_physical_size():
     moved = limits.from_action(compose(middle, np.full(7, 0.5, np.float32), scale)) - limits.from_action(
         middle
     )
-    np.testing.assert_allclose(moved, 0.75 * np.array([0.12, 0.10, 0.15, 0.06, 0.03, 12, 12]), atol=1e-6)
+    np.testing.assert_allclose(moved, 0.5 * np.array([0.12, 0.10, 0.15, 0.06, 0.03, 12, 12]), atol=1e-6)
 
 
 def test_info_tells_base_and_residual_apart():

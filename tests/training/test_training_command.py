@@ -1,5 +1,6 @@
 import argparse
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError, MissingExtraErro
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.network_policy import NetworkPolicy
 from push_recovery.controllers.residual_action import DEFAULT_FACTOR, default_residual_scale
+from push_recovery.envs.scenario import PushDistribution
 from push_recovery.training import command, extras
 from push_recovery.training.settings import TrainingSettings
 
@@ -21,11 +23,18 @@ def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
     assert command.run(options(env=toy, timesteps=600, n_envs=2, seed=1, out=out)) == 0
     assert "policy.safetensors" in capsys.readouterr().out
     assert command.run(options(resume=out, timesteps=1200)) == 0
-    assert "1280 timesteps" in capsys.readouterr().out
+    assert "1536 timesteps" in capsys.readouterr().out
     about = NetworkPolicy.load(out / "policy").description
     assert about.residual is None
     assert about.hold == 2
-    for wrong in ({"kind": "residual"}, {"seed": 2}, {"n_envs": 3}, {"env": "PushRecovery/Biped-v0"}):
+    defaults = {"seed": 0}, {"n_envs": 16}  # given is given, even where it repeats the default
+    for wrong in (
+        *defaults,
+        {"kind": "residual"},
+        {"seed": 2},
+        {"n_envs": 3},
+        {"env": "PushRecovery/Biped-v0"},
+    ):
         with pytest.raises(InvalidValueError, match="the run in"):
             command.run(options(resume=out, **wrong))
     with pytest.raises(InvalidValueError, match="--out"):
@@ -60,9 +69,24 @@ def test_a_missing_extra_names_the_command_that_installs_it(monkeypatch, missing
         command.run(options())
 
 
-def test_settings_survive_json():
-    settings = TrainingSettings(scale=(0.5,) * 7, seed=4)
-    assert TrainingSettings.from_json(settings.to_json()) == settings
+def test_the_help_tells_the_defaults_of_the_settings(capsys):
+    from push_recovery.eval.cli import main, make_parser
+
+    assert main(["train", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    settings = TrainingSettings()
+    for value in (settings.env_id, settings.timesteps, settings.seed, settings.n_envs):
+        assert f"(default: {value})" in text
+    assert f"{settings.hold * 10} ms" in text
+    parsed = make_parser().parse_args(["train", "residual"])
+    assert (parsed.env, parsed.timesteps, parsed.seed, parsed.n_envs) == (None,) * 4
+
+
+@pytest.mark.parametrize("log_std", [None, -2.0, (-1.0,) * 7])
+def test_settings_survive_json(log_std):
+    pushes = PushDistribution(impulse_max=30.0)
+    settings = TrainingSettings(scale=(0.5,) * 7, seed=4, pushes=pushes, gate=(0.01, 0.1), log_std=log_std)
+    assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
 
 
 def test_settings_say_what_is_wrong():
@@ -73,6 +97,9 @@ def test_settings_say_what_is_wrong():
         {"timesteps": 1.5},
         {"seed": -1},
         {"policy_layers": [0]},
+        {"log_std": [0.0, float("nan")]},
+        {"pushes": None},
+        {"gate": [0.1, 0.0]},
     ):
         with pytest.raises(InvalidValueError, match=next(iter(wrong))):
             TrainingSettings.from_json(good | wrong)
@@ -87,7 +114,7 @@ def test_a_residual_run_takes_the_plain_environment():
     assert scratch.env_id == "PushRecovery/BipedResidual-v0"
 
 
-@pytest.mark.parametrize(("n_envs", "batch"), [(16, 512), (4, 512), (1, 128), (3, 384), (5, 320)])
+@pytest.mark.parametrize(("n_envs", "batch"), [(16, 1024), (4, 1024), (1, 256), (3, 768), (5, 640)])
 def test_minibatches_divide_the_rollout(n_envs, batch):
     settings = dataclasses.replace(TrainingSettings(), n_envs=n_envs)
     assert settings.minibatch == batch

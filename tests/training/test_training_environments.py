@@ -7,15 +7,24 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
 from push_recovery.controllers.network_policy import NetworkPolicy
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.action_hold import ActionHold
 from push_recovery.envs.residual import ResidualAction
-from push_recovery.envs.scenario import Scenario
+from push_recovery.envs.scenario import PushDistribution, Scenario
+from push_recovery.eval.loading import load_policy
 from push_recovery.eval.rollout import rollout
+from push_recovery.training.builders import (
+    find_residual,
+    make_env,
+    make_learning_env,
+    make_ppo,
+    make_vec_env,
+)
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train
-from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.settings import LOG_STD, TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
@@ -52,7 +61,8 @@ def test_the_file_scores_on_the_plain_environment_as_the_wrappers_do(trained):
     result, settings = trained
     learned = NetworkPolicy.load(result.policy)
     plain = gym.make(settings.env_id)
-    wrapped = ActionHold(ResidualAction(gym.make(settings.env_id), "two-stage"), settings.hold)
+    inner = ResidualAction(gym.make(settings.env_id), "two-stage", gate=settings.gate)
+    wrapped = ActionHold(inner, settings.hold)
     scenario = short(curve_scenarios(3)[2])
     outcome = rollout(plain, learned, scenario, "file")
     observation, _ = wrapped.reset(seed=scenario.noise_seed, options={"scenario": scenario})
@@ -89,8 +99,9 @@ def test_the_file_acts_as_sb3_on_what_the_robot_meets(trained):
     assert worst < 2e-6
 
 
+@pytest.mark.filterwarnings("ignore:render_mode 'human' needs a display:RuntimeWarning")
 def test_the_registered_residual_passes_both_checkers():
-    check_env(gym.make(RESIDUAL, disable_env_checker=True), skip_render_check=True)
+    check_env(gym.make(RESIDUAL, disable_env_checker=True))
     check_env_sb3(gym.make(RESIDUAL, disable_env_checker=True))
 
 
@@ -114,6 +125,48 @@ def test_the_registered_residual_is_made_again_from_its_spec():
     assert str(gym.make(env.spec)) == str(env)
 
 
+def test_training_meets_its_own_pushes_and_every_action_its_own_noise():
+    settings = TrainingSettings(n_envs=1)
+    venv = make_vec_env(settings, 0)
+    assert venv.get_attr("unwrapped")[0].push_distribution == settings.pushes
+    log_std = make_ppo(settings, venv, 0, None).policy.log_std.detach().numpy()
+    np.testing.assert_array_equal(log_std, np.float32(LOG_STD["residual"]))
+    with pytest.raises(InvalidValueError, match="log_std"):
+        make_ppo(dataclasses.replace(settings, log_std=(-1.0, -2.0)), venv, 0, None)
+
+
+def test_a_closed_gate_leaves_the_walk_to_the_planner():
+    walk = Scenario("walk", duration=1.0)
+    env, plain = gym.make(RESIDUAL, gate=[0.02, 0.06]), gym.make(BIPED)
+    unwrapped = plain.unwrapped
+    planner = make_policy("two-stage", unwrapped.robot, unwrapped.limits, unwrapped.preset)
+    a, b = (e.reset(seed=1, options={"scenario": walk})[0] for e in (env, plain))
+    for _ in range(100):
+        assert a.tobytes() == b.tobytes()
+        a, *_ = env.step(np.ones(7, np.float32))
+        b, *_ = plain.step(planner.predict(b)[0])
+    assert json.loads(env.spec.to_json())["kwargs"] == {"gate": [0.02, 0.06]}
+
+
+@pytest.mark.parametrize(("policy", "status"), [("two-stage", "solved"), ("stage-1", None)])
+def test_info_tells_the_status_of_stage_2(policy, status):
+    env = gym.make(RESIDUAL, policy=policy)
+    env.reset(seed=0)
+    assert env.step(np.zeros(7, np.float32))[4]["qp_status"] == status
+
+
+def test_residuals_and_whole_actions_are_not_taken_for_one_another(tmp_path):
+    for kind, env_id in (("residual", BIPED), ("scratch", RESIDUAL)):
+        train(TrainingSettings(kind, env_id, timesteps=0, n_envs=1, evaluation_scenarios=1), tmp_path / kind)
+    residual, scratch = str(tmp_path / "residual/policy.json"), str(tmp_path / "scratch/policy.json")
+    for name, right, wrong in ((residual, BIPED, RESIDUAL), (scratch, RESIDUAL, BIPED)):
+        load_policy(name, gym.make(right))
+        with pytest.raises(PushRecoveryError, match=f"{name}.*{right}|{name}.*{wrong}") as error:
+            load_policy(name, gym.make(wrong))
+        assert right in str(error.value)
+        assert wrong in str(error.value)
+
+
 @pytest.mark.parametrize("env_id", [PENDULUM, BIPED, RESIDUAL])
 def test_plain_ppo_trains_straight_from_gym_make(env_id):
     model = PPO("MlpPolicy", gym.make(env_id), n_steps=64, batch_size=32, n_epochs=1, seed=0, device="cpu")
@@ -122,3 +175,36 @@ def test_plain_ppo_trains_straight_from_gym_make(env_id):
     after = model.policy.action_net.weight.detach().numpy()
     assert np.all(np.isfinite(after))
     assert np.any(after != before)
+
+
+def test_learning_skips_the_walk_that_the_gate_takes_from_it():
+    """PPO acts only where the gate is open; the episode is the one that it is without the wrapper."""
+    settings = TrainingSettings()
+    env, plain = make_learning_env(settings), make_env(settings)
+    residual = find_residual(env)
+    assert residual is not None
+    rest = np.zeros(7, np.float32)
+    for scenario in curve_scenarios(3):
+        options = {"scenario": scenario}
+        env.reset(seed=1, options=options)
+        assert residual.opening > 0.0
+        info, told, seen, ended = {}, {}, 0, False
+        while not ended:
+            _, _, ended, truncated, info = env.step(rest)
+            seen += 1
+            assert not truncated
+            assert ended or residual.opening > 0.0
+        plain.reset(seed=1, options=options)
+        periods, ended = 0, False
+        while not ended:
+            _, _, terminated, truncated, told = plain.step(rest)
+            periods, ended = periods + 1, terminated or truncated
+        assert (told["time"], told["failure_reason"]) == (info["time"], info["failure_reason"])
+        assert 0 < seen < periods
+
+
+def test_pushes_that_never_open_the_gate_are_refused(monkeypatch):
+    monkeypatch.setattr("push_recovery.training.quiet.MAX_EPISODES", 2)
+    weak = PushDistribution(impulse_min=0.1, impulse_max=0.2, settle_time=0.1)
+    with pytest.raises(InvalidValueError, match="shut in 2 episodes"):
+        make_learning_env(TrainingSettings(pushes=weak)).reset(seed=0)
