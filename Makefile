@@ -16,10 +16,16 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	$(PIP) torch -e '.[train,view,dev]'
 	touch $@ $(VENV)/run.stamp
 
-run: $(VENV)/run.stamp
+# numba's disk cache does not notice a changed callee in another file: start it anew when a source has changed
+$(VENV)/kernels.stamp: $(VENV)/run.stamp $(wildcard controllers/*.py envs/*.py)
+	$(MAKE) --no-print-directory clean-cache
+	$(BIN)/push-recovery bench --seconds 1 --json > /dev/null
+	touch $@
+
+run: $(VENV)/kernels.stamp
 	$(BIN)/push-recovery evaluate --suite quick
 
-test: $(VENV)/dev.stamp
+test: $(VENV)/dev.stamp $(VENV)/kernels.stamp
 	$(BIN)/python -m pytest -n 2 tests
 
 lint: $(VENV)/dev.stamp
@@ -34,6 +40,5 @@ format: $(VENV)/dev.stamp
 clean:
 	rm -rf $(VENV) build runs *.egg-info
 
-# numba's cache does not notice a changed callee in another file
 clean-cache:
 	find controllers envs eval training -name '*.nb[ci]' -delete

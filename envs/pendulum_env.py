@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from ..controllers.limits import GaitLimits
 from ..controllers.robot import RobotModel
 from .gait_env import GaitEnv
-from .nominal_start import NominalStart
 from .pendulum_core import FAILURES, PendulumCore
-from .scenario import PushDistribution, Scenario
+from .scenario import PushDistribution
 
 Array = NDArray[np.float64]
 
@@ -47,7 +46,6 @@ class PendulumEnv(GaitEnv):
         limits = GaitLimits.of(robot) if limits is None else limits
         super().__init__(robot, limits, preset, control_hz, render_mode, push_distribution)
         self.core = PendulumCore(1, robot, limits, control_hz)
-        self._picture: Any = None
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Top view of feet, CoM, DCM and push: an image (480, 640, 3), or a window."""
@@ -64,18 +62,6 @@ class PendulumEnv(GaitEnv):
                 force += pushes.force[0, i, :2]
         image = self._picture.draw(state, self.robot, force)
         return image if self.render_mode == "rgb_array" else None
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._picture is not None:
-            self._picture.close()
-            self._picture = None
-
-    def _begin(self, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
-        self.core.reset(0, scenario, start, gait, action)
-
-    def _advance(self, gait: Array, action: Array) -> None:
-        self.core.step(gait[None], action[None])
 
     def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
         state = self.core.state
