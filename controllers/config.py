@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from .errors import InvalidValueError, UnknownNameError
+from .errors import InvalidValueError, UnknownNameError, is_finite_number
+
+CHOICES = {"form": ("zoh", "jerk"), "solver": ("daqp", "osqp"), "jerk_cost": ("literal", "repaired")}
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,18 @@ class PlannerConfig:
     upright_damping: float = 9.0  # [1/s]
 
     def __post_init__(self) -> None:
+        for name, valid in CHOICES.items():
+            if getattr(self, name) not in valid:
+                raise UnknownNameError(f"PlannerConfig.{name}", getattr(self, name), valid)
         for field in fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, float) and not (math.isfinite(value) and value >= 0):
-                raise InvalidValueError(f"PlannerConfig.{field.name} must be finite and >= 0, got {value}")
+            if isinstance(field.default, bool) and not isinstance(value, bool):
+                raise InvalidValueError(f"PlannerConfig.{field.name} must be True or False, got {value!r}")
+            if isinstance(field.default, float) and not (is_finite_number(value) and value >= 0):
+                raise InvalidValueError(f"PlannerConfig.{field.name} must be finite and >= 0, got {value!r}")
+        tail = self.tail_intervals
+        if isinstance(tail, bool) or not isinstance(tail, int) or tail < 0:
+            raise InvalidValueError(f"PlannerConfig.tail_intervals must be an integer >= 0, got {tail!r}")
         for name in ("sampling_time", "tail_sampling_time"):
             if not getattr(self, name) > 0:
                 raise InvalidValueError(

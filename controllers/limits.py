@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InvalidValueError
+from .errors import InvalidValueError, is_finite_number
 from .robot import RobotModel
 
 GAIT_SIZE = 7
@@ -38,9 +37,9 @@ class GaitLimits:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if not math.isfinite(getattr(self, field.name)):
+            if not is_finite_number(getattr(self, field.name)):
                 raise InvalidValueError(
-                    f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)}"
+                    f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)!r}"
                 )
         for name in ("length", "width", "duration"):
             low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from .errors import InvalidValueError
+from .errors import InvalidValueError, is_finite_number
 
 GRAVITY = 9.81  # [m/s^2]
 
@@ -37,8 +37,8 @@ class RobotModel:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise InvalidValueError(f"RobotModel.{field.name} must be positive and finite, got {value}")
+            if not (is_finite_number(value) and value > 0):
+                raise InvalidValueError(f"RobotModel.{field.name} must be positive and finite, got {value!r}")
 
     @property
     def omega(self) -> float:

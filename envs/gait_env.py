@@ -90,6 +90,10 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.observation_space = spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64)
         if isinstance(push_distribution, dict):
             push_distribution = PushDistribution.from_dict(push_distribution)
+        if not isinstance(push_distribution, PushDistribution | None):
+            raise InvalidValueError(
+                f"push_distribution must be a PushDistribution or its dict, got {push_distribution!r}"
+            )
         self.push_distribution = push_distribution or PushDistribution()
         self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay)
         self.scenario: Scenario | None = None
@@ -176,6 +180,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         )
 
     def _scenario(self, options: dict[str, Any] | None) -> Scenario:
+        if not isinstance(options, dict | None):
+            raise InvalidValueError(f"reset options must be a dict, got {options!r}")
         unknown = set(options or {}) - {"scenario"}
         if unknown:
             raise UnknownNameError("reset option", sorted(unknown)[0], ["scenario"])

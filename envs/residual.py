@@ -119,7 +119,10 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
 
 def check_residual(action: Any) -> NDArray[np.float32]:
     """A residual (7,) float32, clipped to [-1, 1]; InvalidValueError unless it is seven finite numbers."""
-    values = np.asarray(action, dtype=np.float32)
+    try:
+        values = np.asarray(action, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"a residual action is an array of numbers: {error}") from None
     if values.shape != (GAIT_SIZE,):
         raise InvalidValueError(f"a residual action has shape ({GAIT_SIZE},), got {values.shape}")
     if not np.all(np.isfinite(values)):

@@ -59,6 +59,13 @@ def number(low: float, high: float = math.inf) -> Callable[[str], float]:
     return parse
 
 
+def directory(text: str) -> Path:
+    """Argument type: a directory by name; an empty one, as of an unset variable, is refused."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("must name a directory, got an empty string")
+    return Path(text)
+
+
 def _handler(module: str, function: str) -> Callable[[argparse.Namespace], int]:
     """A handler whose module is imported only when it runs."""
 
@@ -93,9 +100,12 @@ def _add_running(parser: argparse.ArgumentParser) -> None:
         help="processes; changes no result",
     )
     parser.add_argument(
-        "--out", metavar="DIR", type=Path, help="results; a directory of the same configuration is resumed "
-        "(by default one under runs/ named after the configuration)",
-    )  # fmt: skip
+        "--out",
+        metavar="DIR",
+        type=directory,
+        help="results; a directory of the same configuration is resumed (by default one under runs/ named "
+        "after the configuration)",
+    )
     parser.add_argument("--overwrite", action="store_true", help="start over where DIR holds results")
     _add_json(parser)
 
@@ -225,7 +235,7 @@ def add_train_parser(commands: Subparsers) -> None:
          "(default: 1000000)"),
         ("--seed", "N", integer(0), "of weights, exploration and pushes (default: 0)"),
         ("--n-envs", "N", integer(1), "environments side by side (default: 16)"),
-        ("--out", "DIR", Path, "policy, checkpoints and logs (default: under runs/)"),
+        ("--out", "DIR", directory, "policy, checkpoints and logs (default: under runs/)"),
         ("--resume", "DIR", Path, "go on from the last checkpoint of the run in DIR, with its settings; "
          "checkpoints are safetensors and JSON"),
         ("--scale", "X", number(0, 10), "residual relative to its default size (residual only; default: 1)"),

@@ -16,6 +16,7 @@ its own.
 
 import json
 import math
+import re
 import subprocess
 import sys
 from dataclasses import fields
@@ -23,6 +24,7 @@ from dataclasses import fields
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers.config import PlannerConfig
 from push_recovery.controllers.errors import (
     InvalidValueError,
     MissingExtraError,
@@ -78,6 +80,33 @@ def test_times_and_symmetric_bounds_are_positive(name, value):
         GaitLimits(**{name: value})
 
 
+@pytest.mark.parametrize("kind", [RobotModel, GaitLimits, PlannerConfig])
+@pytest.mark.parametrize("value", ["heavy", None, True, [1.0]])
+def test_constants_are_numbers(kind, value):
+    name = next(field.name for field in fields(kind) if isinstance(field.default, float))
+    with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{name}.*{re.escape(repr(value))}"):
+        kind(**{name: value})
+
+
+@pytest.mark.parametrize("value", [-1, -1.0, math.nan])
+@pytest.mark.parametrize("name", [f.name for f in fields(PlannerConfig) if isinstance(f.default, float)])
+def test_weights_and_margins_are_not_negative(name, value):
+    with pytest.raises(InvalidValueError, match=rf"PlannerConfig\.{name}.*{value}"):
+        PlannerConfig(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["form", "solver", "jerk_cost"])
+def test_an_unknown_option_of_the_planner_is_no_silent_default(name):
+    with pytest.raises(UnknownNameError, match=rf"PlannerConfig\.{name} 'other'.*valid: "):
+        PlannerConfig(**{name: "other"})
+
+
+@pytest.mark.parametrize("values", [{"tail_intervals": -1}, {"tail_intervals": 1.5}, {"use_cop": "no"}])
+def test_counts_and_switches_of_the_planner(values):
+    with pytest.raises(InvalidValueError, match=f"PlannerConfig.{next(iter(values))}"):
+        PlannerConfig(**values)
+
+
 @pytest.mark.parametrize("height", [0.0, -0.8, math.nan])
 def test_a_pendulum_has_a_height(height):
     with pytest.raises(InvalidValueError, match=f"com_height.*{height}"):
@@ -121,7 +150,12 @@ def test_a_film_without_imageio_names_the_extra(monkeypatch, tmp_path):
 @pytest.mark.parametrize("env_id", ["Pendulum", "Biped", "BipedResidual"])
 @pytest.mark.parametrize(
     ("action", "words"),
-    [(np.full(7, np.nan), "finite.*nan"), (np.zeros(6), r"\(7,\).*\(6,\)"), (np.zeros((1, 7)), r"\(1, 7\)")],
+    [
+        (np.full(7, np.nan), "finite.*nan"),
+        (np.zeros(6), r"\(7,\).*\(6,\)"),
+        (np.zeros((1, 7)), r"\(1, 7\)"),
+        ("left", "numbers"),
+    ],
 )
 def test_gym_make_refuses_bad_actions_in_the_projects_own_words(env_id, action, words):
     env = gym.make(f"push_recovery:PushRecovery/{env_id}-v0")
@@ -129,6 +163,16 @@ def test_gym_make_refuses_bad_actions_in_the_projects_own_words(env_id, action, 
     with pytest.raises(InvalidValueError, match=words):
         env.step(action)
     env.step(np.zeros(7, np.float32))  # the episode goes on
+    env.close()
+
+
+@pytest.mark.parametrize("env_id", ["Pendulum", "Biped", "BipedResidual"])
+def test_push_distribution_and_options_have_their_types(env_id):
+    with pytest.raises(InvalidValueError, match=r"push_distribution must be.*3"):
+        gym.make(f"push_recovery:PushRecovery/{env_id}-v0", push_distribution=3)
+    env = gym.make(f"push_recovery:PushRecovery/{env_id}-v0")
+    with pytest.raises(InvalidValueError, match="options must be a dict, got 5"):
+        env.reset(options=5)
     env.close()
 
 
@@ -176,6 +220,8 @@ def refused(directory, *argv):
         (["frontier", "--env", PENDULUM, "--policy", "three-stage"], ["three-stage", "two-stage"]),
         (["play", "--env", PENDULUM, "--policy", "nobody", "--out", "a.png"], ["nobody", "passive"]),
         (["train", "residual", "--env", "PushRecovery/Bipd-v0"], ["Bipd", "PushRecovery/Biped-v0"]),
+        (["evaluate", "--env", PENDULUM, "--out", ""], ["--out", "empty"]),
+        (["train", "residual", "--out", ""], ["--out", "empty"]),
         (["bench", "--env", "pendulum"], ["'pendulum'", PENDULUM]),
     ],
 )
