@@ -44,7 +44,7 @@ def save_pictures(frontier: Frontier) -> list[Path]:
         f"{settings.env_id}: largest force before the first failure [N]\n"
         f"{settings.body}, {settings.duration:g} s, start of a left stance; forward is up"
     )
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.05, -0.12), fontsize="small", ncols=2)
+    figure.legend(loc="outside lower center", fontsize="small", ncols=3)
     paths = []
     for suffix in ("png", "svg"):
         buffer = io.BytesIO()
