@@ -31,9 +31,6 @@ from .limits import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait
 from .robot import RobotModel
 
-# Layout of the constants (CONSTANTS_SIZE,): omega, step box (6), half sole (2), trunk (3)
-CONSTANTS_SIZE = 12
-
 
 @dataclass(frozen=True)
 class OffsetBounds:
@@ -46,7 +43,10 @@ class OffsetBounds:
 def capture_constants(
     robot: RobotModel, limits: GaitLimits, foot: bool = True, flywheel: bool = True
 ) -> NDArray[np.float64]:
-    """Pack what the kernels need; a point foot has no sole, no flywheel no torque."""
+    """Pack what the kernels need: omega, step box (6), half sole (2), trunk (3).
+
+    A point foot has no sole, no flywheel no torque.
+    """
     return np.array(
         [robot.omega, limits.length_min, limits.length_max, limits.width_min, limits.width_max,
          limits.duration_min, limits.duration_max, limits.cop_x_max * foot, limits.cop_y_max * foot,

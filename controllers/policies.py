@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,22 +76,6 @@ class Plan:
     def trunk_acceleration(self) -> Floats:
         """Trunk angular acceleration: pitch, roll, (2,) [rad/s^2]."""
         return self.gait[5:7]
-
-
-class GaitPolicy(Protocol):
-    """What `make_policy` returns."""
-
-    name: str
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """Action (7,) or (n, 7) in [-1, 1], and the state, unchanged."""
-        ...
 
 
 def as_batch(observation: ArrayLike) -> tuple[Floats, bool]:

@@ -24,16 +24,13 @@ REMAINING = 16  # until the new foot carries load [s], >= 0
 HELD = 17  # 1 where the plan is the previous one
 ROW_SIZE = 18
 
-# Constants of a policy (CONSTANTS_SIZE,): omega, l_p, weights, switches, margins, upright law
-CONSTANTS_SIZE = 12
-
 _T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
 _PREVIOUS = PREVIOUS_ACTION.start
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs of a robot and a configuration."""
+    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, upright law, (12,)."""
     check_pelvis(robot, limits)
     return np.array(
         [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,

@@ -20,7 +20,6 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 DIMENSIONS = 3
-ROW = 1 + 2 * DIMENSIONS
 
 
 def address_table(arrays: Iterable[NDArray]) -> NDArray[np.int64]:

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 RENDER_MODES = ("human", "rgb_array")
 
 
-def check_action(action: ArrayLike) -> NDArray[np.float32]:
-    """A gait action (7,) as float32, clipped to [-1, 1].
+def check_action(action: ArrayLike, name: str = "action") -> NDArray[np.float32]:
+    """A gait action (7,) as float32, clipped to [-1, 1]; `name` is what errors call it.
 
     Raises:
         InvalidValueError: for another shape, or NaN or infinity.
@@ -38,11 +38,11 @@ def check_action(action: ArrayLike) -> NDArray[np.float32]:
     try:
         values = np.asarray(action, dtype=np.float32)
     except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"action is not an array of numbers: {error}") from None
+        raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
     if values.shape != (GAIT_SIZE,):
-        raise InvalidValueError(f"action must have shape ({GAIT_SIZE},), got {values.shape}")
+        raise InvalidValueError(f"{name} must have shape ({GAIT_SIZE},), got {values.shape}")
     if not np.isfinite(values).all():
-        raise InvalidValueError(f"action must be finite, within [-1, 1], got {values.tolist()}")
+        raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {values.tolist()}")
     return np.clip(values, -1.0, 1.0)
 
 

@@ -17,6 +17,7 @@ from ..controllers.policies import make_policy
 from ..controllers.residual_action import check_residual_scale, compose, default_residual_scale
 from ..controllers.residual_gate import check_gate, make_gate
 from .action_hold import ActionHold
+from .gait_env import check_action
 
 
 class ResidualAction(gym.Wrapper, RecordConstructorArgs):
@@ -100,7 +101,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         """One planning period with the policy's action corrected by `action`, (7,) in [-1, 1]."""
         if self._observation is None:
             raise gym.error.ResetNeeded("call reset before step")
-        residual = check_residual(action)
+        residual = check_action(action, "residual action")
         base, self._policy_state = self.policy.predict(
             self._observation, state=self._policy_state, episode_start=np.array([self._episode_start])
         )
@@ -115,19 +116,6 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         info["residual_action"] = self.scale * residual
         info["qp_status"] = next(iter(getattr(self.policy, "statuses", ())), None)
         return observation, reward, terminated, truncated, info
-
-
-def check_residual(action: Any) -> NDArray[np.float32]:
-    """A residual (7,) float32, clipped to [-1, 1]; InvalidValueError unless it is seven finite numbers."""
-    try:
-        values = np.asarray(action, dtype=np.float32)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"a residual action is an array of numbers: {error}") from None
-    if values.shape != (GAIT_SIZE,):
-        raise InvalidValueError(f"a residual action has shape ({GAIT_SIZE},), got {values.shape}")
-    if not np.all(np.isfinite(values)):
-        raise InvalidValueError(f"a residual action must be finite, got {values.tolist()}")
-    return np.clip(values, np.float32(-1.0), np.float32(1.0))
 
 
 def make_biped_residual(
