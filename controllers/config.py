@@ -24,6 +24,10 @@ class PlannerConfig:
     freeze: float = 0.0  # the step plan is held when less than this remains [s]
     touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
 
+    # Both stages
+    push_carry: float = 0.0  # the push of the last period is expected to last this much longer [s]
+    trunk_debt: bool = False  # what stopping the trunk will cost belongs to the DCM
+
     # Stage 2, eq. 20
     use_cop: bool = True
     use_trunk: bool = True
@@ -78,6 +82,8 @@ PAPER_WEIGHTS = {
     "alpha_step": 1.0,
     "alpha_duration": 1.0,
     "alpha_offset": 1000.0,
+    "push_carry": 0.0,
+    "trunk_debt": False,
     "form": "jerk",
     "beta_cop": 1.0,
     "beta_dcm_acceleration": 1.0,
@@ -92,6 +98,10 @@ PRESETS: dict[str, PlannerConfig] = {
     "paper": replace(_BASE, **PAPER_WEIGHTS),
     "default": replace(
         _BASE,
+        push_carry=0.1,
+        trunk_debt=True,
+        tail_intervals=8,
+        beta_dcm=1e6,
         beta_trunk=1e-2,
         beta_trunk_rate=0.1,
         beta_trunk_angle=0.1,

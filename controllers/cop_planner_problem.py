@@ -58,7 +58,8 @@ def explicit_problem(
         reference = min(max(reference, -cop_max), cop_max)
     n = cops + accelerations
 
-    # Affine maps [constant, inputs] of the states, one interval after the other
+    # Affine maps [constant, inputs] of the states, one interval after the other; with the debt of the trunk
+    # in it, the DCM at touchdown is less what the tail will move the CMP, discounted to touchdown
     xi, theta, omega = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     xi[0], theta[0], omega[0] = dcm, angle, rate
     angles, rates = [], []
@@ -73,6 +74,9 @@ def explicit_problem(
         if k < N:
             e = math.exp(robot.omega * d)
             xi = e * xi - (e - 1) * (z + robot.cmp_per_trunk_acceleration * a)
+        elif config.trunk_debt:
+            before, after = (math.exp(-robot.omega * durations[N:j].sum()) for j in (k, k + 1))
+            xi = xi - robot.cmp_per_trunk_acceleration * (before - after) * a
         theta, omega = theta + d * omega + d * d / 2 * a, omega + d * a
         angles.append(theta)
         rates.append(omega)

@@ -73,6 +73,9 @@ def horizon(robot: RobotModel, config: PlannerConfig, intervals: int, terminal: 
     weights[:cops] = dcm[:cops]
     count = min(accelerations, intervals - 1)
     weights[cops : cops + count] = robot.cmp_per_trunk_acceleration * dcm[:count]
+    if config.trunk_debt and accelerations:
+        decay = np.exp(-robot.omega * (steps[intervals - 1 :] - steps[intervals - 1]))
+        weights[cops + intervals - 1 :] = -robot.cmp_per_trunk_acceleration * np.diff(decay)
 
     # Residual rows: own weights of the inputs | terminal | rates | angles. Columns: CoPs | accelerations.
     own = np.sqrt(np.concatenate([np.full(cops, config.beta_cop), np.full(accelerations, config.beta_trunk)]))

@@ -11,9 +11,9 @@ from .config import PlannerConfig
 from .cop_planner import STATUS, CopPlanner
 from .cop_planner_jerk import JerkCopPlanner
 from .limits import GaitLimits
-from .observation import DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .observation import ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
 from .robot import RobotModel
-from .stage_1 import REMAINING, TARGET
+from .stage_1 import DCM_AHEAD, REMAINING, TARGET
 
 TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
 
@@ -22,7 +22,7 @@ CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
 
 
 def make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule | None:
-    """Stage 2 over observations (n, 34) and stage 1 rows, or None where it has nothing to decide.
+    """Stage 2 over observations (n, 36) and stage 1 rows, or None where it has nothing to decide.
 
     The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each.
     """
@@ -39,7 +39,7 @@ def _compiled_rule(planner: CopPlanner) -> CopRule:
     def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
         inputs = np.zeros((len(batch), 11))
         inputs[:, 0] = rows[:, REMAINING]
-        inputs[:, 1:3] = batch[:, DCM]
+        inputs[:, 1:3] = rows[:, DCM_AHEAD]
         inputs[:, 3:7] = batch[:, TRUNK_STATE]
         inputs[:, 7:9] = rows[:, TARGET]
         result = planner.plan_batch(inputs)
@@ -55,7 +55,7 @@ def _looped_rule(planner: CopPlanner | JerkCopPlanner, limits: GaitLimits | None
     def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
         result, statuses = np.empty((len(batch), 6)), []
         for obs, row, out in zip(batch, rows, result, strict=True):
-            state = (row[REMAINING], obs[DCM], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET])
+            state = (row[REMAINING], row[DCM_AHEAD], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET])
             if limits is None:
                 plan = planner.plan(*state)
             else:

@@ -24,8 +24,11 @@ STANCE_CONTACT = 23  # 1 if the stance foot carries load
 SWING_CONTACT = 24
 COMMAND = slice(25, 27)  # commanded velocity x, y [m/s]
 PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
+# External force over m omega^2 during the last period, from the DCM and the CMP that acted in it:
+# delta = (xi - (exp(omega dt) xi_before - (exp(omega dt) - 1) cmp)) / (exp(omega dt) - 1)  [m]
+PUSH_ESTIMATE = slice(34, 36)
 
-OBSERVATION_SIZE = 34
+OBSERVATION_SIZE = 36
 OBSERVATION_NAMES = (
     "elapsed", "dcm_x", "dcm_y", "com_x", "com_y", "com_velocity_x", "com_velocity_y", "com_height_error",
     "com_vertical_velocity", "swing_x", "swing_y", "swing_z", "swing_velocity_x", "swing_velocity_y",
@@ -33,4 +36,5 @@ OBSERVATION_NAMES = (
     "pelvis_roll", "heading_error", "yaw_rate", "stance_contact", "swing_contact", "command_x", "command_y",
     "previous_step_length", "previous_step_width", "previous_step_duration", "previous_cop_x",
     "previous_cop_y", "previous_trunk_pitch_acceleration", "previous_trunk_roll_acceleration",
+    "push_estimate_x", "push_estimate_y",
 )  # fmt: skip

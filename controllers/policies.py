@@ -79,7 +79,7 @@ class Plan:
 
 
 def as_batch(observation: ArrayLike) -> tuple[Floats, bool]:
-    """Observations as (n, 34) float64, and whether it was a single one.
+    """Observations as (n, 36) float64, and whether it was a single one.
 
     Raises:
         InvalidValueError: for another shape or something that is no number.
@@ -144,7 +144,7 @@ class TwoStagePolicy:
         """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged.
 
         Args:
-            observation: (34,) or (n, 34), see `observation.py`.
+            observation: (36,) or (n, 36), see `observation.py`.
             state: passed through; the policy has no memory.
             episode_start: ignored.
             deterministic: ignored.
@@ -157,7 +157,7 @@ class TwoStagePolicy:
         return (actions[0] if single else actions), state
 
     def plan(self, observation: ArrayLike) -> Plan:
-        """The plan of one observation (34,), with what led to it."""
+        """The plan of one observation (36,), with what led to it."""
         batch, single = as_batch(observation)
         if not single:
             raise InvalidValueError(f"plan takes one observation ({OBSERVATION_SIZE},), got {batch.shape}")

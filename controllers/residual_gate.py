@@ -54,7 +54,7 @@ class ResidualGate:
         self._low, self._high = limits.low, limits.high
 
     def __call__(self, observations: ArrayLike) -> NDArray[np.float32]:
-        """Openings (n, 1) of observations (n, 34)."""
+        """Openings (n, 1) of observations (n, 36)."""
         rows = np.ascontiguousarray(observations, dtype=np.float64)
         return _openings(rows, self._constants, self._low, self._high)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .config import PlannerConfig
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import check_pelvis, nominal_gait_kernel
-from .observation import COMMAND, DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .observation import COMMAND, DCM, ELAPSED, PREVIOUS_ACTION, PUSH_ESTIMATE, TRUNK_ANGLE, TRUNK_RATE
 from .robot import RobotModel
 from .step_planner import PROBLEM_SIZE, SOLUTION_SIZE, solve_step_kernel
 
@@ -22,21 +22,34 @@ NOMINAL = slice(9, 14)  # L, W, T, b_x, b_y
 TARGET = slice(14, 16)  # xi_des = u_T + b_nom (eq. 7) [m]
 REMAINING = 16  # until the new foot carries load [s], >= 0
 HELD = 17  # 1 where the plan is the previous one
-ROW_SIZE = 18
+DCM_AHEAD = slice(18, 20)  # measured DCM with what the push will still add [m]
+ROW_SIZE = 20
 
 _T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
-_PREVIOUS = PREVIOUS_ACTION.start
+_PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, upright law, (12,)."""
+    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, upright law, push, trunk, (15,)."""
     check_pelvis(robot, limits)
     return np.array(
         [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,
          float(config.adapt_step), float(config.adapt_duration), config.duration_margin, config.freeze,
-         config.touchdown_delay, config.upright_stiffness, config.upright_damping]
+         config.touchdown_delay, config.upright_stiffness, config.upright_damping,
+         -math.expm1(-robot.omega * config.push_carry), robot.cmp_per_trunk_acceleration * config.trunk_debt,
+         limits.trunk_acceleration_max]
     )  # fmt: skip
+
+
+@njit(cache=True)
+def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
+    """What the DCM still gets from stopping the trunk as fast as the torque can [m].
+
+    Braking with -a for |rate| / a seconds moves the CMP by -gain a, in all, discounted to now,
+    int omega exp(-omega s) gain a ds = gain a (1 - exp(-omega |rate| / a)), away from the lean's motion.
+    """
+    return math.copysign(gain * acceleration * -math.expm1(-omega * abs(rate) / acceleration), rate)
 
 
 @njit(cache=True)
@@ -53,7 +66,8 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     tau_high = max(math.exp(omega * high[2]), tau_low)
     problem[4] = math.exp(omega * nominal[2])
     for axis in range(2):
-        problem[axis] = obs[_DCM + axis] * scale
+        debt = stopping_debt(obs[_RATE + axis], c[13], c[14], omega)
+        problem[axis] = (row[18 + axis] + debt) * scale
         problem[2 + axis] = nominal[axis]
         problem[5 + axis] = nominal[3 + axis]
         problem[7 + axis] = low[axis] if c[5] > 0.0 else nominal[axis]
@@ -79,13 +93,15 @@ def _hold(obs, c, low, high, row):  # pragma: no cover
     for i in range(3):
         row[i] = low[i] + 0.5 * (obs[_PREVIOUS + i] + 1.0) * (high[i] - low[i])
     for axis in range(2):
-        row[7 + axis] = obs[_DCM + axis] * growth - row[axis]
+        row[7 + axis] = row[18 + axis] * growth - row[axis]
     return True
 
 
 @njit(cache=True)
 def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
-    """Plan of one observation (34,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
+    """Plan of one observation (36,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
+    for axis in range(2):
+        row[18 + axis] = obs[_DCM + axis] + c[12] * obs[_PUSH + axis]
     nominal = row[9:14]
     nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal)
     held = adapt and _hold(obs, c, low, high, row)
@@ -104,7 +120,7 @@ def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
 
 @njit(cache=True)
 def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 34), and whether every observation is finite."""
+    """Plans (n, ROW_SIZE) of observations (n, 36), and whether every observation is finite."""
     n = observations.shape[0]
     rows = np.empty((n, ROW_SIZE))
     finite = True

@@ -28,7 +28,7 @@ class View(NamedTuple):
     command: Array  # (n, 2) [m/s]
     previous_action: Array  # (n, 7)
     capture: Array  # constants of the capture margin
-    observation: Array  # (n, 34), written
+    observation: Array  # (n, 36), written
     margin: Array  # (n,) capture margin [m], written
     world: Array  # (n, 6) DCM, CoP and CMP in the world [m], written
 

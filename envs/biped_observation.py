@@ -85,7 +85,7 @@ def observe(
     phys: Physics, gait: Gait, s: GaitSettings, index: Ints, command: Array, previous: Array, capture: Array,
     out: Array, margin: Array, world: Array,
 ) -> None:  # fmt: skip
-    """Observations (n, 34), capture margins (n,) [m] and world points (n, 6) [m] of every robot."""
+    """Observations (n, 36), capture margins (n,) [m] and world points (n, 6) [m] of every robot."""
     for k in range(gait.time.shape[0]):
         o = out[k]
         omega = base_angular_velocity(phys, k)

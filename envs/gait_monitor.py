@@ -125,7 +125,7 @@ class GaitMonitor:
 
         Args:
             steps: (n,) completed steps.
-            observations: (n, 34).
+            observations: (n, 36).
             com: (n, 2) horizontal, in a frame fixed to the commanded heading [m].
             time: (n,) since reset [s].
             push_end: (n,) when the last push ends [s], inf while one is still to come.

@@ -13,7 +13,7 @@ from ..controllers.observation import DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE
 class RewardInput(NamedTuple):
     """What the terms may look at, after the period."""
 
-    observation: list[float]  # (34,)
+    observation: list[float]  # (36,)
     previous_action: list[
         float
     ]  # (7,) of the period before; PREVIOUS_ACTION of `observation` is this period's

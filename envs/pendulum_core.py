@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FAILURES = ("", "dcm_diverged", "not_finite")
+LANDED = 1e-9  # a touchdown due this soon after a cycle belongs to it [s]
 BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
 APEX = 0.06  # height of the swing foot in mid-step [m]
 
@@ -47,6 +48,7 @@ class Pendulums(NamedTuple):
     plan: Array  # (n, 7) gait variables, canonical frame
     cop: Array  # (n, 2) CoP at the end of the cycle [m]
     cmp: Array  # (n, 2) [m]
+    push: Array  # (n, 2) external force over m omega^2 that explains the DCM's last cycle [m]
     time: Array  # (n,) since reset [s]
     step_start: Array  # (n,) [s]
     side: Ints  # (n,) stance foot, index into SIDES
@@ -153,11 +155,25 @@ def _next_event(s, q, k, end, landed):  # pragma: no cover
 
 
 @njit(cache=True)
+def _estimate_push(s, k, force_x, force_y, span, dt, p):  # pragma: no cover
+    """Add a span's share to the push estimate of its cycle, as an observer of DCM and CMP would find it.
+
+    The DCM ends the cycle beyond its prediction by sum exp(omega left) (exp(omega span) - 1) F / (m omega^2),
+    `left` being what follows the span; the estimate is that over (exp(omega dt) - 1).
+    """
+    grow = math.exp(p.omega * span)
+    share = (grow - 1.0) / (math.exp(p.omega * dt) - 1.0) / (p.mass * p.omega * p.omega)
+    s.push[k, 0] = s.push[k, 0] * grow + share * force_x
+    s.push[k, 1] = s.push[k, 1] * grow + share * force_y
+
+
+@njit(cache=True)
 def advance(s, q, dt, p):  # pragma: no cover
     """One control cycle of every pendulum under its plan.
 
     The CoP is clipped to the sole and the trunk's acceleration to the torque. After a touchdown inside the
-    cycle the CoP rests at the centre of the new sole and the trunk's acceleration goes on.
+    cycle the CoP rests at the centre of the new sole and the trunk's acceleration goes on. One that is due
+    when the cycle ends happens then, so that the next action already belongs to the new step.
     """
     for k in range(s.time.shape[0]):
         if s.failure[k] != 0:
@@ -169,6 +185,7 @@ def advance(s, q, dt, p):  # pragma: no cover
         pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max)
         roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max)
         landed = False
+        s.push[k, 0] = s.push[k, 1] = 0.0
         while s.time[k] < end:
             if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2]:
                 touch_down(s, k)
@@ -183,15 +200,18 @@ def advance(s, q, dt, p):  # pragma: no cover
                     force_y += q.force[k, i, 1]
                     for a in range(3):
                         q.delivered[k, i, a] += q.force[k, i, a] * span
+            _estimate_push(s, k, force_x, force_y, span, dt, p)
             advance_axis(s, k, 0, s.stance[k, 0] + cop_x, pitch, force_x, span, p)
             advance_axis(s, k, 1, s.stance[k, 1] + cop_y, roll, force_y, span, p)
             s.time[k] = until
         s.cop[k, 0], s.cop[k, 1] = s.stance[k, 0] + cop_x, s.stance[k, 1] + cop_y
+        if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2] - LANDED:
+            touch_down(s, k)
 
 
 @njit(cache=True)
 def observe(s, command, previous, p, out):  # pragma: no cover
-    """Observations (n, 34), canonical frame; the swing foot moves on a quintic of the step's phase."""
+    """Observations (n, 36), canonical frame; the swing foot moves on a quintic of the step's phase."""
     for k in range(s.time.shape[0]):
         o = out[k]
         o[:] = 0.0
@@ -211,6 +231,7 @@ def observe(s, command, previous, p, out):  # pragma: no cover
             o[15 + axis] = sign * s.angle[k, axis]
             o[17 + axis] = sign * s.rate[k, axis]
             o[25 + axis] = sign * command[k, axis]
+            o[34 + axis] = sign * s.push[k, axis]
         o[11] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
         o[14] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / s.plan[k, 2]
         o[23] = 1.0
@@ -245,7 +266,7 @@ class PendulumCore:
         self.state = Pendulums(
             com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
             stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
-            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), time=np.zeros(n), step_start=np.zeros(n),
+            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)), time=np.zeros(n), step_start=np.zeros(n),
             side=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
         )  # fmt: skip
         self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset

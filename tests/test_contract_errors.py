@@ -41,7 +41,7 @@ from push_recovery.eval.suites import Suite, quick_suite
 PENDULUM = "PushRecovery/Pendulum-v0"
 
 
-def save_network(path, inputs=34, robot=None):
+def save_network(path, inputs=36, robot=None):
     """A policy file that asks for the middle of the box, made for `inputs` observations and a robot."""
     network = Mlp((np.zeros((7, inputs), dtype=np.float32),), (np.zeros(7, dtype=np.float32),))
     about = PolicyDescription(PENDULUM, robot or RobotModel(), GaitLimits())
@@ -263,7 +263,7 @@ def test_policies_made_for_others_are_refused(tmp_path):
     save_network(tmp_path / "heavy.safetensors", robot=RobotModel(mass=70.0))
     argv = ["evaluate", "--env", PENDULUM, "--out", "out", "--policies"]
     line = refused(tmp_path, *argv, "small.safetensors")
-    assert all(word in line for word in ("small.safetensors", "made for 12 observations", "(34,)"))
+    assert all(word in line for word in ("small.safetensors", "made for 12 observations", "(36,)"))
     line = refused(tmp_path, *argv, "heavy.safetensors")
     assert "mass" in line
     assert "70" in line

@@ -17,7 +17,8 @@ PLANNER = CopPlanner(ROBOT, LIMITS, CONFIG)
 SPREAD = np.array(
     [0.08, 0.08, 0.4, 0.4, 2.0, 2.0, 0.3, 0.3, 0.02, 0.02]
 )  # dcm, angle, rate, target, reference
-ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"terminal_off": 0.3}, {"trunk_gravity": 70.0}]
+ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"terminal_off": 0.3}, {"trunk_gravity": 70.0},
+        {"trunk_debt": True}, {"trunk_debt": True, "use_cop": False}]  # fmt: skip
 
 
 def rows(n: int, seed: int = 0, scale: float = 1.0) -> np.ndarray:

@@ -24,14 +24,14 @@ class SlopePolicy:
         return np.tanh(np.asarray(observation)[..., :7]).astype(np.float32), None
 
 
-def network(sizes=(34, 16, 16, 7), seed=0):
+def network(sizes=(36, 16, 16, 7), seed=0):
     rng = np.random.default_rng(seed)
     shapes = list(zip(sizes[1:], sizes[:-1], strict=True))
     weights = tuple(rng.normal(0, 1 / np.sqrt(i), (o, i)).astype(np.float32) for o, i in shapes)
     return Mlp(weights, tuple(rng.normal(0, 0.1, o).astype(np.float32) for o, _ in shapes))
 
 
-def policy(hold=1, residual=True, sizes=(34, 16, 16, 7)):
+def policy(hold=1, residual=True, sizes=(36, 16, 16, 7)):
     rng = np.random.default_rng(1)
     normalisation = Normalisation(rng.normal(size=sizes[0]), rng.uniform(0.1, 2.0, sizes[0]))
     base = ResidualBase("two-stage", "default", tuple(SCALE.tolist())) if residual else None
@@ -39,11 +39,11 @@ def policy(hold=1, residual=True, sizes=(34, 16, 16, 7)):
     return NetworkPolicy(network(sizes), normalisation, about, SlopePolicy() if residual else None)
 
 
-OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 34))
+OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 36))
 
 
 def test_forward_is_the_tanh_network_in_double_precision():
-    net = network((34, 128, 128, 7))
+    net = network((36, 128, 128, 7))
     inputs = OBSERVATIONS.astype(np.float32)
     x = inputs.astype(np.float64)
     for i, (w, b) in enumerate(zip(net.weights, net.biases, strict=True)):
@@ -133,7 +133,7 @@ def test_saving_again_replaces_the_pair(tmp_path):
 
 @pytest.mark.parametrize(
     "observation",
-    [np.zeros(33), np.zeros((2, 35)), np.zeros((1, 1, 34)), np.full(34, np.nan), np.float64(1.0)],
+    [np.zeros(33), np.zeros((2, 35)), np.zeros((1, 1, 36)), np.full(36, np.nan), np.float64(1.0)],
 )
 def test_bad_observations_are_refused(observation):
     with pytest.raises(InvalidValueError, match="observation"):
@@ -182,9 +182,9 @@ def edit(tmp_path, **changes):
         {"observation_size": 33},
         {"action_size": True},
         {"observation_mean": [0.0] * 33},
-        {"observation_mean": [float("nan")] * 34},
+        {"observation_mean": [float("nan")] * 36},
         {"observation_mean": "zero"},
-        {"observation_variance": [-1.0] * 34},
+        {"observation_variance": [-1.0] * 36},
         {"observation_clip": 0},
         {"hold": 0},
         {"env_id": 7},
@@ -262,5 +262,5 @@ def test_a_failed_save_leaves_the_old_policy(tmp_path):
     policy().save(tmp_path / "p")
     before = {f.name: f.read_bytes() for f in tmp_path.iterdir()}
     with pytest.raises(TypeError):
-        policy(residual=False, sizes=(34, 8, 7)).save(tmp_path / "p", {"note": object()})
+        policy(residual=False, sizes=(36, 8, 7)).save(tmp_path / "p", {"note": object()})
     assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == before

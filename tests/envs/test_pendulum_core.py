@@ -61,6 +61,34 @@ def test_one_cycle_equals_numerical_integration():
     assert after == pytest.approx(y, abs=1e-10)
 
 
+def test_push_estimate_explains_the_motion_of_the_dcm():
+    """delta = (xi - (e xi_before - (e - 1) cmp)) / (e - 1), e = exp(omega dt), in a cycle without events."""
+    push = Push((180.0, -90.0, 0.0), 0.05, 0.0042)
+    core = make_core(Scenario("x", pushes=(push,)), hz=50.0)
+    s, grow = core.state, math.exp(ROBOT.omega / 50.0)
+    gait = np.array([0.0, 0.2, 0.65, 0.04, -0.03, 6.0, -4.0])
+    for cycle in range(4):
+        before = s.com[0] + s.velocity[0] / ROBOT.omega
+        run(core, gait, 1)
+        after = s.com[0] + s.velocity[0] / ROBOT.omega
+        delta = (after - (grow * before - (grow - 1.0) * s.cmp[0])) / (grow - 1.0)
+        assert s.push[0] == pytest.approx(delta, abs=1e-12)
+        assert core.observation[0, 34:36] == pytest.approx(delta * [1, -1], abs=1e-12)  # left stance
+        if cycle == 1:  # the push lasts all of it
+            assert delta == pytest.approx(np.array([180.0, -90.0]) / (60.0 * ROBOT.omega**2))
+        if cycle == 3:
+            assert delta == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_a_touchdown_due_at_the_end_of_a_cycle_happens_in_it():
+    core = make_core(Scenario("x"))
+    _, gait = nominal()
+    run(core, gait, 65)  # T = 0.65 s
+    assert core.state.steps[0] == 1
+    assert core.observation[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert core.state.side[0] == 1
+
+
 def test_nominal_gait_closes_after_two_steps():
     core = make_core(Scenario("x", command=Command(0.5, 0.0)))
     _, gait = nominal((0.5, 0.0))

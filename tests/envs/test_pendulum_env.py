@@ -51,7 +51,7 @@ def test_both_checkers_pass():
 def test_vector_form_and_spec():
     envs = gym.make_vec(ENV_ID, num_envs=2)
     obs, _ = envs.reset(seed=1)
-    assert obs.shape == (2, 34)
+    assert obs.shape == (2, 36)
     assert "autoreset_mode" in envs.metadata
     envs.close()
     env = gym.make(ENV_ID, control_hz=50.0, push_distribution={"impulse_max": 20.0})

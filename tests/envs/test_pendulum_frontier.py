@@ -52,10 +52,10 @@ def test_stage_1_reaches_97_percent_of_the_point_foot_limit_and_no_more():
     assert all(result == [True, True, True, False] for result in alive.values())
 
 
-def test_two_stage_reaches_87_percent_of_the_limit_and_beats_every_ablated_arm():
+def test_two_stage_comes_within_a_grid_step_of_97_percent_and_beats_every_ablated_arm():
     force, limit = frontier("two-stage", 0.55)
-    assert np.average(force / limit, weights=WEIGHTS) >= 0.87
-    assert (force / limit).min() >= 0.82
+    assert np.average((force + 10) / limit, weights=WEIGHTS) >= 0.98  # the first failure on the 10 N grid
+    assert ((force + 10) / limit).min() >= 0.97
     for name in ("stage-1+cop", "stage-1+momentum"):
         assert (force > frontier(name, 0.4)[0]).all()
 

@@ -68,7 +68,7 @@ def test_vectors_state_their_autoreset_mode_and_start_episodes_anew(name, mode):
     )
     assert vector.metadata["autoreset_mode"] == mode
     observations, _ = vector.reset(seed=1)
-    assert observations.shape == (2, 34)
+    assert observations.shape == (2, 36)
     seen, due = np.zeros(2, bool), np.zeros(2, bool)
     for _ in range(400):
         action = np.zeros((2, 7), np.float32)

@@ -17,7 +17,7 @@ class EchoEnv(gym.Env):
     """The observation is the last action and a random part; the reward its first entry."""
 
     def __init__(self, steps=20):
-        self.observation_space = gym.spaces.Box(-10.0, 10.0, (34,), np.float64)
+        self.observation_space = gym.spaces.Box(-10.0, 10.0, (36,), np.float64)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
         self.robot, self.limits, self.preset = RobotModel(), GaitLimits(), "default"
         self.steps = steps
@@ -26,13 +26,13 @@ class EchoEnv(gym.Env):
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         self.count, self.actions = 0, []
-        return self.np_random.uniform(-1, 1, 34), {}
+        return self.np_random.uniform(-1, 1, 36), {}
 
     def step(self, action):
         self.count += 1
         self.actions.append(np.array(action))
-        observation = self.np_random.uniform(-1, 1, 34)
-        observation[27:] = action
+        observation = self.np_random.uniform(-1, 1, 36)
+        observation[27:34] = action
         reward = float(action[0])
         return observation, reward, self.count >= self.steps, False, {"reward_terms": {"alive": reward}}
 

@@ -167,7 +167,7 @@ def test_bad_names_fail_before_any_work(policies, tmp_path):
     with pytest.raises(PushRecoveryError, match="absent"):
         evaluate(SUITE, toy.ENV_ID, [str(tmp_path / "absent.safetensors")], 1, tmp_path / "a")
     small = toy.save_policy(tmp_path / "small.safetensors", 1.0, inputs=5)
-    with pytest.raises(InvalidValueError, match=r"made for 5 observations.*\(34,\)"):
+    with pytest.raises(InvalidValueError, match=r"made for 5 observations.*\(36,\)"):
         evaluate(SUITE, toy.ENV_ID, [small], 1, tmp_path / "a")
     with pytest.raises(InvalidValueError, match=r"robot, limits, preset"):
         make_env("gymnasium:CartPole-v1")

@@ -13,12 +13,12 @@ class ToyGait(gym.Env):
     """offset' = 1.1 offset + 0.3 action[0]; falls where |offset| > 1; the reward is 1 - offset^2."""
 
     def __init__(self):
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (34,), np.float64)
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (36,), np.float64)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
         self.robot, self.limits, self.preset = RobotModel(), GaitLimits(), "default"
 
     def _observe(self):
-        observation = np.zeros(34)
+        observation = np.zeros(36)
         observation[1:3] = self.offset, 0.1
         return observation
 

@@ -56,7 +56,7 @@ def test_the_policy_file_acts_as_sb3_does(tmp_path, settings):
     venv = DummyVecEnv([lambda: gym.make(settings.env_id)])
     normalise = VecNormalize.load(str(tmp_path / "run" / "sb3" / "vecnormalize.pkl"), venv)
     model = PPO.load(tmp_path / "run" / "sb3" / "model.zip", device="cpu")
-    observations = np.random.default_rng(0).normal(0, 0.5, (200, 34))
+    observations = np.random.default_rng(0).normal(0, 0.5, (200, 36))
     observations[:, 3:] = 0.0
     sb3, _ = model.predict(normalise.normalize_obs(observations), deterministic=True)
     mine, _ = NetworkPolicy.load(result.policy).predict(observations)
@@ -92,7 +92,7 @@ def test_an_interrupted_run_goes_on_to_its_end(tmp_path, settings):
     result = resume(out)
     assert result.timesteps == 1024
     assert [p.timesteps for p in result.curve] == [0, 512, 1024]
-    assert NetworkPolicy.load(out / "policy").observation_size == 34
+    assert NetworkPolicy.load(out / "policy").observation_size == 36
 
 
 def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, settings):
@@ -188,7 +188,7 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path, settings):
 
 def test_an_untrained_network_gives_zero(tmp_path, settings):
     result = train(dataclasses.replace(settings, timesteps=0), tmp_path / "run")
-    action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 34)))
+    action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 36)))
     np.testing.assert_array_equal(action, 0.0)
 
 
