@@ -31,7 +31,7 @@ _PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, upright law, push, trunk, (15,)."""
+    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, trunk law, push, trunk, (15,)."""
     check_pelvis(robot, limits)
     return np.array(
         [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,

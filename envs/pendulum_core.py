@@ -266,7 +266,8 @@ class PendulumCore:
         self.state = Pendulums(
             com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
             stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
-            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)), time=np.zeros(n), step_start=np.zeros(n),
+            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
+            time=np.zeros(n), step_start=np.zeros(n),
             side=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
         )  # fmt: skip
         self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset
