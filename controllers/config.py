@@ -103,9 +103,8 @@ PRESETS: dict[str, PlannerConfig] = {
         tail_intervals=8,
         beta_dcm=1e6,
         beta_trunk=1e-2,
-        beta_trunk_rate=0.1,
-        beta_trunk_angle=0.1,
-        terminal_off=0.005,  # half a period: less moves no DCM, yet leaves the trunk swinging
+        beta_trunk_rate=1.0,
+        beta_trunk_angle=10.0,
     ),
     "biped": replace(
         _BASE,
