@@ -25,7 +25,7 @@ def pushes(vx=0.0, count=12, seed=0):
     event = GaitEvent(4, "left", 0.0)
     start = [
         Scenario(f"start-{force}", (polar_push(force, -1.2, 0.1, event),), Command(vx), "left", 2.5)
-        for force in (300.0, 560.0)
+        for force in (300.0, 750.0)
     ]
     two = (polar_push(90.0, 0.4, 0.1, 1.234), polar_push(80.0, 2.0, 0.05, GaitEvent(5, "right", 0.3)))
     return [*drawn, *start, Scenario("two", two, Command(vx), "right", 2.5), Scenario("none", duration=1.5)]
