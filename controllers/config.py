@@ -26,6 +26,7 @@ class PlannerConfig:
 
     # Both stages
     push_carry: float = 0.0  # the push of the last period is expected to last this much longer [s]
+    push_threshold: float = 0.0  # a smaller push estimate is taken for noise [m]
     trunk_debt: bool = False  # what stopping the trunk will cost belongs to the DCM
 
     # Stage 2, eq. 20
@@ -99,6 +100,7 @@ PRESETS: dict[str, PlannerConfig] = {
     "default": replace(
         _BASE,
         push_carry=0.1,
+        push_threshold=0.2,
         trunk_debt=True,
         tail_intervals=8,
         beta_dcm=1e6,

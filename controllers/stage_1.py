@@ -31,14 +31,14 @@ _PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, trunk law, push, trunk, (15,)."""
+    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, trunk laws, push, (16,)."""
     check_pelvis(robot, limits)
     return np.array(
         [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,
          float(config.adapt_step), float(config.adapt_duration), config.duration_margin, config.freeze,
          config.touchdown_delay, config.upright_stiffness, config.upright_damping,
          -math.expm1(-robot.omega * config.push_carry), robot.cmp_per_trunk_acceleration * config.trunk_debt,
-         limits.trunk_acceleration_max]
+         limits.trunk_acceleration_max, config.push_threshold]
     )  # fmt: skip
 
 
@@ -100,8 +100,9 @@ def _hold(obs, c, low, high, row):  # pragma: no cover
 @njit(cache=True)
 def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
     """Plan of one observation (36,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
+    carry = c[12] if math.hypot(obs[_PUSH], obs[_PUSH + 1]) >= c[15] else 0.0
     for axis in range(2):
-        row[18 + axis] = obs[_DCM + axis] + c[12] * obs[_PUSH + axis]
+        row[18 + axis] = obs[_DCM + axis] + carry * obs[_PUSH + axis]
     nominal = row[9:14]
     nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal)
     held = adapt and _hold(obs, c, low, high, row)

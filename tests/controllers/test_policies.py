@@ -76,10 +76,13 @@ def discounted(shift, duration, omega):
 
 
 def test_stage_1_solves_equation_3():
-    policy = make_policy("stage-1")
+    policy, thresholds = make_policy("stage-1"), set()
     for obs in random_observations(50, 2):
-        plan, t, omega = policy.plan(obs), obs[ELAPSED], ROBOT.omega
-        dcm = obs[DCM] + discounted(obs[PUSH_ESTIMATE], 0.1, omega)  # the push goes on for 0.1 s
+        t, omega = obs[ELAPSED], ROBOT.omega
+        obs[PUSH_ESTIMATE] *= 4.0
+        carried = 0.1 if np.linalg.norm(obs[PUSH_ESTIMATE]) >= 0.2 else 0.0  # the push goes on for 0.1 s
+        thresholds.add(carried)
+        plan, dcm = policy.plan(obs), obs[DCM] + discounted(obs[PUSH_ESTIMATE], carried, omega)
         for axis, rate in enumerate(obs[TRUNK_RATE]):  # the trunk is stopped by its full torque
             torque = math.copysign(ROBOT.trunk_torque_max, rate)
             dcm[axis] += discounted(torque / ROBOT.weight, 8.0 * abs(rate) / 150.0, omega)
@@ -100,6 +103,7 @@ def test_stage_1_solves_equation_3():
         assert plan.duration == pytest.approx(exact.duration(omega), abs=1e-6)
         assert plan.offset == pytest.approx(exact.offset, abs=1e-6)
         assert plan.dcm_target == pytest.approx(plan.step + plan.nominal.offset)  # eq. 7
+    assert thresholds == {0.0, 0.1}
 
 
 def test_arms_use_only_what_they_may():
