@@ -22,7 +22,7 @@ STEM = "fig5_motion"
 BEFORE, AFTER = 0.5, 2.5  # what the film shows about the onset of the push [s]
 SPEED = 0.5  # of the film against time
 PIXELS = 100  # [1/in]
-COLOURS = 64  # of the palette that all pictures share, which keeps the file small
+COLOURS = 128  # of the palette that all pictures share, which keeps the file small
 LABELLED = 0.4  # how long the push is named [s]
 
 
@@ -43,7 +43,7 @@ def save(records: Sequence[Record], directory: Path, fps: int = 20) -> Path:
                 _draw_moment(axes, record, float(offset))
             pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
     # The push is in the picture just after the onset: all colours are in use there
-    palette = pictures[int((BEFORE + 0.05) / SPEED * fps)].quantize(COLOURS)
+    palette = pictures[int((BEFORE + 0.05) / SPEED * fps)].quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
     first, *rest = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     buffer = io.BytesIO()
     first.save(
@@ -56,28 +56,33 @@ def save(records: Sequence[Record], directory: Path, fps: int = 20) -> Path:
 
 def _stage(records: Sequence[Record]) -> tuple[Figure, Sequence[Axes]]:
     """All that stands still: axes, titles, ground, legend."""
+    from matplotlib.ticker import MultipleLocator
+
     low, high = _range(records)
-    figure = style.new_figure(style.WIDTH, 4.3, PIXELS)
+    figure = style.new_figure(style.WIDTH, 4.4, PIXELS)
     panels = figure.subplots(1, len(records), sharex=True, sharey=True, squeeze=False)[0]
     for index, (axes, record) in enumerate(zip(panels, records, strict=True)):
-        style.head(axes, record, index)
+        style.head(axes, record, index, outcome=False)
         axes.set(xlim=(low, high), ylim=(GROUND, HEIGHT), aspect="equal", xlabel="to the right [m]")
         axes.axhline(0.0, color="#999999", lw=0.8)
     panels[0].set_ylabel("height [m]")
+    panels[0].xaxis.set_major_locator(MultipleLocator(0.5))
     legend(figure)
-    figure.suptitle(f"seen from behind, {SPEED:g} times real time", fontsize=9.5)
+    figure.suptitle(f"seen from behind, at {SPEED:g} of real speed", fontsize=9.5)
     return figure, list(panels)
 
 
 def _range(records: Sequence[Record]) -> tuple[float, float]:
-    """Range to the right of the world's y = 0 that holds CoM and soles in the film [m]."""
+    """Range to the right of the world's y = 0 that holds CoM and soles, at least as wide as high [m]."""
     across: list[float] = []
     for record in records:
         offset = record.time - record.push_start
         view = (offset >= -BEFORE) & (offset <= AFTER)
         for points in (record.com, record.stance, record.swing):
             across += [*-points[view, 1]]
-    return float(min(across)) - 0.40, float(max(across)) + 0.40
+    middle = (min(across) + max(across)) / 2
+    half = max((max(across) - min(across)) / 2 + 0.40, (HEIGHT - GROUND) / 2)
+    return float(middle - half), float(middle + half)
 
 
 def _draw_moment(axes: Axes, record: Record, offset: float) -> None:

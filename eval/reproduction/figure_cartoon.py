@@ -22,7 +22,8 @@ SPACING = 0.95  # between the robots [m]
 TRUNK, HEAD = 0.50, 0.10  # length of the trunk, radius of the head [m]
 ARROW = 0.33  # length of the push's arrow [m]
 HEIGHT = 1.78  # of the view [m]
-GROUND = -0.14  # lower edge of the view [m]
+GROUND, MARKS = -0.17, -0.08  # lower edge of the view; where CoP and DCM are marked, below the soles [m]
+SOLE = 0.045  # its thickness [m]
 
 
 def draw(records: Sequence[Record], directory: Path) -> list[Path]:
@@ -35,13 +36,13 @@ def draw(records: Sequence[Record], directory: Path) -> list[Path]:
         rows = figure.subplots(len(records), 1, squeeze=False)[:, 0]
         for index, (axes, record) in enumerate(zip(rows, records, strict=True)):
             style.head(axes, record, index)
-            axes.set_title("seen from behind", loc="right")
             axes.set(xlim=(-left, span - left), ylim=(GROUND, HEIGHT), aspect="equal")
             axes.set(yticks=(0.0, 0.5, 1.0, 1.5), ylabel="height [m]")
             axes.spines[["top", "right"]].set_visible(False)
             _row(axes, record)
+        rows[0].set_title("seen from behind", loc="right", fontsize=9.5)
         rows[-1].set_xlabel(
-            "time since the onset of the push [s]; at the tick: where the CoM was at the first instant"
+            "time since the onset of the push [s]; dotted: where the CoM was at the first instant"
         )
         legend(figure)
         return style.save(figure, directory, STEM)
@@ -75,20 +76,10 @@ def draw_robot(axes: Axes, record: Record, sample: int, shift: float, width: flo
         Circle((float(skull[0]), float(skull[1])), HEAD, fc="#dddddd", ec="#444444", lw=1.4, zorder=5)
     )
     axes.plot(*pelvis, "o", color=style.COM_COLOUR, mec="white", ms=6.5 * width, zorder=6)
-    axes.plot(
-        shift - float(record.cop[sample, 1]),
-        -0.05,
-        "^",
-        color=style.COP_COLOUR,
-        mec="white",
-        mew=0.6,
-        ms=7 * width,
-        zorder=7,
-    )
-    axes.plot(
-        shift - float(record.dcm[sample, 1]), 0.0, "D", color=style.DCM_COLOUR, mec="white", ms=5.5 * width,
-        zorder=8,
-    )  # fmt: skip
+    marks = ((record.cop, "^", style.COP_COLOUR, 8.0), (record.dcm, "D", style.DCM_COLOUR, 4.5))
+    for points, marker, colour, size in marks:  # the smaller one last: both show where they coincide
+        place = shift - float(points[sample, 1])
+        axes.plot(place, MARKS, marker, color=colour, mec="white", mew=0.6, ms=size * width, zorder=7)
     if 0.0 <= record.time[sample] - record.push_start <= record.push_duration + 1e-9:
         _push(axes, record, pelvis, width)
 
@@ -101,10 +92,13 @@ def _leg(
     record: Record,
     width: float,
 ) -> None:
+    from matplotlib.patches import Rectangle
+
     colour, half = style.FOOT_COLOURS[side], record.foot_size[1] / 2
-    axes.plot(*zip(pelvis, sole, strict=True), color=colour, lw=3 * width, solid_capstyle="round", zorder=3)
-    bar = ((sole[0] - half, sole[1]), (sole[0] + half, sole[1]))
-    axes.plot(*zip(*bar, strict=True), color=colour, lw=4.5 * width, solid_capstyle="butt", zorder=4)
+    ankle = (sole[0], sole[1] + SOLE)
+    axes.plot(*zip(pelvis, ankle, strict=True), color=colour, lw=3 * width, solid_capstyle="butt", zorder=3)
+    box = Rectangle((sole[0] - half, sole[1]), 2 * half, SOLE, fc=colour, ec="none", zorder=4)
+    axes.add_patch(box)
 
 
 def _push(axes: Axes, record: Record, pelvis: tuple[float, float], width: float) -> None:
@@ -149,7 +143,7 @@ def _row(axes: Axes, record: Record) -> None:
     places = _instants(record)
     for place, sample in places:
         tick = SPACING * place
-        axes.plot([tick, tick], [GROUND, 0.0], color="#999999", lw=0.8, zorder=0)
+        axes.plot([tick, tick], [GROUND, 1.5], color="#999999", lw=0.9, ls=":", zorder=0)
         draw_robot(axes, record, sample, tick + float(record.com[places[0][1], 1]))
         if 0.0 <= INSTANTS[place] <= record.push_duration:
             axes.annotate(

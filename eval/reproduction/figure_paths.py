@@ -110,10 +110,9 @@ def _soles(axes: Axes, record: Record) -> None:
         axes.add_patch(
             Rectangle(corner, length, width, ec=colour, fc="none", lw=1.2, hatch=hatch, alpha=0.8, zorder=3)
         )
-        up = 1 if side == 0 else -1
         axes.annotate(
-            f"{index}", (corner[0] + length, float(centre[1]) + up * width / 2), (-1, 3 * up),
-            textcoords="offset points", ha="right", va="bottom" if up > 0 else "top", color="#333333",
+            f"{index}", (corner[0], float(centre[1])), (4, 0), textcoords="offset points", va="center",
+            bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.6}, zorder=8,
         )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def draw(
         for arm, curve in curves.items():
             look = style.arm_style(arm)
             axes.plot(
-                *_closed(curve), color=look.colour, ls=look.line, lw=1.5, marker=look.marker, ms=4.0,
+                *_closed(curve), color=look.colour, ls=look.line, lw=1.5, marker=look.marker, ms=3.6,
                 mew=0.9, label=look.label, zorder=3,
             )  # fmt: skip
         largest = max(radius for curve in (*curves.values(), *limits.values()) for _, radius in curve)
@@ -63,16 +63,16 @@ def _closed(curve: Curve) -> tuple[list[float], list[float]]:
 def _scales(axes: Any, largest: float, unit: str) -> None:
     """Label both coordinates and say which way the robot looks and stands."""
     angles = range(0, 360, 30)
-    labels = [f"{a if a <= 180 else a - 360}°" for a in angles]
+    labels = [f"{a}°" if a <= 180 else f"\N{MINUS SIGN}{360 - a}°" for a in angles]
     axes.set_thetagrids(angles, labels)
     axes.set_rlim(0.0, 1.03 * largest)
-    axes.set_rgrids(axes.get_yticks()[1:], [])
-    for radius in axes.get_yticks():
-        if radius < largest:
-            axes.text(
-                math.radians(RADIAL_LABELS), radius, f"{radius:g} {unit}", ha="center", va="center", zorder=6,
-                bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.8},
-            )  # fmt: skip
+    radii = [float(radius) for radius in axes.get_yticks() if 0.0 < radius < largest]
+    axes.set_rgrids(radii, [])
+    for radius in radii:
+        axes.text(
+            math.radians(RADIAL_LABELS), radius, f"{radius:g} {unit}", ha="center", va="center", zorder=6,
+            bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.8},
+        )  # fmt: skip
     place: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "va": "center", "weight": "bold"}
     axes.text(0.5, 1.075, "ψ = 0: forward", **place)
     axes.text(0.5, -0.075, "backward", **place)

@@ -70,7 +70,7 @@ def arm_style(arm: str) -> ArmStyle:
     if arm in ARM_STYLES:
         return ARM_STYLES[arm]
     key = zlib.crc32(arm.encode())
-    dashes = (float(2 + key % 5), 1.0, 1.0, 1.0)
+    dashes = (float(2 + key // 35 % 5), 1.0, 1.0, 1.0)
     return ArmStyle(
         SPARE_COLOURS[key % len(SPARE_COLOURS)],
         (0, dashes),
@@ -164,11 +164,18 @@ def lateral_limits(records: Sequence[Record], margin: float = 0.06) -> tuple[flo
     return float(min(values)) - margin, float(max(values)) + margin
 
 
-def head(axes: Axes, record: Record, index: int) -> None:
-    """Title a panel: letter, arm and what became of it, behind a sample of the arm's line."""
+def head(axes: Axes, record: Record, index: int, outcome: bool = True) -> None:
+    """Title a panel: letter, arm and what became of it, behind a sample of the arm's line.
+
+    Args:
+        axes: the panel.
+        record: what it shows.
+        index: of the panel, for its letter.
+        outcome: say whether the robot falls or recovers.
+    """
     style = arm_style(record.arm)
-    outcome = "recovers" if record.survived else "falls"
-    axes.set_title(f"        ({chr(ord('a') + index)})  {style.label}: {outcome}", loc="left", weight="bold")
+    end = (": recovers" if record.survived else ": falls") if outcome else ""
+    axes.set_title(f"        ({chr(ord('a') + index)})  {style.label}{end}", loc="left", weight="bold")
     _sample(axes, style)
 
 
