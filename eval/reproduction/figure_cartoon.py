@@ -80,7 +80,7 @@ def draw_robot(axes: Axes, record: Record, sample: int, shift: float, width: flo
     for points, marker, colour, size in marks:  # the smaller one last: both show where they coincide
         place = shift - float(points[sample, 1])
         axes.plot(place, MARKS, marker, color=colour, mec="white", mew=0.6, ms=size * width, zorder=7)
-    if 0.0 <= record.time[sample] - record.push_start <= record.push_duration + 1e-9:
+    if -1e-6 <= record.time[sample] - record.push_start < record.push_duration - 1e-6:
         _push(axes, record, pelvis, width)
 
 
