@@ -14,7 +14,8 @@ is L_max / (lambda - 1). With r left until the earliest touchdown, a state may b
 
 (mirrored for -x), where f is half the sole and B what the trunk gives once, by its fastest swing to
 theta_max: B = (tau_max / (m g)) (1 - exp(-omega sqrt(theta_max j / tau_max)))^2 from rest. A push F at the
-start of a step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2).
+start of a step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omega^2). Of controllers that act
+only after a reaction time t_r, f and B are worth exp(-omega t_r) as much. Derived in docs/limits.md.
 """
 
 from __future__ import annotations
@@ -175,6 +176,7 @@ def max_recoverable_force(
     *,
     limits: GaitLimits | None = None,
     gait: NominalGait | None = None,
+    reaction: float = 0.0,
 ) -> float:
     """F*(psi): the largest push at the start of a left stance that any controller can recover from [N].
 
@@ -186,22 +188,68 @@ def max_recoverable_force(
         flywheel: whether the trunk may be accelerated.
         limits: step box; the paper's by default.
         gait: nominal gait of the left stance (y to the right); in place by default.
+        reaction: CoP and trunk stay nominal this long after the push began, the step is free: the limit of
+            controllers that act no earlier. At most the duration of the nominal step [s].
 
     Returns:
         0 where the nominal gait itself lies outside the bounds.
     """
     if not (math.isfinite(psi) and math.isfinite(duration) and duration > 0):
         raise InvalidValueError(f"psi [rad] must be finite and duration [s] positive, got {psi}, {duration}")
+    shift = _max_recoverable_shift(robot, psi, foot, flywheel, limits, gait, reaction)
+    return float(shift * robot.mass * robot.omega**2 / -math.expm1(-robot.omega * duration))
+
+
+def max_recoverable_impulse(
+    robot: RobotModel,
+    psi: float,
+    foot: bool = True,
+    flywheel: bool = True,
+    *,
+    limits: GaitLimits | None = None,
+    gait: NominalGait | None = None,
+    reaction: float = 0.0,
+) -> float:
+    """J*(psi): the largest impulse, as a velocity jump J / m at the start of a left stance [N s].
+
+    It is the limit of F* x duration for ever shorter pushes, J = m omega x shift of the DCM. Arguments as
+    for `max_recoverable_force`.
+    """
+    if not math.isfinite(psi):
+        raise InvalidValueError(f"psi must be finite [rad], got {psi}")
+    shift = _max_recoverable_shift(robot, psi, foot, flywheel, limits, gait, reaction)
+    return float(shift * robot.mass * robot.omega)
+
+
+def _max_recoverable_shift(
+    robot: RobotModel,
+    psi: float,
+    foot: bool,
+    flywheel: bool,
+    limits: GaitLimits | None,
+    gait: NominalGait | None,
+    reaction: float,
+) -> float:
+    """How far a push along psi may shift the DCM at the start of a left stance [m].
+
+    Inputs that are nominal for r let the offset grow by exp(omega r), so the bounds at r hold for it then.
+    """
     limits = GaitLimits.of(robot) if limits is None else limits
     gait = nominal_gait(robot, limits) if gait is None else gait
-    bounds = recoverable_offset(robot, limits, foot=foot, flywheel=flywheel)
+    if not 0.0 <= reaction <= gait.duration:
+        raise InvalidValueError(
+            f"reaction must lie within the nominal step, [0, {gait.duration:g}] s, got {reaction}"
+        )
+    bounds = recoverable_offset(robot, limits, reaction, foot=foot, flywheel=flywheel)
+    decay = math.exp(-robot.omega * reaction)
     start = step_start_dcm(gait, robot.pelvis_width, robot.omega)
-    force = math.inf
+    shift = math.inf
     for axis, share in enumerate((math.cos(psi), -math.sin(psi))):
-        room = bounds.high[axis] - start[axis] if share > 0 else start[axis] - bounds.low[axis]
+        high, low = decay * bounds.high[axis], decay * bounds.low[axis]
+        room = high - start[axis] if share > 0 else start[axis] - low
         if abs(share) > 1e-12:
-            force = min(force, max(room, 0.0) / abs(share))
-    return force * robot.mass * robot.omega**2 / -math.expm1(-robot.omega * duration)
+            shift = min(shift, max(room, 0.0) / abs(share))
+    return shift
 
 
 def _pair(name: str, value: ArrayLike) -> NDArray[np.float64]:

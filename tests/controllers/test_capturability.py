@@ -6,13 +6,10 @@ from push_recovery.controllers.capturability import (
     capture_margin,
     max_recoverable_force,
     recoverable_offset,
-    step_start_dcm,
 )
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.nominal_gait import nominal_gait
 from push_recovery.controllers.robot import RobotModel
-from scipy.optimize import linprog
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
@@ -27,54 +24,6 @@ def test_limits_of_the_papers_robot(both, table):
         max_recoverable_force(ROBOT, math.radians(psi), 0.1, foot=both, flywheel=both) for psi in ANGLES
     ]
     assert forces == pytest.approx(table, abs=1.01)
-
-
-def trajectory_limit(axis, sign, foot, flywheel, dt=0.01, steps=8):
-    """Largest push [N] along one axis, by a linear program over step places, CoP and trunk trajectories.
-
-    The last step only has to keep the DCM within 1 m of the foot: after `steps` steps that costs 1e-3 N.
-    """
-    omega, growth = ROBOT.omega, math.exp(ROBOT.omega * dt)
-    per_step, gain = round(LIMITS.duration_min / dt), ROBOT.cmp_per_trunk_acceleration
-    nodes = per_step * steps
-    start = step_start_dcm(nominal_gait(ROBOT, LIMITS), ROBOT.pelvis_width, omega)[axis]
-    half = (LIMITS.cop_x_max, LIMITS.cop_y_max)[axis] * foot
-    push = LIMITS.trunk_acceleration_max * flywheel
-    # variables: shift of the first DCM, CoP (nodes), trunk acceleration (nodes), footholds (steps)
-    size = 1 + 2 * nodes + steps
-    acceleration = 1 + nodes
-    footholds = 1 + 2 * nodes
-    end = np.zeros(size)  # DCM after the last step, times growth^-nodes
-    end[0] = 1.0
-    weight = (growth - 1.0) * growth ** -(np.arange(nodes) + 1.0)
-    end[1 : 1 + nodes] = -weight
-    end[acceleration : acceleration + nodes] = -weight * gain
-    for j in range(steps):  # the foot of step j moves all later CoPs and, at last, the reference
-        end[footholds + j] = -weight[(j + 1) * per_step :].sum() - growth**-nodes
-    rows, bounds_up = [end, -end], [growth**-nodes - start, growth**-nodes + start]
-    angle = np.zeros((nodes, size))
-    for k in range(nodes):
-        lag = np.arange(k, -1, -1) + 0.5
-        angle[k, acceleration : acceleration + k + 1] = lag * dt * dt
-    rows += [*angle, *-angle]
-    bounds_up += [ROBOT.trunk_angle_max] * (2 * nodes)
-    box = [(None, None), *[(-half, half)] * nodes, *[(-push, push)] * nodes]
-    for j in range(steps):
-        side = 1 if j % 2 == 0 else -1
-        wide = sorted((side * LIMITS.width_min, side * LIMITS.width_max))
-        box.append((LIMITS.length_min, LIMITS.length_max) if axis == 0 else tuple(wide))
-    objective = np.zeros(size)
-    objective[0] = -sign
-    result = linprog(objective, A_ub=np.array(rows), b_ub=np.array(bounds_up), bounds=box, method="highs")
-    assert result.status == 0
-    return sign * result.x[0] * ROBOT.mass * omega**2 / -math.expm1(-omega * 0.1)
-
-
-@pytest.mark.parametrize(("foot", "flywheel"), [(False, False), (True, False), (True, True)])
-@pytest.mark.parametrize(("psi", "axis", "sign"), [(0, 0, 1), (-90, 1, 1), (90, 1, -1)])
-def test_equals_a_linear_program_over_trajectories(psi, axis, sign, foot, flywheel):
-    closed = max_recoverable_force(ROBOT, math.radians(psi), 0.1, foot, flywheel)
-    assert trajectory_limit(axis, sign, foot, flywheel) == pytest.approx(closed, abs=1.0)
 
 
 def test_margin_vanishes_at_the_bounds_and_is_largest_inside():
