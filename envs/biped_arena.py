@@ -14,7 +14,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
 from .biped_gait import Gait, GaitSettings, accept, check_failures, control
 from .biped_kinematics import Array, Ints, Physics
-from .biped_observation import observe
+from .biped_observation import Contacts, count_contacts, observe
 from .push_batch import Pushes
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
@@ -42,14 +42,14 @@ class Arena(NamedTuple):
     bounds: Bounds
     mass_entries: Ints  # (nM, 2) rows and columns of the sparse mass matrix
     view: View
+    contacts: Contacts
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
-    return address_table(
-        [*arena.physics, *arena.gait, *arena.pushes, *bounds[1:], arena.mass_entries, *arena.view]
-    )
+    robots = [*arena.physics, *arena.gait, *arena.pushes]
+    return address_table([*robots, *bounds[1:], arena.mass_entries, *arena.view, *arena.contacts])
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -85,6 +85,12 @@ def pushes_of(t: Ints) -> Pushes:
 
 
 @njit(cache=True)
+def contacts_of(t: Ints) -> Contacts:
+    """Rows 44-47."""
+    return Contacts(floats_2(t[44]), floats_2(t[45]), floats_1(t[46]), floats_2(t[47]))
+
+
+@njit(cache=True)
 def settings_of(c: Array) -> GaitSettings:
     """The first constants."""
     return GaitSettings(*to_fixed_tuple(c[:SETTINGS], SETTINGS))
@@ -111,11 +117,17 @@ def control_step(t: Ints, c: Array, dt: float) -> None:
 
 
 @njit(cache=True)
+def measure_step(t: Ints, dt: float) -> None:
+    """What the sensors sum up over the physics step just made, of every robot."""
+    count_contacts(contacts_of(t), dt)
+
+
+@njit(cache=True)
 def finish_period(t: Ints, c: Array) -> None:
     """Falls, observations and capture margins of every robot; rows 38-43 are the view's."""
     physics, gait, settings = physics_of(t), gait_of(t), settings_of(c)
     check_failures(physics, gait, settings)
     observe(
-        physics, gait, settings, ints_2(t[37]), floats_2(t[38]), floats_2(t[39]), floats_1(t[40]),
-        floats_2(t[41]), floats_1(t[42]), floats_2(t[43]),
+        physics, gait, contacts_of(t), settings, ints_2(t[37]), floats_2(t[38]), floats_2(t[39]),
+        floats_1(t[40]), floats_2(t[41]), floats_1(t[42]), floats_2(t[43]),
     )  # fmt: skip

@@ -23,10 +23,12 @@ from .biped_arena import (
     begin_period,
     control_step,
     finish_period,
+    measure_step,
 )
 from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
+from .biped_observation import Contacts
 from .nominal_start import NominalStart
 from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
@@ -61,6 +63,9 @@ class BipedCore:
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros(n), plan=np.zeros((n, GAIT_SIZE)),
             failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
         )  # fmt: skip
+        self.contacts = Contacts(
+            bind("qfrc_constraint"), impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
+        )
         self.pushes = empty_pushes(n, 1)
         self.command = np.zeros((n, 2))
         self.previous_action = np.zeros((n, GAIT_SIZE))
@@ -68,10 +73,8 @@ class BipedCore:
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
-        self.settings = GaitSettings(
-            omega=robot.omega, com_height=robot.com_height, cmp_gain=robot.cmp_per_trunk_acceleration
-        )
-        self.configure(self.settings, Gains(), BoundSettings())
+        settings = GaitSettings(robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass)
+        self.configure(settings, Gains(), BoundSettings())
 
     def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
         """Set the constants of gait machine and whole-body control."""
@@ -85,7 +88,8 @@ class BipedCore:
         view = View(
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world
         )
-        self._arena = Arena(self.physics, self.gait, self.pushes, self.bounds, mass_matrix_index(), view)
+        state = (self.physics, self.gait, self.pushes, self.bounds)
+        self._arena = Arena(*state, mass_matrix_index(), view, self.contacts)
         self._table = arena_table(self._arena)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
@@ -115,6 +119,8 @@ class BipedCore:
         if pushes is not self.pushes:
             self.pushes = pushes
             self._bind()
+        self.contacts.time[k] = 0.0
+        self.observation[k] = 0.0
         finish_period(self._table, self._constants)
 
     def step(self, gaits: Array, actions: Array) -> None:
@@ -123,6 +129,7 @@ class BipedCore:
         for _ in range(self.substeps):
             control_step(self._table, self._constants, PHYSICS_DT)
             self.batch.step(stage=AT_VELOCITY)
+            measure_step(self._table, PHYSICS_DT)
         finish_period(self._table, self._constants)
 
 

@@ -52,6 +52,7 @@ class GaitSettings(NamedTuple):
     omega: float  # [1/s]
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
+    mass: float  # [kg]
     apex: float = 0.0575  # height of the swing sole in mid-step [m]
     landing_delay: float = 0.005  # the swing sole aims at the floor this long after T [s]
     commit: float = 0.055  # place and time of the step are final from T - this [s]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -22,16 +24,60 @@ from .biped_kinematics import (
 )
 
 
+class Contacts(NamedTuple):
+    """What the contacts gave n robots since they were last observed, and how fast they were then."""
+
+    force: Array  # (n, 20) live generalised forces of contacts and joint limits (qfrc_constraint) [N, N m]
+    impulse: Array  # (n, 2) horizontal, in world axes [N s]
+    time: Array  # (n,) since the last observation [s]
+    velocity: Array  # (n, 3) of the CoM at the last observation [m/s]
+
+
+@njit(cache=True)
+def count_contacts(contacts: Contacts, dt: float) -> None:
+    """Add the contact forces of the physics step just made.
+
+    The rows of the free joint's translation hold the sum of all external contacts in world axes, which force
+    sensors in the feet would measure: joint limits and contacts between two legs cancel in it.
+    """
+    for k in range(contacts.time.shape[0]):
+        contacts.impulse[k, 0] += dt * contacts.force[k, 0]
+        contacts.impulse[k, 1] += dt * contacts.force[k, 1]
+        contacts.time[k] += dt
+
+
+@njit(cache=True)
+def write_push_estimate(
+    contacts: Contacts, gait: Gait, k: int, s: GaitSettings, velocity: Array, o: Array
+) -> None:
+    """Mean external force over m omega^2 since the last observation (34-35) of one robot, canonical frame.
+
+    delta = (m (v - v_before) - int f dt) / (m omega^2 time) [m], v the CoM's velocity, f the contact force:
+    what inertial sensor, joint encoders and force sensors in the feet would tell of a push.
+    Where no time has passed the entries stay.
+    """
+    span = contacts.time[k]
+    if span > 0.0:
+        scale = 1.0 / (s.mass * s.omega**2 * span)
+        x = scale * (s.mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
+        y = scale * (s.mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
+        cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+        o[34], o[35] = cos * x + sin * y, side_sign(gait.stance[k]) * (-sin * x + cos * y)
+    contacts.impulse[k] = 0.0
+    contacts.time[k] = 0.0
+    contacts.velocity[k] = velocity
+
+
 @njit(cache=True)
 def write_motion(
-    phys: Physics, gait: Gait, k: int, s: GaitSettings, index: Ints, o: Array, omega: Array
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, velocity: Array, o: Array, omega: Array
 ) -> None:
     """DCM, CoM and swing sole (observation 1-14) of one robot, canonical frame."""
     stance = gait.stance[k]
     sign = side_sign(stance)
     cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
     sole, foot = sole_position(phys, k, stance), sole_motion(phys, k, 1 - stance, omega)
-    com, velocity = phys.com[k, 0], com_velocity(phys, k, index)
+    com = phys.com[k, 0]
     dx, dy = com[0] - sole[0], com[1] - sole[1]
     o[3], o[4] = cos * dx + sin * dy, sign * (-sin * dx + cos * dy)
     o[5], o[6] = cos * velocity[0] + sin * velocity[1], sign * (-sin * velocity[0] + cos * velocity[1])
@@ -82,20 +128,21 @@ def write_world(phys: Physics, gait: Gait, k: int, s: GaitSettings, o: Array, wo
 
 @njit(cache=True)
 def observe(
-    phys: Physics, gait: Gait, s: GaitSettings, index: Ints, command: Array, previous: Array, capture: Array,
-    out: Array, margin: Array, world: Array,
+    phys: Physics, gait: Gait, contacts: Contacts, s: GaitSettings, index: Ints, command: Array,
+    previous: Array, capture: Array, out: Array, margin: Array, world: Array,
 ) -> None:  # fmt: skip
     """Observations (n, 36), capture margins (n,) [m] and world points (n, 6) [m] of every robot."""
     for k in range(gait.time.shape[0]):
         o = out[k]
-        omega = base_angular_velocity(phys, k)
+        omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k, index)
         o[0] = gait.elapsed[k]
-        write_motion(phys, gait, k, s, index, o, omega)
+        write_motion(phys, gait, k, s, velocity, o, omega)
         write_posture(phys, gait, k, o, omega)
         sign = side_sign(gait.stance[k])
         cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
         o[25] = cos * command[k, 0] + sin * command[k, 1]
         o[26] = sign * (-sin * command[k, 0] + cos * command[k, 1])
         o[27:34] = previous[k]
+        write_push_estimate(contacts, gait, k, s, velocity, o)
         margin[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)
         write_world(phys, gait, k, s, o, world[k])

@@ -9,7 +9,7 @@ from push_recovery.envs.biped_model import PHYSICS_DT
 from push_recovery.envs.push import GaitEvent, Push
 from push_recovery.envs.scenario import Scenario
 
-SETTINGS = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration)
+SETTINGS = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
 
 
 class Recorder:
