@@ -13,6 +13,7 @@ from .loading import ANALYTIC_ARMS, DEFAULT_ENV
 from .suites import SUITES
 from .workers import default_workers
 
+REPRODUCED = ("all", "scenario-1", "scenario-2", "ablations", "limits")  # sections of `reproduce`
 Subparsers = Any  # argparse's own type is private
 
 
@@ -127,6 +128,7 @@ def add_commands(commands: Subparsers) -> None:
         _add_evaluate,
         _add_compare,
         _add_frontier,
+        _add_reproduce,
         _add_bench,
         _add_list,
         _add_play,
@@ -184,6 +186,22 @@ def _add_frontier(commands: Subparsers) -> None:
     parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
     parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
     _add_command_velocity(parser)
+    _add_running(parser)
+
+
+def _add_reproduce(commands: Subparsers) -> None:
+    parser = _command(
+        commands, "reproduce",
+        "Measure the paper's results again on the pendulum: scenarios, ablations, limits, pictures.",
+    )  # fmt: skip
+    parser.add_argument(
+        "section", nargs="?", choices=REPRODUCED, default=REPRODUCED[0], metavar="SECTION",
+        help=", ".join(REPRODUCED),
+    )  # fmt: skip
+    parser.add_argument(
+        "--directions", metavar="N", type=integer(1), default=36,
+        help="directions of scenario 2, counter-clockwise from forward",
+    )  # fmt: skip
     _add_running(parser)
 
 

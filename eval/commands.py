@@ -99,6 +99,13 @@ def _frontier_cell(entry: dict[str, Any]) -> str:
     return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 
 
+def run_reproduce(args: argparse.Namespace) -> int:
+    """Measure the paper's results again, print the tables or the object."""
+    from .reproduction.command import run
+
+    return run(args)
+
+
 def run_bench(args: argparse.Namespace) -> int:
     """Measure and print."""
     from .bench import bench
