@@ -1,6 +1,5 @@
 import math
 
-import numpy as np
 import pytest
 from push_recovery.controllers.capturability import (
     capture_margin,

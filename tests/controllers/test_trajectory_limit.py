@@ -1,5 +1,6 @@
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
 WIDE = RobotModel(pelvis_width=0.3)  # the narrowest step leaves the DCM between the feet
 OTHER = RobotModel(mass=45.0, com_height=1.1, foot_width=0.06)
+PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
 OUTWARD = ((math.pi, 0.0), (math.pi / 2, -math.pi / 2))  # psi towards (low, high) of each axis
 
 
@@ -178,3 +180,17 @@ def test_the_trajectory_obeys_dynamics_and_bounds():
 def test_bad_problems(options, message):
     with pytest.raises(InvalidValueError, match=message):
         TrajectoryProblem(**({"robot": ROBOT, "psi": 0.0} | options))
+
+
+def test_the_table_of_the_page():
+    lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    rows = [[cell.split("/") for cell in line.strip("| ").split("|")] for line in lines[1:]]
+    assert [int(row[0][0]) for row in rows] == list(range(-90, 91, 15))
+    kinds = [{"foot": f, "flywheel": w} for w in (False, True) for f in (False, True)]
+    kinds += [{"reaction": r} for r in (0.01, 0.1)]
+    for (head,), *cells in rows:
+        psi = math.radians(int(head))
+        closed = [max_recoverable_force(ROBOT, psi, **kind) for kind in kinds]
+        closed.append(max_recoverable_impulse(ROBOT, psi))
+        assert [float(cell[0]) for cell in cells] == pytest.approx(closed, abs=0.051)
+        assert [float(cell[1]) for cell in cells] == pytest.approx(closed, abs=0.151)
