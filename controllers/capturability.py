@@ -27,6 +27,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from .double_support import transfer_weight
 from .errors import InvalidValueError
 from .limits import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait
@@ -156,15 +157,18 @@ def capture_margin(
 
 
 def step_start_dcm(
-    gait: NominalGait, pelvis_width: float, omega: float, delay: float = 0.0
+    gait: NominalGait, pelvis_width: float, omega: float, delay: float = 0.0, double_support: float = 0.0
 ) -> tuple[float, float]:
     """DCM at the start of a step of the nominal gait, canonical frame (2,) [m].
 
     It is the offset of the step before, whose sway has the other sign, seen from this step's mirrored frame:
-    xi_0 = (b_x, (W - l_p) / (lambda - 1) + l_p / (lambda + 1)).
+    xi_0 = (b_x, (W - l_p) / (lambda - 1) + l_p / (lambda + 1)), and with double support of d seconds, where
+    c = kappa(0), (b_x, (W - l_p) (1 - lambda c) / (lambda - 1) + l_p (1 + lambda c) / (lambda + 1)).
     """
     growth = math.exp(omega * (gait.duration + delay))
-    return gait.offset_x, (gait.width - pelvis_width) / (growth - 1.0) + pelvis_width / (growth + 1.0)
+    carried = growth * transfer_weight(0.0, double_support, omega)
+    sway = (gait.width - pelvis_width) * (1.0 - carried)
+    return gait.offset_x, sway / (growth - 1.0) + pelvis_width * (1.0 + carried) / (growth + 1.0)
 
 
 def max_recoverable_force(

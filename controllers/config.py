@@ -23,6 +23,7 @@ class PlannerConfig:
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
     freeze: float = 0.0  # the step plan is held when less than this remains [s]
     touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
+    double_support: float = 0.0  # d: both feet stand for this long from touchdown on, part of T [s]
 
     # Both stages
     push_carry: float = 0.0  # the push of the last period is expected to last this much longer [s]
@@ -77,6 +78,11 @@ class PlannerConfig:
                 raise InvalidValueError(
                     f"PlannerConfig.{name} must be positive [s], got {getattr(self, name)}"
                 )
+        if self.double_support > 0 and self.touchdown_delay > 0:
+            raise InvalidValueError(
+                "PlannerConfig.double_support and touchdown_delay exclude each other, "
+                f"got {self.double_support} s and {self.touchdown_delay} s: set one of them to 0"
+            )
 
 
 PAPER_WEIGHTS = {
@@ -106,7 +112,6 @@ PRESETS: dict[str, PlannerConfig] = {
         beta_dcm=1e6,
         beta_trunk=1e-2,
         beta_trunk_rate=1.0,
-        beta_trunk_angle=10.0,
     ),
     "biped": replace(
         _BASE,
@@ -125,6 +130,7 @@ PRESETS: dict[str, PlannerConfig] = {
         trunk_gravity=53.0,
     ),
 }
+PRESETS["double-support"] = replace(PRESETS["default"], double_support=0.1)  # the paper's 0.55 s + 0.1 s
 
 
 def preset_config(name: str) -> PlannerConfig:

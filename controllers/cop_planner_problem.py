@@ -48,14 +48,40 @@ def explicit_problem(
     target: float, reference: float, cop_max: float, acceleration_low: float, acceleration_high: float,
 ) -> ExplicitProblem:  # fmt: skip
     """Build the problem by unrolling the model, with no use of its structure."""
-    remaining = max(remaining, SHORTEST)
-    terminal = remaining > config.terminal_off
-    until = grid(config, remaining)
+    until = grid(config, max(remaining, SHORTEST))
+    if not config.use_cop:
+        reference = min(max(reference, -cop_max), cop_max)
+    N = until.size
+    return write_out(
+        robot, config, until, 1, (dcm, angle, rate, target), np.full(N, reference), np.full(N, -cop_max),
+        np.full(N, cop_max), acceleration_low, acceleration_high,
+    )  # fmt: skip
+
+
+def write_out(
+    robot: RobotModel, config: PlannerConfig, until: NDArray[np.float64], partial: int,
+    state: tuple[float, float, float, float], references: NDArray[np.float64], cop_low: NDArray[np.float64],
+    cop_high: NDArray[np.float64], acceleration_low: float, acceleration_high: float,
+) -> ExplicitProblem:  # fmt: skip
+    """Build the problem of one axis on any grid.
+
+    Args:
+        robot: physical constants.
+        config: weights.
+        until: (N,) durations of the intervals until touchdown [s].
+        partial: the inputs of so many first intervals are weighted by their share of a whole one.
+        state: DCM now [m], lean [rad], its rate [rad/s], DCM wanted at touchdown [m].
+        references: (N,) of the CoP [m].
+        cop_low: (N,) [m].
+        cop_high: (N,) [m].
+        acceleration_low: of the trunk [rad/s^2].
+        acceleration_high: [rad/s^2].
+    """
+    dcm, angle, rate, target = state
+    terminal = float(until.sum()) > config.terminal_off
     durations = np.concatenate([until, np.full(config.tail_intervals, config.tail_sampling_time)])
     N, K = until.size, durations.size
     cops, accelerations = N if config.use_cop else 0, K if config.use_trunk else 0
-    if not config.use_cop:
-        reference = min(max(reference, -cop_max), cop_max)
     n = cops + accelerations
 
     # Affine maps [constant, inputs] of the states, one interval after the other; with the debt of the trunk
@@ -67,8 +93,8 @@ def explicit_problem(
         d, z, a = durations[k], np.zeros(n + 1), np.zeros(n + 1)
         if cops and k < N:
             z[1 + k] = 1.0
-        elif not cops:
-            z[0] = reference
+        elif not cops and k < N:
+            z[0] = references[k]
         if accelerations:
             a[1 + cops + k] = 1.0
         if k < N:
@@ -82,11 +108,11 @@ def explicit_problem(
         rates.append(omega)
 
     share = durations / config.sampling_time
-    share[1:] = 1.0
+    share[partial:] = 1.0
     H, f = np.zeros((n, n)), np.zeros(n)
     own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:accelerations]])
     H += np.diag(own)
-    f[:cops] -= own[:cops] * reference
+    f[:cops] -= own[:cops] * references[:cops]
     terms = [(config.beta_dcm if terminal else 0.0, xi - np.eye(n + 1)[0] * target)]
     if accelerations:
         terms += [(config.beta_trunk_rate, r) for r in rates] + [(config.beta_trunk_angle, t) for t in angles]
@@ -96,12 +122,8 @@ def explicit_problem(
     soft = np.array(angles)[:, 1:] if accelerations else np.zeros((0, n))
     offset = np.array(angles)[:, 0] if accelerations else np.zeros(0)
     limit = robot.trunk_angle_max
-    lower = np.concatenate(
-        [np.full(cops, -cop_max), np.full(accelerations, acceleration_low), -limit - offset]
-    )
-    upper = np.concatenate(
-        [np.full(cops, cop_max), np.full(accelerations, acceleration_high), limit - offset]
-    )
+    lower = np.concatenate([cop_low[:cops], np.full(accelerations, acceleration_low), -limit - offset])
+    upper = np.concatenate([cop_high[:cops], np.full(accelerations, acceleration_high), limit - offset])
     weights = np.concatenate([np.zeros(n), np.full(offset.size, config.beta_trunk_limit)])
     qp = QuadraticProgram(H, f, np.concatenate([np.eye(n), soft]), lower, upper, weights)
-    return ExplicitProblem(qp, durations, cops, accelerations, reference, float(xi[0]), -xi[1:])
+    return ExplicitProblem(qp, durations, cops, accelerations, float(references[0]), float(xi[0]), -xi[1:])

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from .config import PlannerConfig
 from .cop_planner import STATUS, CopPlanner
 from .cop_planner_jerk import JerkCopPlanner
+from .double_support_planner import DoubleSupportPlanner
+from .errors import InvalidValueError
 from .limits import GaitLimits
-from .observation import ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from .observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from .robot import RobotModel
 from .stage_1 import DCM_AHEAD, REMAINING, TARGET
 
@@ -25,14 +27,54 @@ def make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) 
     """Stage 2 over observations (n, 36) and stage 1 rows, or None where it has nothing to decide.
 
     The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each.
+
+    Raises:
+        InvalidValueError: the paper's form is asked for double support, which it has no bounds for.
     """
     if not (config.use_cop or config.use_trunk):
         return None
+    if config.double_support > 0 and config.form == "jerk":
+        raise InvalidValueError(
+            f"stage 2 plans double support ({config.double_support} s) in form 'zoh' only, got form 'jerk'; "
+            "set double_support to 0 or choose form 'zoh'"
+        )
+    single = _single_rule(robot, limits, config)
+    if config.double_support == 0:
+        return single
+    return _phased_rule(single, DoubleSupportPlanner(robot, limits, config))
+
+
+def _single_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule:
     if config.form == "zoh" and config.solver == "daqp":
         return _compiled_rule(CopPlanner(robot, limits, config))
     if config.form == "zoh":
         return _looped_rule(CopPlanner(robot, limits, config), None)
     return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
+
+
+def _phased_rule(single: CopRule, planner: DoubleSupportPlanner) -> CopRule:
+    """Both axes at once while both feet stand for most of the coming period, one by one from then on."""
+    last = planner.config.double_support - 0.5 * planner.config.first_interval_min
+
+    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+        result, statuses = np.empty((len(batch), 7)), [""] * len(batch)
+        double = batch[:, ELAPSED] < last
+        for where, plan in ((np.flatnonzero(~double), single), (np.flatnonzero(double), both)):
+            if len(where):
+                ends, found = plan(batch[where], rows[where])
+                result[where, :6] = ends[:, :6]
+                for k, status in zip(where.tolist(), found, strict=True):
+                    statuses[k] = status
+        return result[:, :6], statuses
+
+    def both(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+        inputs = np.column_stack(
+            [rows[:, REMAINING], np.maximum(batch[:, ELAPSED], 0.0), batch[:, SWING_POSITION][:, :2],
+             rows[:, DCM_AHEAD], batch[:, TRUNK_STATE], rows[:, TARGET]]
+        )  # fmt: skip
+        return planner.plan_all(inputs)
+
+    return rule
 
 
 def _compiled_rule(planner: CopPlanner) -> CopRule:

@@ -6,6 +6,11 @@ is that of the two-step periodic gait of the linear inverted pendulum (Khadiv et
     L = v_x P,    W = l_p + v_y P,    P = T + touchdown_delay,    lambda = exp(omega P),
     b_x = L / (lambda - 1),    b_y = v_y P / (lambda - 1) - l_p / (lambda + 1).
 
+With double support of d seconds (`double_support.py`) and c = kappa(0), the CoP's transfer changes it to
+
+    b_x = L (1 - lambda c) / (lambda - 1),
+    b_y = v_y P (1 - lambda c) / (lambda - 1) - l_p (1 + lambda c) / (lambda + 1).
+
 All of it is in the canonical frame: a velocity towards the swing side widens this step and narrows the next.
 """
 
@@ -18,6 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from .double_support import check_double_support, transfer_weight
 from .errors import InvalidValueError
 from .limits import GaitLimits
 from .robot import RobotModel
@@ -41,7 +47,7 @@ class NominalGait:
 
 @njit(cache=True)
 def nominal_gait_kernel(
-    velocity_x, velocity_y, pelvis_width, low, high, omega, touchdown_delay, nominal
+    velocity_x, velocity_y, pelvis_width, low, high, omega, touchdown_delay, nominal, double_support=0.0
 ):  # pragma: no cover
     """Write (L, W, T, b_x, b_y) into `nominal` (5,); `low`, `high` start with the bounds of L, W, T.
 
@@ -66,10 +72,18 @@ def nominal_gait_kernel(
     nominal[2] = duration
     nominal[3] = length / (growth - 1.0)
     nominal[4] = sway / (growth - 1.0) - pelvis_width / (growth + 1.0)
+    if double_support > 0.0:
+        carried = growth * transfer_weight(0.0, double_support, omega)
+        nominal[3] *= 1.0 - carried
+        nominal[4] = sway * (1.0 - carried) / (growth - 1.0) - pelvis_width * (1.0 + carried) / (growth + 1.0)
 
 
 def nominal_gait(
-    robot: RobotModel, limits: GaitLimits, velocity: ArrayLike = (0.0, 0.0), touchdown_delay: float = 0.0
+    robot: RobotModel,
+    limits: GaitLimits,
+    velocity: ArrayLike = (0.0, 0.0),
+    touchdown_delay: float = 0.0,
+    double_support: float = 0.0,
 ) -> NominalGait:
     """Nominal gait for a commanded velocity.
 
@@ -78,18 +92,22 @@ def nominal_gait(
         limits: step box.
         velocity: commanded (v_x, v_y) in the canonical frame, (2,) [m/s].
         touchdown_delay: the new foot carries load this long after T [s].
+        double_support: both feet stand for this long from touchdown on [s].
 
     Raises:
-        InvalidValueError: for a velocity that is not two finite numbers or a pelvis wider than the step box.
+        InvalidValueError: for a velocity that is not two finite numbers, a pelvis wider than the step box or
+            a double support longer than the shortest step.
     """
     command = np.asarray(velocity, dtype=np.float64)
     if command.shape != (2,) or not np.isfinite(command).all():
         raise InvalidValueError(f"velocity must be two finite numbers [m/s], got {velocity!r}")
     check_pelvis(robot, limits)
+    check_double_support(double_support, limits)
     out = np.empty(5)
     nominal_gait_kernel(
-        command[0], command[1], robot.pelvis_width, limits.low, limits.high, robot.omega, touchdown_delay, out
-    )
+        command[0], command[1], robot.pelvis_width, limits.low, limits.high, robot.omega, touchdown_delay,
+        out, double_support,
+    )  # fmt: skip
     return NominalGait(*(float(value) for value in out))
 
 

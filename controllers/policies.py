@@ -153,7 +153,7 @@ class TwoStagePolicy:
         rows = self._rows(batch)
         if self._cop_rule is not None:
             self._regulate(batch, rows)
-        actions = scale_actions(rows, self._low, self._high)
+        actions = scale_actions(rows, batch, self._low, self._high, self.config.double_support)
         return (actions[0] if single else actions), state
 
     def plan(self, observation: ArrayLike) -> Plan:

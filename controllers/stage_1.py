@@ -1,4 +1,10 @@
-"""From observations to stage 1 plans: one compiled pass, the hot path of every policy."""
+"""From observations to stage 1 plans: one compiled pass, the hot path of every policy.
+
+With double support the CoP's transfer from the old foot to the new one, p kappa(t), is taken off the DCM, and
+the foot acts as if it stood at u (1 - c), c = kappa(0): what the next step grows from is not b but b + c u.
+Stage 1 solves for these, which keeps it as linear as before. Aiming at b_nom itself would multiply every
+error of the step's place by exp(omega T) c from step to step, 1.5 with the paper's 0.55 s + 0.1 s.
+"""
 
 from __future__ import annotations
 
@@ -9,36 +15,52 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import PlannerConfig
+from .double_support import check_double_support, cop_range, transfer_mean, transfer_weight
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import check_pelvis, nominal_gait_kernel
-from .observation import COMMAND, DCM, ELAPSED, PREVIOUS_ACTION, PUSH_ESTIMATE, TRUNK_ANGLE, TRUNK_RATE
+from .observation import (
+    COMMAND,
+    DCM,
+    ELAPSED,
+    PREVIOUS_ACTION,
+    PUSH_ESTIMATE,
+    SWING_POSITION,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
 from .robot import RobotModel
 from .step_planner import PROBLEM_SIZE, SOLUTION_SIZE, solve_step_kernel
 
 # Columns of a stage 1 row (ROW_SIZE,)
-GAIT = slice(0, 7)  # L, W, T, CoP (0, 0), trunk acceleration of the upright law
+GAIT = slice(0, 7)  # L, W, T, CoP of the undisturbed step, trunk acceleration of the upright law
 OFFSET = slice(7, 9)  # b of the plan [m]
 NOMINAL = slice(9, 14)  # L, W, T, b_x, b_y
-TARGET = slice(14, 16)  # xi_des = u_T + b_nom (eq. 7) [m]
+TARGET = slice(14, 16)  # xi_des = u_T + b_nom (eq. 7), with double support + c (u_nom - u_T) [m]
 REMAINING = 16  # until the new foot carries load [s], >= 0
 HELD = 17  # 1 where the plan is the previous one
 DCM_AHEAD = slice(18, 20)  # measured DCM with what the push will still add [m]
-ROW_SIZE = 20
+SHIFT = slice(20, 22)  # p kappa(t): what the CoP's transfer in double support takes off the DCM [m]
+ROW_SIZE = 22
 
 _T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
-_PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
+_PREVIOUS, _PUSH, _SWING = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start, SWING_POSITION.start
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs: omega, l_p, weights, switches, margins, trunk laws, push, (16,)."""
+    """Pack what `stage_1_row` needs, (19,).
+
+    omega, l_p, weights, switches, margins, trunk laws, push, double support, control period, c.
+    """
     check_pelvis(robot, limits)
+    check_double_support(config.double_support, limits)
     return np.array(
         [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,
          float(config.adapt_step), float(config.adapt_duration), config.duration_margin, config.freeze,
          config.touchdown_delay, config.upright_stiffness, config.upright_damping,
          -math.expm1(-robot.omega * config.push_carry), robot.cmp_per_trunk_acceleration * config.trunk_debt,
-         limits.trunk_acceleration_max, config.push_threshold]
+         limits.trunk_acceleration_max, config.push_threshold, config.double_support,
+         config.first_interval_min, transfer_weight(0.0, config.double_support, robot.omega)]
     )  # fmt: skip
 
 
@@ -59,7 +81,7 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     tau may not lie before the present: tau >= exp(omega (t + margin)), and where even T_max has passed the
     upper bound gives way.
     """
-    omega, elapsed = c[0], obs[_T0]
+    omega, elapsed, reach = c[0], obs[_T0], 1.0 - c[18]
     problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
     scale = math.exp(omega * (c[9] - elapsed))
     tau_low = math.exp(omega * max(low[2], elapsed + c[7]))
@@ -67,20 +89,21 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     problem[4] = math.exp(omega * nominal[2])
     for axis in range(2):
         debt = stopping_debt(obs[_RATE + axis], c[13], c[14], omega)
-        problem[axis] = (row[18 + axis] + debt) * scale
-        problem[2 + axis] = nominal[axis]
-        problem[5 + axis] = nominal[3 + axis]
-        problem[7 + axis] = low[axis] if c[5] > 0.0 else nominal[axis]
-        problem[9 + axis] = high[axis] if c[5] > 0.0 else nominal[axis]
+        problem[axis] = (row[18 + axis] + debt - row[20 + axis]) * scale
+        problem[2 + axis] = reach * nominal[axis]
+        problem[5 + axis] = nominal[3 + axis] + c[18] * nominal[axis]
+        problem[7 + axis] = reach * (low[axis] if c[5] > 0.0 else nominal[axis])
+        problem[9 + axis] = reach * (high[axis] if c[5] > 0.0 else nominal[axis])
     if c[6] == 0.0:
         tau_low = min(max(problem[4], tau_low), tau_high)
         tau_high = tau_low
     problem[11], problem[12] = tau_low, tau_high
-    problem[13], problem[14], problem[15] = c[2], c[3], c[4]
+    problem[13], problem[14], problem[15] = c[2] / (reach * reach), c[3], c[4]
     solve_step_kernel(problem, solution)
-    row[0], row[1] = solution[0], solution[1]
     row[2] = max(math.log(solution[2]) / omega, low[2])
-    row[7], row[8] = solution[3], solution[4]
+    for axis in range(2):
+        row[axis] = min(max(solution[axis] / reach, low[axis]), high[axis])
+        row[7 + axis] = solution[3 + axis] - c[18] * row[axis]
 
 
 @njit(cache=True)
@@ -93,7 +116,7 @@ def _hold(obs, c, low, high, row):  # pragma: no cover
     for i in range(3):
         row[i] = low[i] + 0.5 * (obs[_PREVIOUS + i] + 1.0) * (high[i] - low[i])
     for axis in range(2):
-        row[7 + axis] = row[18 + axis] * growth - row[axis]
+        row[7 + axis] = (row[18 + axis] - row[20 + axis]) * growth - row[axis]
     return True
 
 
@@ -101,10 +124,13 @@ def _hold(obs, c, low, high, row):  # pragma: no cover
 def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
     """Plan of one observation (36,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
     carry = c[12] if math.hypot(obs[_PUSH], obs[_PUSH + 1]) >= c[15] else 0.0
+    shift, share = transfer_weight(obs[_T0], c[16], c[0]), transfer_mean(obs[_T0], c[17], c[16], c[0])
     for axis in range(2):
         row[18 + axis] = obs[_DCM + axis] + carry * obs[_PUSH + axis]
+        row[20 + axis] = shift * obs[_SWING + axis] if shift > 0.0 else 0.0
+        row[3 + axis] = share * obs[_SWING + axis] if shift > 0.0 else 0.0
     nominal = row[9:14]
-    nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal)
+    nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal, c[16])
     held = adapt and _hold(obs, c, low, high, row)
     if not adapt:
         row[0], row[1], row[2], row[7], row[8] = nominal[0], nominal[1], nominal[2], nominal[3], nominal[4]
@@ -113,8 +139,7 @@ def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
     row[17] = 1.0 if held else 0.0
     row[16] = max(row[2] - obs[_T0], 0.0) + c[9]
     for axis in range(2):
-        row[14 + axis] = row[axis] + nominal[3 + axis]
-        row[3 + axis] = 0.0
+        row[14 + axis] = row[axis] + nominal[3 + axis] + c[18] * (nominal[axis] - row[axis])
         lean = -c[10] * obs[_ANGLE + axis] - c[11] * obs[_RATE + axis]
         row[5 + axis] = min(max(lean, low[5 + axis]), high[5 + axis])
 
@@ -135,12 +160,18 @@ def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
 
 
 @njit(cache=True)
-def scale_actions(rows, low, high):  # pragma: no cover
-    """The gait columns of `rows` as float32 actions (n, 7); the arithmetic of `GaitLimits.to_action`."""
+def scale_actions(rows, observations, low, high, double_support):  # pragma: no cover
+    """The gait columns of `rows` as float32 actions (n, 7); the arithmetic of `GaitLimits.to_action`.
+
+    The CoP is scaled from what it may be at the observation, see `cop_range`.
+    """
     n = rows.shape[0]
     actions = np.empty((n, GAIT_SIZE), dtype=np.float32)
     for i in range(n):
         for j in range(GAIT_SIZE):
-            scaled = 2.0 * (rows[i, j] - low[j]) / (high[j] - low[j]) - 1.0
+            bottom, top = low[j], high[j]
+            if j == 3 or j == 4:
+                bottom, top = cop_range(j - 3, observations[i], low, high, double_support)
+            scaled = 2.0 * (rows[i, j] - bottom) / (top - bottom) - 1.0
             actions[i, j] = min(max(scaled, -1.0), 1.0)
     return actions

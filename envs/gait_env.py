@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from ..controllers.capturability import step_start_dcm
-from ..controllers.config import preset_config
+from ..controllers.config import PRESETS, preset_config
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import NominalGait, nominal_gait
@@ -62,6 +62,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     limits: GaitLimits
     preset: str
     dt: float  # planning period [s]
+    has_double_support = False  # whether the physics knows it
 
     def __init__(
         self,
@@ -77,6 +78,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         Raises:
             InvalidValueError: for a rate outside 20-1000 Hz.
             UnknownNameError: for an unknown preset or render mode.
+            InvalidValueError: the preset walks with double support, which the robot does not know.
         """
         if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
             raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {control_hz!r}")
@@ -85,7 +87,14 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.robot, self.limits, self.preset, self.render_mode = robot, limits, preset, render_mode
         self.dt = 1.0 / control_hz
         self.metadata = {**self.metadata, "render_fps": round(control_hz)}  # type: ignore[misc]
-        self.touchdown_delay = preset_config(preset).touchdown_delay
+        config = preset_config(preset)
+        self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
+        if self.double_support > 0 and not self.has_double_support:
+            valid = [name for name, other in PRESETS.items() if other.double_support == 0]
+            raise InvalidValueError(
+                f"preset {preset!r} walks with double support of {self.double_support} s, which this robot "
+                f"does not know; choose from: {', '.join(valid)}"
+            )
         self.action_space = spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
         self.observation_space = spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64)
         if isinstance(push_distribution, dict):
@@ -95,7 +104,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
                 f"push_distribution must be a PushDistribution or its dict, got {push_distribution!r}"
             )
         self.push_distribution = push_distribution or PushDistribution()
-        self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay)
+        self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay, self.double_support)
         self.scenario: Scenario | None = None
         self._picture: Any = None  # what `render` draws with
         self._ended = True
@@ -134,7 +143,9 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         sign = -1.0 if self.scenario.stance_side == "left" else 1.0
         command = self.scenario.command
         gait = self._nominal(command.vx, sign * command.vy)
-        start = nominal_start(gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay)
+        start = nominal_start(
+            gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
+        )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
         self._nominal_of.clear()
         self.core.reset(0, self.scenario, start, values, self.limits.to_action(values).astype(np.float64))
@@ -150,7 +161,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
         clipped = check_action(action)
         before = self.core.previous_action[0].tolist()
-        gait = self.limits.from_action(clipped)
+        gait = self._gait(clipped)
         self.core.step(gait[None], clipped[None].astype(np.float64))
         steps, com, time, _ = self._motion()
         push_end = self.last_push_end()
@@ -192,20 +203,31 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(scenario).__name__}")
         return scenario
 
+    def _gait(self, action: NDArray[np.float32]) -> Array:
+        """Gait variables (7,) that an action (7,) means now."""
+        return self.limits.from_action(action)
+
     def _nominal(self, vx: float, vy: float) -> NominalGait:
-        return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay)
+        return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay, self.double_support)
+
+    def _start_dcm(self, nominal: NominalGait) -> tuple[float, float]:
+        """DCM at the start of a nominal step, less the CoP's transfer: (u_T + b_nom) / lambda [m]."""
+        if self.double_support == 0:
+            return step_start_dcm(nominal, self.robot.pelvis_width, self._omega, self.touchdown_delay)
+        decay = math.exp(-self._omega * nominal.duration)
+        return (nominal.length + nominal.offset_x) * decay, (nominal.width + nominal.offset_y) * decay
 
     def _reward_terms(self, before: list[float], duration: float, failed: bool) -> dict[str, float]:
         obs = self.core.observation[0].tolist()
         command = tuple(obs[COMMAND])
         if command not in self._nominal_of:
             nominal = self._nominal(*command)
-            start = step_start_dcm(nominal, self.robot.pelvis_width, self._omega, self.touchdown_delay)
-            self._nominal_of[command] = nominal, start
+            self._nominal_of[command] = nominal, self._start_dcm(nominal)
         nominal, start = self._nominal_of[command]
         x = RewardInput(
-            obs, before, nominal, start, duration, self._omega, float(self.core.margin[0]), failed
-        )
+            obs, before, nominal, start, duration, self._omega, float(self.core.margin[0]), failed,
+            self.double_support,
+        )  # fmt: skip
         return {name: term(x) for name, term in REWARD_TERMS.items()}
 
     def _info(self, duration: float, failure: str | None) -> dict[str, Any]:

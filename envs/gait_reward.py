@@ -6,8 +6,16 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ..controllers.double_support import transfer_weight
 from ..controllers.nominal_gait import NominalGait
-from ..controllers.observation import DCM, ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
+from ..controllers.observation import (
+    DCM,
+    ELAPSED,
+    PREVIOUS_ACTION,
+    SWING_POSITION,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
 
 
 class RewardInput(NamedTuple):
@@ -18,11 +26,12 @@ class RewardInput(NamedTuple):
         float
     ]  # (7,) of the period before; PREVIOUS_ACTION of `observation` is this period's
     nominal: NominalGait
-    start_dcm: tuple[float, float]  # of the nominal step [m]
+    start_dcm: tuple[float, float]  # of the nominal step, less the CoP's transfer [m]
     duration: float  # planned T [s]
     omega: float  # [1/s]
     capture_margin: float  # [m]
     failed: bool
+    double_support: float = 0.0  # [s]
 
 
 def alive(x: RewardInput) -> float:
@@ -36,9 +45,17 @@ def fall(x: RewardInput) -> float:
 
 
 def dcm(x: RewardInput) -> float:
-    """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step."""
-    back = math.exp(-x.omega * x.observation[ELAPSED])
+    """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step.
+
+    In double support what the CoP's transfer will take off the DCM counts in both.
+    """
+    elapsed = x.observation[ELAPSED]
+    back = math.exp(-x.omega * elapsed)
     dcm_x, dcm_y = x.observation[DCM]
+    if elapsed < x.double_support:
+        share = transfer_weight(elapsed, x.double_support, x.omega)
+        other_x, other_y, _ = x.observation[SWING_POSITION]
+        dcm_x, dcm_y = dcm_x - share * other_x, dcm_y - share * other_y
     squared = (dcm_x * back - x.start_dcm[0]) ** 2 + (dcm_y * back - x.start_dcm[1]) ** 2
     return 0.0 if x.failed else math.exp(-squared / 0.01)
 

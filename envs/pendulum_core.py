@@ -7,22 +7,28 @@ Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
 Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about
 c. A cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop.
 There is no integration step. State is kept in the world frame: x forward, y left.
+
+In double support, which begins every step, the foot that stood before stays where it stood and the CoP may be
+anywhere in the hull of both soles.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..controllers.capturability import capture_constants, capture_margin_kernel
+from ..controllers.capturability import capture_constants
+from ..controllers.double_support import both_stand, check_double_support, gaits_of_actions
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from .nominal_start import NominalStart
+from .pendulum_observation import check_failures, observe
+from .pendulum_support import supported_cop, transferred_cop
 from .push import SIDES, resolve_starts
 from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
@@ -32,8 +38,6 @@ Ints = NDArray[np.int64]
 
 FAILURES = ("", "dcm_diverged", "not_finite")
 LANDED = 1e-9  # a touchdown due this soon after a cycle belongs to it [s]
-BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
-APEX = 0.06  # height of the swing foot in mid-step [m]
 
 
 class Pendulums(NamedTuple):
@@ -66,6 +70,7 @@ class Physics(NamedTuple):
     half_width: float  # [m]
     acceleration_max: float  # tau_max / j [rad/s^2]
     angle_max: float  # [rad]
+    double_support: float  # [s]
 
 
 @njit(cache=True)
@@ -136,12 +141,14 @@ def touch_down(s, k):  # pragma: no cover
 
 
 @njit(cache=True)
-def _next_event(s, q, k, end, landed):  # pragma: no cover
+def _next_event(s, q, k, end, landed, double_support):  # pragma: no cover
     """Time of the next event after now, at most `end`; starts of pushes that wait for it are resolved [s]."""
     now = s.time[k]
     until = end
     if not landed:
         until = min(until, s.step_start[k] + s.plan[k, 2])
+    if both_stand(now - s.step_start[k], double_support):
+        until = min(until, s.step_start[k] + double_support)
     resolve_starts(
         q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, 2], now, until
     )
@@ -171,17 +178,17 @@ def _estimate_push(s, k, force_x, force_y, span, dt, p):  # pragma: no cover
 def advance(s, q, dt, p):  # pragma: no cover
     """One control cycle of every pendulum under its plan.
 
-    The CoP is clipped to the sole and the trunk's acceleration to the torque. After a touchdown inside the
-    cycle the CoP rests at the centre of the new sole and the trunk's acceleration goes on. One that is due
-    when the cycle ends happens then, so that the next action already belongs to the new step.
+    The CoP is clipped to what the feet on the floor span and the trunk's acceleration to the torque. After a
+    touchdown inside the cycle the CoP makes the undisturbed transfer's mean (without double support it rests
+    at the centre of the new sole) and the trunk's acceleration goes on. One that is due when the cycle ends
+    happens then, so that the next action already belongs to the new step.
     """
     for k in range(s.time.shape[0]):
         if s.failure[k] != 0:
             continue
         end = s.time[k] + dt
         sign = -1.0 if s.side[k] == 0 else 1.0
-        cop_x = min(max(s.plan[k, 3], -p.half_length), p.half_length)
-        cop_y = sign * min(max(s.plan[k, 4], -p.half_width), p.half_width)
+        cop_x, cop_y = supported_cop(s, k, s.plan[k, 3], sign * s.plan[k, 4], p)
         pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max)
         roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max)
         landed = False
@@ -190,8 +197,10 @@ def advance(s, q, dt, p):  # pragma: no cover
             if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2]:
                 touch_down(s, k)
                 landed = True
-                cop_x, cop_y = 0.0, 0.0
-            until = _next_event(s, q, k, end, landed)
+                cop_x, cop_y = transferred_cop(s, k, end - s.time[k], p)
+            elif p.double_support > 0.0:  # the other foot may have left the floor within the cycle
+                cop_x, cop_y = supported_cop(s, k, cop_x, cop_y, p)
+            until = _next_event(s, q, k, end, landed, p.double_support)
             span = until - s.time[k]
             force_x, force_y = 0.0, 0.0
             for i in range(q.start.shape[1]):
@@ -209,58 +218,23 @@ def advance(s, q, dt, p):  # pragma: no cover
             touch_down(s, k)
 
 
-@njit(cache=True)
-def observe(s, command, previous, p, out):  # pragma: no cover
-    """Observations (n, 36), canonical frame; the swing foot moves on a quintic of the step's phase."""
-    for k in range(s.time.shape[0]):
-        o = out[k]
-        o[:] = 0.0
-        elapsed = s.time[k] - s.step_start[k]
-        phase = min(elapsed / s.plan[k, 2], 1.0)
-        blend = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase * phase)
-        pace = 30.0 * (phase * (1.0 - phase)) ** 2 / s.plan[k, 2]
-        o[0] = elapsed
-        for axis in range(2):
-            sign = -1.0 if axis == 1 and s.side[k] == 0 else 1.0
-            o[3 + axis] = sign * (s.com[k, axis] - s.stance[k, axis])
-            o[5 + axis] = sign * s.velocity[k, axis]
-            o[1 + axis] = o[3 + axis] + o[5 + axis] / p.omega
-            lift = sign * (s.lift[k, axis] - s.stance[k, axis])
-            o[9 + axis] = lift + blend * (s.plan[k, axis] - lift)
-            o[12 + axis] = pace * (s.plan[k, axis] - lift)
-            o[15 + axis] = sign * s.angle[k, axis]
-            o[17 + axis] = sign * s.rate[k, axis]
-            o[25 + axis] = sign * command[k, axis]
-            o[34 + axis] = sign * s.push[k, axis]
-        o[11] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
-        o[14] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / s.plan[k, 2]
-        o[23] = 1.0
-        o[24] = 1.0 if elapsed == 0.0 else 0.0
-        o[27:34] = previous[k]
-
-
-@njit(cache=True)
-def check_failures(s, observation, constants, margins):  # pragma: no cover
-    """Capture margins (n,) [m], and the pendulums that not even a step at this moment could save."""
-    for k in range(s.time.shape[0]):
-        o = observation[k]
-        margins[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], constants)
-        if s.failure[k] != 0:
-            continue
-        if not (math.isfinite(o[1]) and math.isfinite(o[2])):
-            s.failure[k] = 2
-        elif capture_margin_kernel(1e3, o[1:3], o[15:17], o[17:19], constants) < -BEYOND:
-            s.failure[k] = 1
-
-
 class PendulumCore:
     """n pendulums; arrays are indexed by pendulum, and none depends on another."""
 
-    def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0):
-        self.n, self.robot, self.dt = n, robot, 1.0 / control_hz
+    def __init__(
+        self,
+        n: int,
+        robot: RobotModel,
+        limits: GaitLimits,
+        control_hz: float = 100.0,
+        double_support: float = 0.0,
+    ):
+        check_double_support(double_support, limits)
+        self.n, self.robot, self.limits, self.dt = n, robot, limits, 1.0 / control_hz
         self.physics = Physics(
             robot.omega, robot.mass, robot.cmp_per_trunk_acceleration, robot.foot_length / 2,
             robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
+            double_support,
         )  # fmt: skip
         self.capture = capture_constants(robot, limits)
         self.state = Pendulums(
@@ -293,6 +267,10 @@ class PendulumCore:
         self.pushes = assign_pushes(self.pushes, k, scenario)
         self._look()
 
+    def gaits(self, actions: NDArray[Any]) -> Array:
+        """Gait variables (n, 7) that actions (n, 7) in [-1, 1] mean now, see `gaits_of_actions`."""
+        return gaits_of_actions(self.limits, self.observation, actions, self.physics.double_support)
+
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
         self.state.plan[:] = gaits
@@ -302,4 +280,4 @@ class PendulumCore:
 
     def _look(self) -> None:
         observe(self.state, self.command, self.previous_action, self.physics, self.observation)
-        check_failures(self.state, self.observation, self.capture, self.margin)
+        check_failures(self.state, self.observation, self.physics.double_support, self.capture, self.margin)

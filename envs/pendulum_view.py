@@ -36,9 +36,12 @@ class PendulumView:
             FigureCanvasAgg(self._figure)
 
     def draw(
-        self, state: Pendulums, robot: RobotModel, force: NDArray[np.float64]
+        self, state: Pendulums, robot: RobotModel, force: NDArray[np.float64], both_stand: bool = False
     ) -> NDArray[np.uint8] | None:
-        """Draw pendulum 0 under a push (2,) [N]; returns the image (480, 640, 3) unless it is a window."""
+        """Draw pendulum 0 under a push (2,) [N]; returns the image (480, 640, 3) unless it is a window.
+
+        In double support the foot that stood before is drawn too.
+        """
         if not self._seen:
             return None
         self._figure.clear()
@@ -48,7 +51,10 @@ class PendulumView:
         sign = -1.0 if state.side[0] == 0 else 1.0
         target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
         colour = FOOT_COLOURS[int(state.side[0])]
-        for centre, fill, line in ((stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")):
+        soles = [(stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")]
+        if both_stand:
+            soles.append((state.lift[0], FOOT_COLOURS[1 - int(state.side[0])], "-"))
+        for centre, fill, line in soles:
             corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
             corner = (float(corner[0]), float(corner[1]))
             axes.add_patch(
