@@ -35,7 +35,7 @@ class Plant:
 
     robot: RobotModel = field(default_factory=RobotModel)
     limits: GaitLimits | None = None  # of the action; the paper's for the robot by default
-    config: PlannerConfig | None = None  # its touchdown timing shapes the nominal gait; `default` by default
+    config: PlannerConfig | None = None  # its touchdown delay and double support are the gait's; `default`
     control_hz: float = 100.0  # [Hz]
 
     @property
@@ -44,9 +44,10 @@ class Plant:
         return GaitLimits.of(self.robot) if self.limits is None else self.limits
 
     @property
-    def touchdown_delay(self) -> float:
-        """The new foot carries load this long after T [s]."""
-        return (self.config or preset_config("default")).touchdown_delay
+    def timing(self) -> tuple[float, float]:
+        """The new foot carries load this long after T, and both feet stand for that long after [s]."""
+        config = self.config or preset_config("default")
+        return config.touchdown_delay, config.double_support
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,10 @@ def run_batch(
     plant = Plant() if plant is None else plant
     limits = plant.box
     core = _start(plant, limits, scenarios)
-    monitor = GaitMonitor(len(scenarios), plant.robot, limits, plant.touchdown_delay)
+    monitor = GaitMonitor(len(scenarios), plant.robot, limits, *plant.timing)
     sensor = PendulumSensor(core, scenarios, measurement)
     clock = _Clock(core, scenarios)
-    actions, gaits = np.zeros((len(scenarios), GAIT_SIZE), np.float32), core.state.plan.copy()
+    actions = np.zeros((len(scenarios), GAIT_SIZE), np.float32)
     endings: dict[int, Ending] = {}
     standing = np.arange(len(scenarios))
     if watch is not None:
@@ -95,8 +96,7 @@ def run_batch(
         if not len(standing):
             return [endings[k] for k in range(len(scenarios))]
         actions[standing] = _act(policy, sensor.look()[standing])
-        gaits[standing] = limits.from_action(actions[standing])
-        core.step(gaits, actions.astype(np.float64))
+        core.step(core.gaits(actions), actions.astype(np.float64))
         push_end, over = clock.read()
         state = core.state
         monitor.update(state.steps, core.observation, state.com, state.time, push_end, core.command)
@@ -111,12 +111,13 @@ def run_batch(
 
 def _start(plant: Plant, limits: GaitLimits, scenarios: Sequence[Scenario]) -> PendulumCore:
     """All pendulums at the start of a nominal step, as `GaitEnv.reset` puts one."""
-    core = PendulumCore(len(scenarios), plant.robot, limits, plant.control_hz)
+    delay, double_support = plant.timing
+    core = PendulumCore(len(scenarios), plant.robot, limits, plant.control_hz, double_support)
     for k, scenario in enumerate(scenarios):
         sign = -1.0 if scenario.stance_side == "left" else 1.0
         command = (scenario.command.vx, sign * scenario.command.vy)
-        gait = nominal_gait(plant.robot, limits, command, plant.touchdown_delay)
-        start = nominal_start(gait, plant.robot.pelvis_width, plant.robot.omega, plant.touchdown_delay)
+        gait = nominal_gait(plant.robot, limits, command, delay, double_support)
+        start = nominal_start(gait, plant.robot.pelvis_width, plant.robot.omega, delay, double_support)
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
         core.reset(k, scenario, start, values, limits.to_action(values).astype(np.float64))
     return core

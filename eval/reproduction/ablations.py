@@ -19,7 +19,7 @@ from .variants import Variant, pairs
 
 NAME = "ablations"
 DIRECTIONS = (-90.0, -45.0, 0.0, 45.0, 90.0)  # psi [deg]
-GRIDS = (20.0, 5.0)  # [N]
+GRIDS, GRIDS_JERK = (20.0, 5.0), (40.0, 10.0, 5.0)  # [N]
 NOISE_SEEDS = (0, 1, 2)
 TWO_STAGE, STAGE_1, PAPER = (Variant(arm, arm) for arm in ("two-stage", "stage-1", "two-stage-paper"))
 UNAIDED = Variant("two-stage, no push estimate", "two-stage", pairs({"push_carry": 0.0}))
@@ -119,7 +119,8 @@ def sweeps() -> tuple[Sweep, ...]:
 
 def scan_job(variant: Variant, psi_deg: float) -> ScanJob:
     """Scan of one direction to 5 N; with noise every seed must survive."""
-    return ScanJob(variant, PushKind(psi_deg), GRIDS, NOISE_SEEDS if variant.dcm_noise else (0,))
+    grids = GRIDS_JERK if variant.jerk_form else GRIDS
+    return ScanJob(variant, PushKind(psi_deg), grids, NOISE_SEEDS if variant.dcm_noise else (0,))
 
 
 def jobs(directions: int) -> Iterable[Job]:

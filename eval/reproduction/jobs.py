@@ -16,14 +16,9 @@ from ..progress import progress_bars
 from ..workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
-PICTURES = (
-    "figure_",
-    "animation",
-    "style",
-    "tables",
-    "run",
-    "command",
-)  # files that decide no number of a row
+NO_NUMBERS = (
+    "figure_", "animation", "style", "record", "report", "tables", "run", "command",
+)  # how files begin that decide no row  # fmt: skip
 
 Row = dict[str, Any]
 Rows = Mapping[str, Row]  # by key of the job
@@ -63,7 +58,7 @@ def reproduction_digest() -> str:
     digest = hashlib.sha256(code_digest().encode())
     root = Path(importlib.import_module("...eval", __package__).__path__[0])
     files = [*root.glob("pendulum_*.py"), *root.glob("reproduction/*.py"), root / "frontier.py"]
-    for path in sorted(path for path in files if not path.name.startswith(PICTURES)):
+    for path in sorted(path for path in files if not path.name.startswith(NO_NUMBERS)):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 

@@ -52,9 +52,9 @@ def free_variants(arm: str) -> Iterator[tuple[str, str, Variant]]:
 
 
 def together(arm: str) -> Iterator[tuple[dict[str, Any], Variant]]:
-    """All open parameters at once: what they are, and the variant; 2 ms left out for its cost."""
+    """All open parameters at once: what they are, and the variant; short periods left out for their cost."""
     stage_2 = arm == "two-stage-paper"
-    choices = product(FEET, PELVES, PERIODS[1:], SAMPLINGS if stage_2 else (0.05,), JERK_COSTS[: 1 + stage_2])
+    choices = product(FEET, PELVES, PERIODS[2:], SAMPLINGS if stage_2 else (0.05,), JERK_COSTS[: 1 + stage_2])
     for (length, width), pelvis, period, sampling, cost in choices:
         about = {"foot_length": length, "foot_width": width, "pelvis_width": pelvis, "control_period": period}
         stage = {"sampling_time": sampling, "jerk_cost": cost} if stage_2 else {}
@@ -110,17 +110,18 @@ def _interval(rows: Rows, arm: str) -> Row:
 def _together(rows: Rows, arm: str) -> Row:
     """How many of all combinations survive and recover from 315 N, by jerk cost, and which do not recover."""
     found: dict[str, Row] = {}
+    names = ("foot_length", "foot_width", "pelvis_width", "control_period", "sampling_time")
     for about, variant in together(arm):
         row = rows[key(EpisodeJob(variant, PUSH, FORCE))]
         group = found.setdefault(
             about.get("jerk_cost", "none"),
-            {"combinations": 0, "survived": 0, "recovered": 0, "does_not_recover": []},
+            {"combinations": 0, "survived": 0, "recovered": 0, "parameters": names, "does_not_recover": []},
         )
         group["combinations"] += 1
         group["survived"] += row["survived"]
         group["recovered"] += row["recovered"]
         if not row["recovered"]:
-            group["does_not_recover"].append([value for value in about.values() if isinstance(value, float)])
+            group["does_not_recover"].append([about[name] for name in names if name in about])
     return found
 
 

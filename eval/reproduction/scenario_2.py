@@ -27,6 +27,7 @@ ARMS = (
     TWO_STAGE,
 )
 EXTRA_ARMS = (
+    Variant("two-stage+double-support", "two-stage", preset="double-support"),
     Variant("two-stage, no push estimate", "two-stage", pairs({"push_carry": 0.0})),
     Variant("two-stage, no trunk debt", "two-stage", pairs({"trunk_debt": False})),
     Variant("two-stage, plain DCM", "two-stage", pairs({"push_carry": 0.0, "trunk_debt": False})),

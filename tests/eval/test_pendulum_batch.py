@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from push_recovery.controllers.config import preset_config
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE, TRUNK_ANGLE
@@ -54,6 +55,16 @@ def test_another_robot_and_rate():
     policy, scenarios = make_policy("two-stage", robot), pushes(count=6, seed=3)
     single = [plain(rollout(env, policy, scenario, "two-stage")) for scenario in scenarios]
     plant = Plant(robot, GaitLimits.of(robot), control_hz=50.0)
+    assert [plain(ending) for ending in run_batch(policy, scenarios, plant)] == single
+
+
+def test_double_support():
+    preset = "double-support"
+    env, policy = PendulumEnv(preset=preset), make_policy("two-stage", preset=preset)
+    scenarios = pushes(count=6, seed=4)
+    single = [plain(rollout(env, policy, scenario, preset)) for scenario in scenarios]
+    plant = Plant(config=preset_config(preset))
+    assert plant.timing == (0.0, 0.1)
     assert [plain(ending) for ending in run_batch(policy, scenarios, plant)] == single
 
 
