@@ -17,7 +17,8 @@ from ..workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
 NO_NUMBERS = (
-    "figure_", "animation", "style", "record", "report", "tables", "run", "command",
+    "figure_", "animation", "style", "record", "cases", "claims", "page", "report",
+    "tables", "run", "command",
 )  # how files begin that decide no row  # fmt: skip
 
 Row = dict[str, Any]

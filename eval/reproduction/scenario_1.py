@@ -29,7 +29,7 @@ SAMPLINGS = (0.03, 0.05, 0.07, 0.1)  # [s]
 JERK_COSTS = ("repaired", "literal")
 VARIED_ARMS = ("stage-1-paper", "stage-1", "two-stage-paper", "two-stage")
 CASES = ("stage-1-paper", "two-stage-paper")  # (a), (b)
-RECORDED = ("stage-1-paper", "two-stage-paper", "stage-1", "two-stage")
+DRAWN = {"": CASES, "scaled-weights": ("stage-1", "two-stage")}  # folder -> cases (a) and (b) of the figures
 
 
 def free_variants(arm: str) -> Iterator[tuple[str, str, Variant]]:
@@ -158,11 +158,15 @@ def tables(content: dict[str, Any]) -> list[Table]:
 
 
 def draw(content: dict[str, Any], directory: Path) -> list[Path]:
-    """Figs. 3, 4 and 5 of cases (a) and (b), and the animation."""
+    """Figs. 3, 4 and 5 of cases (a) and (b) and the animation: the paper's weights, then the scaled ones."""
     from . import animation, figure_cartoon, figure_histories, figure_paths
 
-    known = {arm.label: arm for arm in ARMS}
-    records = [record(known[name], PUSH, FORCE) for name in CASES]
-    paths = [path for module in (figure_paths, figure_histories, figure_cartoon)
-             for path in module.draw(records, directory)]  # fmt: skip
-    return [*paths, animation.save(records, directory)]
+    paths = []
+    for folder, cases in DRAWN.items():
+        into = directory / folder
+        into.mkdir(parents=True, exist_ok=True)
+        records = [record(arm, PUSH, FORCE) for name in cases for arm in ARMS if arm.label == name]
+        for module in (figure_paths, figure_histories, figure_cartoon):
+            paths += module.draw(records, into)
+        paths.append(animation.save(records, into))
+    return paths
