@@ -67,6 +67,13 @@ def directory(text: str) -> Path:
     return Path(text)
 
 
+def markdown_file(text: str) -> Path:
+    """Argument type: a Markdown file by name."""
+    if Path(text).suffix != ".md":
+        raise argparse.ArgumentTypeError(f"must name a .md file, got {text!r}")
+    return Path(text)
+
+
 def _handler(module: str, function: str) -> Callable[[argparse.Namespace], int]:
     """A handler whose module is imported only when it runs."""
 
@@ -201,6 +208,10 @@ def _add_reproduce(commands: Subparsers) -> None:
     parser.add_argument(
         "--directions", metavar="N", type=integer(1), default=36,
         help="directions of scenario 2, counter-clockwise from forward",
+    )  # fmt: skip
+    parser.add_argument(
+        "--page", metavar="FILE.md", type=markdown_file,
+        help="write a page that holds the paper's claims against the run, pictures beside it",
     )  # fmt: skip
     _add_running(parser)
 

@@ -1,1 +1,1 @@
-"""The paper's results, measured again: its two scenarios, ablations of the planner, and what theory allows."""
+"""The paper's results, measured again: its two scenarios, ablations, and what theory allows."""

@@ -11,7 +11,7 @@ from .tables import show
 
 def run(args: argparse.Namespace) -> int:
     """Reproduce, write everything into the directory, print the tables or the object."""
-    found = reproduce(args.section, args.directions, args.workers, args.out, args.overwrite)
+    found = reproduce(args.section, args.directions, args.workers, args.out, args.overwrite, args.page)
     if args.json:
         print(json.dumps(found.content, allow_nan=False))
         return 0

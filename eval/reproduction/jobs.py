@@ -17,8 +17,7 @@ from ..workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
 NO_NUMBERS = (
-    "figure_", "animation", "style", "record", "cases", "claims", "page", "report",
-    "tables", "run", "command",
+    "figure_", "animation", "style", "claims", "page", "tables", "run", "command",
 )  # how files begin that decide no row  # fmt: skip
 
 Row = dict[str, Any]

@@ -12,6 +12,7 @@ from ...controllers.errors import InvalidValueError
 from ..files import default_directory, write_text
 from . import ablations, limits, scenario_1, scenario_2
 from .jobs import Job, Rows, config, open_store, run_jobs
+from .page import write_page
 from .tables import Table, markdown
 
 RESULT = "reproduction.json"
@@ -61,6 +62,7 @@ def reproduce(
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
+    page: Path | None = None,
 ) -> Reproduction:
     """Run sections; what the directory already holds is not computed again.
 
@@ -71,13 +73,16 @@ def reproduce(
         directory: for rows, reproduction.json, tables.md and pictures; by default one under runs/ named after
             the code.
         overwrite: start over where the directory holds rows.
+        page: where to write the page that holds the paper's claims against the run; needs all sections.
 
     Raises:
-        PushRecoveryError: an unknown section, a directory of other code.
+        PushRecoveryError: an unknown section, a page of some sections only, a directory of other code.
     """
     chosen = [module for module in SECTIONS if section in (ALL, module.NAME)]
     if not chosen:
         raise InvalidValueError(f"section must be one of {ALL}, {', '.join(SECTION_NAMES)}, got {section!r}")
+    if page is not None and section != ALL:
+        raise InvalidValueError(f"a page needs all sections, got {section!r}: leave the section out")
     directory = directory or default_directory("reproduce", config())
     store = open_store(directory, overwrite)
     if overwrite:
@@ -89,10 +94,13 @@ def reproduce(
     together = _merged(directory, content)
     write_text(directory / RESULT, json.dumps(together, indent=1, allow_nan=False) + "\n")
     known = [module for module in SECTIONS if module.NAME.replace("-", "_") in together]
-    every = [table for module in known for table in module.tables(together)]
-    write_text(directory / TABLES, "\n".join(markdown(table) for table in every))
+    every = {module.NAME: module.tables(together) for module in known}
+    texts = [markdown(table) for section in every.values() for table in section]
+    write_text(directory / TABLES, "\n".join(texts))
     tables = [table for module in chosen for table in module.tables(content)]
     pictures = [path for module in chosen for path in module.draw(content, directory)]
+    if page is not None:
+        pictures += write_page(content, every, directory, page)
     return Reproduction(content, tables, pictures, directory)
 
 

@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from .cases import CaseJob
 from .jobs import Job, Row, Rows, key
 from .recording import record
 from .scan import EpisodeJob, PushKind
@@ -29,6 +30,11 @@ SAMPLINGS = (0.03, 0.05, 0.07, 0.1)  # [s]
 JERK_COSTS = ("repaired", "literal")
 VARIED_ARMS = ("stage-1-paper", "stage-1", "two-stage-paper", "two-stage")
 CASES = ("stage-1-paper", "two-stage-paper")  # (a), (b)
+BETA_3 = (1.0, 0.1, 0.01, 0.001)  # weight of the trunk's jerk, whose unit the text leaves open
+SWAYING = tuple(
+    (value, Variant(f"two-stage-paper, beta_3 {value:g}", "two-stage-paper", pairs({"beta_trunk": value})))
+    for value in BETA_3
+)
 DRAWN = {"": CASES, "scaled-weights": ("stage-1", "two-stage")}  # folder -> cases (a) and (b) of the figures
 
 
@@ -74,6 +80,11 @@ def jobs(directions: int) -> Iterable[Job]:
     for arm in CASES:
         for _, variant in together(arm):
             yield EpisodeJob(variant, PUSH, FORCE)
+    for arm in ARMS:
+        yield CaseJob(arm, PUSH, FORCE)
+    for _, variant in SWAYING:
+        yield scan_job(variant, PSI, vx=VX)
+        yield CaseJob(variant, PUSH, FORCE)
 
 
 def summary(rows: Rows, directions: int) -> dict[str, Any]:
@@ -84,7 +95,20 @@ def summary(rows: Rows, directions: int) -> dict[str, Any]:
         "scenario_1_limits_N": {label: PUSH.limit(TWO_STAGE, **options) for label, options in LIMITS.items()},
         "scenario_1_interval": {arm: _interval(rows, arm) for arm in VARIED_ARMS},
         "scenario_1_together": {arm: _together(rows, arm) for arm in CASES},
-    }
+        "scenario_1_cases": {arm.label: _case(rows, arm) for arm in ARMS},
+        "scenario_1_sway": [
+            {"beta_3": value, "max_force_N": rows[key(scan_job(variant, PSI, vx=VX))]["survived"],
+             **_case(rows, variant)}
+            for value, variant in SWAYING
+        ],
+    }  # fmt: skip
+
+
+def _case(rows: Rows, variant: Variant) -> Row:
+    """What `case_numbers` found, without what identifies the row."""
+    job = CaseJob(variant, PUSH, FORCE)
+    about = {"key", "label", *job.identity()}
+    return {name: value for name, value in rows[key(job)].items() if name not in about}
 
 
 def _entry(rows: Rows, variant: Variant) -> Row:
@@ -154,7 +178,15 @@ def tables(content: dict[str, Any]) -> list[Table]:
         for cost, group in groups.items()
     ]
     columns = ("arm", "jerk cost", "combinations", "survive 315 N", "recover")
-    return [*found, Table("Foot, l_p, control period and sampling time varied together", columns, cells)]
+    found.append(Table("Foot, l_p, control period and sampling time varied together", columns, cells))
+    cells = [
+        (f"{case['beta_3']:g}", f"{case['max_force_N']:.0f}",
+         *(f"{case[name]:.2f}" for name in ("peak_lean_within_1_s", "peak_lean", "final_lean")))
+        for case in content["scenario_1_sway"]
+    ]  # fmt: skip
+    columns = ("beta_3 [s^6/rad^2]", "largest force [N]", "peak lean within 1 s [rad]", "peak lean [rad]",
+               "lean after 4 s [rad]")  # fmt: skip
+    return [*found, Table("two-stage-paper: sway of the trunk at 315 N", columns, cells)]
 
 
 def draw(content: dict[str, Any], directory: Path) -> list[Path]:

@@ -45,6 +45,11 @@ GRIDS = (5.0, 1.0)  # [N]
 GRIDS_JERK = (20.0, 5.0, 1.0)  # the paper's form costs ten times as much
 LIMIT_DIRECTIONS = 180  # of the limits' curves
 STRENGTH = {"N": "max_force_N", "Ns": "max_impulse_Ns"}  # field by unit
+PICTURES = (
+    ("fig7_limits", "scenario_2", "N", PUSH_TIME, (*ARMS, EXTRA_ARMS[0])),
+    ("fig7_variants", "scenario_2", "N", PUSH_TIME, (TWO_STAGE, *EXTRA_ARMS[1:])),
+    ("fig7_jump", "jump", "Ns", JUMP, (STAGE_1, TWO_STAGE, *EXTRA_ARMS[2:])),
+)  # stem, part of the result, unit, duration of the push [s], curves
 INWARD = (45.0, 135.0)  # towards the stance foot: psi in this range [deg]
 
 
@@ -147,21 +152,19 @@ def tables(content: dict[str, Any]) -> list[Table]:
 
 
 def draw(content: dict[str, Any], directory: Path) -> list[Path]:
-    """Fig. 7, and the same for a velocity jump."""
+    """Fig. 7; what belongs to `two-stage` taken away; and both sets for a velocity jump."""
     from . import figure_polar
 
     paths = []
-    for name, stem, unit, text in (
-        ("scenario_2", "fig7_limits", "N", "N"), ("jump", "fig7_jump", "Ns", "N s")
-    ):  # fmt: skip
+    for stem, name, unit, duration, variants in PICTURES:
         curves = {
-            arm: [(entry["psi_deg"], entry[STRENGTH[unit]]) for entry in entries]
-            for arm, entries in content[name].items()
+            variant.label: [
+                (entry["psi_deg"], entry[STRENGTH[unit]]) for entry in content[name][variant.label]
+            ]
+            for variant in variants
         }
-        duration = PUSH_TIME if unit == "N" else JUMP
-        title = "Largest recoverable " + ("push of 0.1 s" if unit == "N" else "velocity jump")
-        paths += figure_polar.draw(
-            curves, limit_curves(LIMIT_DIRECTIONS, duration), directory, stem,
-            title + " at the start of a left stance, stepping in place", text,
-        )  # fmt: skip
+        what = "push of 0.1 s" if duration else "velocity jump"
+        title = f"Largest recoverable {what} at the start of a left stance, stepping in place"
+        limits = limit_curves(LIMIT_DIRECTIONS, duration)
+        paths += figure_polar.draw(curves, limits, directory, stem, title, unit.replace("Ns", "N s"))
     return paths

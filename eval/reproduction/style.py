@@ -51,7 +51,9 @@ ARM_STYLES: dict[str, ArmStyle] = {
     "stage-1+momentum": ArmStyle("#cc79a7", (0, (5, 1, 1, 1, 1, 1)), "D", "stage 1 + trunk"),
     "two-stage-paper": ArmStyle("#56b4e9", (0, (3, 1)), "P", "two-stage, paper's weights"),
     "two-stage": ArmStyle("#0064a8", "-", "o", "two-stage"),
-    "two-stage, plain DCM": ArmStyle("#862255", (0, (6, 1, 1, 1)), "X", "two-stage, plain DCM"),
+    "two-stage, no push estimate": ArmStyle("#7a5195", (0, (5, 2)), "<", "without the push estimate"),
+    "two-stage, no trunk debt": ArmStyle("#a6522b", (0, (2, 1, 1, 1)), ">", "without the trunk's debt"),
+    "two-stage, plain DCM": ArmStyle("#862255", (0, (6, 1, 1, 1)), "X", "without either: the plain DCM"),
     "two-stage+double-support": ArmStyle("#4b2a86", (0, (10, 2)), "p", "two-stage, double support"),
 }
 LIMIT_STYLES: dict[str, ArmStyle] = {
