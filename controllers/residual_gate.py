@@ -77,8 +77,15 @@ def _openings(observations, c, low, high):  # pragma: no cover - compiled
 def make_gate(
     policy: object, robot: RobotModel, limits: GaitLimits, band: ArrayLike | None
 ) -> ResidualGate | None:
-    """The gate of a residual on `policy`, whose touchdown delay it takes; None where there is no band."""
+    """The gate of a residual on `policy`, whose touchdown delay it takes; None where there is no band.
+
+    Raises:
+        InvalidValueError: a policy with double support, whose nominal DCM the gate does not know.
+    """
     if band is None:
         return None
-    delay = float(getattr(getattr(policy, "config", None), "touchdown_delay", 0.0))
+    config = getattr(policy, "config", None)
+    if (both := getattr(config, "double_support", 0.0)) > 0:
+        raise InvalidValueError(f"a residual gate knows no double support, got {both} s; use no gate")
+    delay = float(getattr(config, "touchdown_delay", 0.0))
     return ResidualGate(robot, limits, delay, band)

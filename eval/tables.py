@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from .evaluate import SUBSET, Evaluation
@@ -66,12 +67,12 @@ def evaluation_markdown(evaluation: Evaluation) -> str:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table on standard output."""
-    table = Table(title=title, title_justify="left")
+    """A table on standard output; brackets are units here, no markup."""
+    table = Table(title=escape(title), title_justify="left")
     for index, column in enumerate(columns):
-        table.add_column(column, overflow="fold" if index in {0, len(columns) - 1} else "ellipsis")
+        table.add_column(escape(column), overflow="fold" if index in {0, len(columns) - 1} else "ellipsis")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console = Console()
     if not console.is_terminal:
         console = Console(width=160)

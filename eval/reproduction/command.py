@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 
+from ..tables import print_table
 from .run import RESULT, TABLES, reproduce
-from .tables import show
 
 
 def run(args: argparse.Namespace) -> int:
@@ -16,7 +16,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(found.content, allow_nan=False))
         return 0
     for table in found.tables:
-        show(table)
+        print_table(*table)
     for path in (found.directory / RESULT, found.directory / TABLES, *found.pictures):
         print(path)
     return 0

@@ -36,7 +36,7 @@ bit:
 It also writes every number as JSON, all tables and the figures as SVG and PNG into its output directory.
 Largest forces are those before the first failure, to 1 N (ablations: 5 N); psi counts counter-clockwise
 from forward, the stance foot is the left one, so psi 90 is inward. F\\* is the [closed-form
-limit](limits.md); no controller can do better.
+limit](limits.md) of single support; no controller can do better that stops its trunk before its limit.
 """
 GAP = """## Where the last percent go
 

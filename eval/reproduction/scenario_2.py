@@ -162,6 +162,7 @@ def draw(content: dict[str, Any], directory: Path) -> list[Path]:
                 (entry["psi_deg"], entry[STRENGTH[unit]]) for entry in content[name][variant.label]
             ]
             for variant in variants
+            if variant.label in content[name]
         }
         what = "push of 0.1 s" if duration else "velocity jump"
         title = f"Largest recoverable {what} at the start of a left stance, stepping in place"

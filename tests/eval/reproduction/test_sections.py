@@ -5,11 +5,13 @@ import json
 import pytest
 from push_recovery.eval.cli import main
 from push_recovery.eval.reproduction import ablations, limits, scenario_1, scenario_2
+from push_recovery.eval.reproduction.cases import CaseJob
 from push_recovery.eval.reproduction.jobs import key
 from push_recovery.eval.reproduction.run import SECTION_NAMES, SECTIONS, reproduce
 from push_recovery.eval.reproduction.scan import EpisodeJob, ScanJob
-from push_recovery.eval.reproduction.tables import markdown, show
+from push_recovery.eval.reproduction.tables import markdown
 from push_recovery.eval.reproduction.variants import Variant
+from push_recovery.eval.tables import print_table
 
 
 def rows_of(jobs, value):
@@ -22,6 +24,8 @@ def rows_of(jobs, value):
         elif isinstance(job, EpisodeJob):
             paper = job.variant.policy == "stage-1-paper"
             rows[key(job)] = {"survived": not paper, "recovered": not paper}
+        elif isinstance(job, CaseJob):
+            rows[key(job)] = {"key": key(job), "label": job.text, **job.identity(), "final_lean": 0.5}
     return rows
 
 
@@ -93,7 +97,7 @@ def test_every_job_has_its_own_row_and_a_label():
 def test_brackets_in_tables_are_units(capsys):
     content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 100.0), 1)
     table = next(t for t in ablations.tables(content) if "foot_width" in t.title)
-    show(table)
+    print_table(*table)
     assert "foot_width [m]" in capsys.readouterr().out
     assert markdown(table).startswith(
         "**two-stage: largest force [N] by foot_width [m]**\n\n| foot_width [m] |"
