@@ -3,37 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...controllers.nominal_gait import NominalGait
 from .record import Record
 from .recording import record
-from .scan import PushKind
-from .variants import Variant
+from .scan import EpisodeJob
 
 SWAY_TIME = 1.0  # the sway is that within this time of the push's onset [s]
 LAST_STEPS = 2  # the final speed is that of so many steps
 
 
 @dataclass(frozen=True)
-class CaseJob:
+class CaseJob(EpisodeJob):
     """The numbers of one push of one variant."""
 
-    variant: Variant
-    push: PushKind
-    strength: float
-
-    def identity(self) -> dict[str, Any]:
-        """All that decides the row, as JSON."""
-        about = {**self.push.identity(), "strength": self.strength}
-        return {"kind": "case", **about, "variant": self.variant.identity()}
-
-    @property
-    def text(self) -> str:
-        """For the progress bar."""
-        return f"{self.variant.label}, {self.strength:g} {self.push.unit}"
+    kind: ClassVar[str] = "case"
 
     def run(self) -> dict[str, Any]:
         """Run and measure it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ...controllers.capturability import max_recoverable_force, max_recoverable_impulse
 from ...envs.push import GaitEvent, polar_push
@@ -105,6 +105,7 @@ class ScanJob:
 class EpisodeJob:
     """One push of one variant."""
 
+    kind: ClassVar[str] = "episode"  # of the row
     variant: Variant
     push: PushKind
     strength: float
@@ -112,7 +113,7 @@ class EpisodeJob:
     def identity(self) -> dict[str, Any]:
         """All that decides the row, as JSON."""
         about = {**self.push.identity(), "strength": self.strength}
-        return {"kind": "episode", **about, "variant": self.variant.identity()}
+        return {"kind": self.kind, **about, "variant": self.variant.identity()}
 
     @property
     def text(self) -> str:

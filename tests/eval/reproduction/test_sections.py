@@ -21,11 +21,11 @@ def rows_of(jobs, value):
         if isinstance(job, ScanJob):
             found = value(job)
             rows[key(job)] = {"survived": found, "largest_survived": found + (job.push.psi_deg == 30.0)}
+        elif isinstance(job, CaseJob):
+            rows[key(job)] = {"key": key(job), "label": job.text, **job.identity(), "final_lean": 0.5}
         elif isinstance(job, EpisodeJob):
             paper = job.variant.policy == "stage-1-paper"
             rows[key(job)] = {"survived": not paper, "recovered": not paper}
-        elif isinstance(job, CaseJob):
-            rows[key(job)] = {"key": key(job), "label": job.text, **job.identity(), "final_lean": 0.5}
     return rows
 
 
