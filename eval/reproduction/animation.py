@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 STEM = "fig5_motion"
 BEFORE, AFTER = 0.5, 2.5  # what the film shows about the onset of the push [s]
 SPEED = 0.5  # of the film against time
-PIXELS = 100  # [1/in]
-COLOURS = 128  # of the palette that all pictures share, which keeps the file small
+PIXELS = 90  # [1/in]
+COLOURS = 32  # of the palette that all pictures share, which keeps the file small
 LABELLED = 0.4  # how long the push is named [s]
 
 
-def save(records: Sequence[Record], directory: Path, fps: int = 20) -> Path:
+def save(records: Sequence[Record], directory: Path, fps: int = 10) -> Path:
     """Write fig5_motion.gif, the lateral plane seen from behind; a record that ends early stands still."""
     from PIL import Image  # matplotlib's own reader and writer of pictures
 
