@@ -12,10 +12,11 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
-from .biped_gait import Gait, GaitSettings, accept, check_failures, control
+from .biped_gait import Gait, GaitSettings, accept, check_failure, control
 from .biped_kinematics import Array, Ints, Physics
 from .biped_observation import Contacts, count_contacts, observe
 from .push_batch import Pushes
+from .simulations import Handles, advance
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
 
@@ -43,13 +44,15 @@ class Arena(NamedTuple):
     mass_entries: Ints  # (nM, 2) rows and columns of the sparse mass matrix
     view: View
     contacts: Contacts
+    handles: Handles  # of the simulations
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
-    return address_table([*robots, *bounds[1:], arena.mass_entries, *arena.view, *arena.contacts])
+    rest = [arena.mass_entries, *arena.view, *arena.contacts, *arena.handles]
+    return address_table([*robots, *bounds[1:], *rest])
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -97,37 +100,72 @@ def settings_of(c: Array) -> GaitSettings:
 
 
 @njit(cache=True)
-def begin_period(t: Ints, c: Array, gaits: Array, actions: Array) -> None:
-    """Take over gaits (n, 7) and actions (n, 7); row 39 is the previous action."""
+def handles_of(t: Ints) -> Handles:
+    """Rows 48-50."""
+    return Handles(ints_2(t[48]), ints_2(t[49]), ints_1(t[50]))
+
+
+@njit(cache=True)
+def bounds_of(t: Ints, c: Array) -> Bounds:
+    """Rows 30-36, and the last constants."""
+    settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
+    return Bounds(
+        settings, floats_1(t[30]), floats_1(t[31]), ints_1(t[32]), floats_2(t[33]), floats_1(t[34]),
+        floats_1(t[35]), floats_1(t[36]),
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
     gait, settings, previous = gait_of(t), settings_of(c), floats_2(t[39])
-    for k in range(gait.time.shape[0]):
+    for k in range(first, end):
         accept(gait, k, settings, gaits[k], actions[k], previous[k])
 
 
-@njit(cache=True)
-def control_step(t: Ints, c: Array, dt: float) -> None:
-    """One physics step's torques and pushes of every robot; rows 30-37 are the bounds' and the index."""
+@njit(cache=True, nogil=True)
+def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
+    """Control and physics of robots first..end-1; row 37 is the index of the mass matrix.
+
+    One robot makes all its steps before the next begins, with its data still in the processor's cache. A
+    robot that has fallen rests.
+    """
+    phys, gait, pushes, contacts, handles = (
+        physics_of(t),
+        gait_of(t),
+        pushes_of(t),
+        contacts_of(t),
+        handles_of(t),
+    )
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    bound_settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
-    bounds = Bounds(
-        bound_settings, floats_1(t[30]), floats_1(t[31]), ints_1(t[32]), floats_2(t[33]), floats_1(t[34]),
-        floats_1(t[35]), floats_1(t[36]),
-    )  # fmt: skip
-    control(physics_of(t), gait_of(t), pushes_of(t), settings_of(c), gains, bounds, ints_2(t[37]), dt)
+    settings, bounds, index = settings_of(c), bounds_of(t, c), ints_2(t[37])
+    for k in range(first, end):
+        if gait.failure[k] != 0:
+            continue
+        for _ in range(steps):
+            control(phys, gait, k, pushes, settings, gains, bounds, index, dt)
+            advance(handles, k)
+            count_contacts(contacts, k, dt)
 
 
-@njit(cache=True)
-def measure_step(t: Ints, dt: float) -> None:
-    """What the sensors sum up over the physics step just made, of every robot."""
-    count_contacts(contacts_of(t), dt)
+@njit(cache=True, nogil=True)
+def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
+    """Falls, observations and capture margins of robots first..end-1; rows 38-43 are the view's."""
+    phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
+    index, command, previous, capture = ints_2(t[37]), floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
+    out, margin, world = floats_2(t[41]), floats_1(t[42]), floats_2(t[43])
+    for k in range(first, end):
+        check_failure(phys, gait, k, settings)
+        margin[k] = observe(
+            phys, gait, k, contacts, settings, index, command[k], previous[k], capture, out[k], world[k]
+        )
 
 
-@njit(cache=True)
-def finish_period(t: Ints, c: Array) -> None:
-    """Falls, observations and capture margins of every robot; rows 38-43 are the view's."""
-    physics, gait, settings = physics_of(t), gait_of(t), settings_of(c)
-    check_failures(physics, gait, settings)
-    observe(
-        physics, gait, contacts_of(t), settings, ints_2(t[37]), floats_2(t[38]), floats_2(t[39]),
-        floats_1(t[40]), floats_2(t[41]), floats_1(t[42]), floats_2(t[43]),
-    )  # fmt: skip
+@njit(cache=True, nogil=True)
+def whole_period(
+    t: Ints, c: Array, gaits: Array, actions: Array, steps: int, dt: float, first: int, end: int
+) -> None:
+    """A planning period of robots first..end-1, from their actions to their observations."""
+    begin_period(t, c, gaits, actions, first, end)
+    physics_steps(t, c, steps, dt, first, end)
+    finish_period(t, c, first, end)

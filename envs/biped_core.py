@@ -1,29 +1,30 @@
 """n bipeds at physics rate: one planning period holds one gait action.
 
-Within the period every physics step computes, for each robot, touchdown, swing foot, whole-body torque and
-push, and then the batch of simulations advances together.
+Within the period every physics step computes touchdown, swing foot, whole-body torque and push, and then the
+robot's simulation advances: all in one compiled call, on as many threads as asked for.
 """
 
 from __future__ import annotations
 
-import mujoco
+from collections.abc import Callable
+
 import numpy as np
-from mujoco.batch import Batch
 
 from ..controllers.capturability import capture_constants
 from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
+from ..controllers.threads import RangeThreads
 from .biped_arena import (
     Arena,
     View,
     arena_constants,
     arena_table,
     begin_period,
-    control_step,
     finish_period,
-    measure_step,
+    physics_steps,
+    whole_period,
 )
 from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
@@ -33,38 +34,56 @@ from .nominal_start import NominalStart
 from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
+from .simulations import Simulations
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
 
-AT_VELOCITY = mujoco.mjtStage.mjSTAGE_VEL.value  # stages that are current after a physics step
+INPUTS = ("ctrl", "xfrc_applied")
+OUTPUTS = (
+    "qpos", "qvel", "xpos", "xmat", "xanchor", "xaxis", "subtree_com", "M", "qfrc_bias", "sensordata",
+    "qfrc_constraint",
+)  # fmt: skip
 
 
 class BipedCore:
-    """n bipeds that share one compiled model; `mujoco.batch` steps them on a thread pool.
+    """n bipeds that share one compiled model.
 
-    Arrays are indexed by robot. The state of a robot does not depend on the others or on the thread count.
+    Arrays are indexed by robot and hold what was true at the end of the last physics step; `put` sets a
+    state.
+    The state of a robot does not depend on the others or on the thread count. A robot that has fallen rests
+    until its reset.
     """
 
     def __init__(
         self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0, threads: int = 1
     ):
+        """Build the robots, none of them in a state yet: `reset` each before the first step.
+
+        Args:
+            n: number of robots.
+            robot: physical constants.
+            limits: of the capture margin.
+            control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
+            threads: that a planning period is computed on.
+
+        Raises:
+            InvalidValueError: for an impossible rate or number.
+        """
         self.n = n
         self.robot = robot
-        self.substeps = physics_steps(control_hz)
-        self.batch = Batch(biped_model(), n, threads, persistent=True)
-        bind = self.batch.bind
-        self.physics = Physics(
-            bind("qpos"), bind("qvel"), bind("xpos"), bind("xmat"), bind("xanchor"), bind("xaxis"),
-            bind("subtree_com"), bind("M"), bind("qfrc_bias"), bind("sensordata"), bind("ctrl"),
-            bind("xfrc_applied"),
-        )  # fmt: skip
+        self.substeps = substeps(control_hz)
+        self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
+        self._threads = RangeThreads(threads)
+        self.simulations = Simulations(biped_model(), n, INPUTS, OUTPUTS)
+        arrays = self.simulations.arrays
+        self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros(n), plan=np.zeros((n, GAIT_SIZE)),
             failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
         )  # fmt: skip
         self.contacts = Contacts(
-            bind("qfrc_constraint"), impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
+            arrays["qfrc_constraint"], impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
         )
         self.pushes = empty_pushes(n, 1)
         self.command = np.zeros((n, 2))
@@ -79,18 +98,25 @@ class BipedCore:
     def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
         """Set the constants of gait machine and whole-body control."""
         self.settings = settings
-        self.bounds, self._bounds_memory = make_bounds(bounds, biped_model().actuator_forcerange[:, 1].copy())
+        torque_max = biped_model().actuator_forcerange[:, 1].copy()
+        self._bounds = [make_bounds(bounds, torque_max) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
         self._bind()
 
     def _bind(self) -> None:
-        """Write the address table anew; to be called whenever an array is replaced."""
+        """Write the address tables anew, one a thread; to be called whenever an array is replaced."""
         view = View(
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world
         )
-        state = (self.physics, self.gait, self.pushes, self.bounds)
-        self._arena = Arena(*state, mass_matrix_index(), view, self.contacts)
-        self._table = arena_table(self._arena)
+        state, index, handles = (
+            (self.physics, self.gait, self.pushes),
+            mass_matrix_index(),
+            self.simulations.handles,
+        )
+        self._arenas = [
+            Arena(*state, bounds, index, view, self.contacts, handles) for bounds, _ in self._bounds
+        ]
+        self._tables = [arena_table(arena) for arena in self._arenas]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
@@ -104,9 +130,7 @@ class BipedCore:
         com = np.array([start.com[0], sign * start.com[1], self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(com, velocity, soles)
-        self.batch.reset([k], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self.physics.qpos[k], self.physics.qvel[k] = qpos, qvel
-        self.batch.forward([k], stage=AT_VELOCITY)
+        self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
         self.gait.stance[k] = stance
@@ -121,19 +145,35 @@ class BipedCore:
             self._bind()
         self.contacts.time[k] = 0.0
         self.observation[k] = 0.0
-        finish_period(self._table, self._constants)
+        finish_period(self._tables[0], self._constants, k, k + 1)
+
+    def put(self, k: int, qpos: Array, qvel: Array) -> None:
+        """Put robot k into a state (21,), (20,), nothing acting on it; the gait machine stays as it is."""
+        self.simulations.put(k, qpos, qvel)
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
-        begin_period(self._table, self._constants, gaits, actions)
+        if self.after_physics_step is not None:
+            self._step_slowly(gaits, actions, self.after_physics_step)
+            return
+        tables, constants, steps = self._tables, self._constants, self.substeps
+
+        def job(worker: int, first: int, end: int) -> None:
+            whole_period(tables[worker], constants, gaits, actions, steps, PHYSICS_DT, first, end)
+
+        self._threads.run(job, self.n)
+
+    def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
+        """The same on one thread, physics step by physics step."""
+        table, constants = self._tables[0], self._constants
+        begin_period(table, constants, gaits, actions, 0, self.n)
         for _ in range(self.substeps):
-            control_step(self._table, self._constants, PHYSICS_DT)
-            self.batch.step(stage=AT_VELOCITY)
-            measure_step(self._table, PHYSICS_DT)
-        finish_period(self._table, self._constants)
+            physics_steps(table, constants, 1, PHYSICS_DT, 0, self.n)
+            look()
+        finish_period(table, constants, 0, self.n)
 
 
-def physics_steps(control_hz: float) -> int:
+def substeps(control_hz: float) -> int:
     """Physics steps per planning period; the rate must divide the physics rate."""
     steps = round(1.0 / (control_hz * PHYSICS_DT)) if control_hz > 0 else 0
     if steps < 1 or abs(steps * PHYSICS_DT * control_hz - 1.0) > 1e-9:

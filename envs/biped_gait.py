@@ -203,33 +203,28 @@ def apply_pushes(
 
 @njit(cache=True)
 def control(
-    phys: Physics, gait: Gait, pushes: Pushes, s: GaitSettings, gains: Gains, bounds: Bounds, index: Ints,
-    dt: float,
+    phys: Physics, gait: Gait, k: int, pushes: Pushes, s: GaitSettings, gains: Gains, bounds: Bounds,
+    index: Ints, dt: float,
 ) -> None:  # fmt: skip
-    """One physics step's torques and pushes of every robot that stands: writes phys.ctrl and phys.xfrc."""
-    torque, force, moment = np.empty(14), np.empty(3), np.empty(3)
-    for k in range(gait.time.shape[0]):
-        if gait.failure[k] != 0:
-            continue
-        if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
-            touch_down(phys, gait, k)
-        walk(phys, gait, k, s, gains, bounds, index, dt, torque)
-        phys.ctrl[k] = torque
-        apply_pushes(phys, gait, k, pushes, dt, force, moment)
-        gait.elapsed[k] += dt
-        gait.time[k] += dt
+    """One physics step's torques and pushes of one robot: writes phys.ctrl and phys.xfrc."""
+    force, moment = np.empty(3), np.empty(3)
+    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
+        touch_down(phys, gait, k)
+    walk(phys, gait, k, s, gains, bounds, index, dt, phys.ctrl[k])
+    apply_pushes(phys, gait, k, pushes, dt, force, moment)
+    gait.elapsed[k] += dt
+    gait.time[k] += dt
 
 
 @njit(cache=True)
-def check_failures(phys: Physics, gait: Gait, s: GaitSettings) -> None:
-    """Mark the robots that have fallen: CoM too low, or pelvis leaning by more than 60 degrees."""
-    for k in range(gait.time.shape[0]):
-        if gait.failure[k] != 0:
-            continue
-        height = phys.com[k, 0, 2] - sole_position(phys, k, gait.stance[k])[2]
-        if not np.isfinite(height):
-            gait.failure[k] = 3
-        elif height < LOWEST * s.com_height:
-            gait.failure[k] = 1
-        elif phys.xmat[k, PELVIS, 8] < STEEPEST:
-            gait.failure[k] = 2
+def check_failure(phys: Physics, gait: Gait, k: int, s: GaitSettings) -> None:
+    """Mark a robot that has fallen: CoM too low, or pelvis leaning by more than 60 degrees."""
+    if gait.failure[k] != 0:
+        return
+    height = phys.com[k, 0, 2] - sole_position(phys, k, gait.stance[k])[2]
+    if not np.isfinite(height):
+        gait.failure[k] = 3
+    elif height < LOWEST * s.com_height:
+        gait.failure[k] = 1
+    elif phys.xmat[k, PELVIS, 8] < STEEPEST:
+        gait.failure[k] = 2

@@ -34,16 +34,15 @@ class Contacts(NamedTuple):
 
 
 @njit(cache=True)
-def count_contacts(contacts: Contacts, dt: float) -> None:
-    """Add the contact forces of the physics step just made.
+def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
+    """Add the contact forces of the physics step that robot k has just made.
 
     The rows of the free joint's translation hold the sum of all external contacts in world axes, which force
     sensors in the feet would measure: joint limits and contacts between two legs cancel in it.
     """
-    for k in range(contacts.time.shape[0]):
-        contacts.impulse[k, 0] += dt * contacts.force[k, 0]
-        contacts.impulse[k, 1] += dt * contacts.force[k, 1]
-        contacts.time[k] += dt
+    contacts.impulse[k, 0] += dt * contacts.force[k, 0]
+    contacts.impulse[k, 1] += dt * contacts.force[k, 1]
+    contacts.time[k] += dt
 
 
 @njit(cache=True)
@@ -128,21 +127,19 @@ def write_world(phys: Physics, gait: Gait, k: int, s: GaitSettings, o: Array, wo
 
 @njit(cache=True)
 def observe(
-    phys: Physics, gait: Gait, contacts: Contacts, s: GaitSettings, index: Ints, command: Array,
-    previous: Array, capture: Array, out: Array, margin: Array, world: Array,
-) -> None:  # fmt: skip
-    """Observations (n, 36), capture margins (n,) [m] and world points (n, 6) [m] of every robot."""
-    for k in range(gait.time.shape[0]):
-        o = out[k]
-        omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k, index)
-        o[0] = gait.elapsed[k]
-        write_motion(phys, gait, k, s, velocity, o, omega)
-        write_posture(phys, gait, k, o, omega)
-        sign = side_sign(gait.stance[k])
-        cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-        o[25] = cos * command[k, 0] + sin * command[k, 1]
-        o[26] = sign * (-sin * command[k, 0] + cos * command[k, 1])
-        o[27:34] = previous[k]
-        write_push_estimate(contacts, gait, k, s, velocity, o)
-        margin[k] = capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)
-        write_world(phys, gait, k, s, o, world[k])
+    phys: Physics, gait: Gait, k: int, contacts: Contacts, s: GaitSettings, index: Ints, command: Array,
+    previous: Array, capture: Array, o: Array, world: Array,
+) -> float:  # fmt: skip
+    """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
+    omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k, index)
+    o[0] = gait.elapsed[k]
+    write_motion(phys, gait, k, s, velocity, o, omega)
+    write_posture(phys, gait, k, o, omega)
+    sign = side_sign(gait.stance[k])
+    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
+    o[25] = cos * command[0] + sin * command[1]
+    o[26] = sign * (-sin * command[0] + cos * command[1])
+    o[27:34] = previous
+    write_push_estimate(contacts, gait, k, s, velocity, o)
+    write_world(phys, gait, k, s, o, world)
+    return capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)

@@ -1,7 +1,5 @@
 """Largest joint torques and speeds at 500 Hz: walking, and in recovered pushes above 60 N s of `quick`."""
 
-from types import SimpleNamespace
-
 import gymnasium as gym
 import numpy as np
 from push_recovery.controllers.policies import make_policy
@@ -12,15 +10,14 @@ from push_recovery.eval.suites import quick_suite
 env = gym.make("push_recovery:PushRecovery/Biped-v0")
 biped, model = env.unwrapped, biped_model()
 policy = make_policy("two-stage", biped.robot, biped.limits, biped.preset)
-core, batch = biped.core, biped.core.batch
+core = biped.core
 limit = model.actuator_forcerange[:, 1]
 peaks = np.zeros((2, model.nu))  # torque [N m], speed [rad/s]
 
 
-def watched_step(**options: object) -> None:
-    """Advance the physics and keep the peaks."""
+def keep_peaks() -> None:
+    """Look at the physics step just made."""
     torque = np.minimum(np.abs(core.physics.ctrl[0]), limit)
-    batch.step(**options)
     np.maximum(peaks, [torque, np.abs(core.physics.qvel[0, 6:])], out=peaks)
 
 
@@ -34,7 +31,7 @@ def run(scenario: Scenario) -> tuple[bool, np.ndarray]:
     return truncated and info["recovered_at"] is not None, peaks.copy()
 
 
-core.batch = SimpleNamespace(step=watched_step, reset=batch.reset, forward=batch.forward)
+core.after_physics_step = keep_peaks
 walking = run(Scenario("walk", command=Command(0.5), duration=10.0))[1]
 hard = [s for s in quick_suite().scenarios if s.pushes[0].impulse_magnitude > 60.0]
 pushed = np.array([peak for recovered, peak in map(run, hard) if recovered])

@@ -34,9 +34,7 @@ def robot_in(biped_core) -> Callable:
     core = biped_core(1)
 
     def put(qpos: np.ndarray, qvel: np.ndarray, stance: int = 0):
-        core.batch.reset([0], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        core.physics.qpos[0], core.physics.qvel[0] = qpos, qvel
-        core.batch.forward([0], stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        core.put(0, qpos, qvel)
         for field in core.gait:
             field[0] = 0
         core.gait.stance[0] = stance

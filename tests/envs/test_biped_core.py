@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_core import physics_steps
+from push_recovery.envs.biped_core import substeps
 from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped_gait import FAILURES
 from push_recovery.envs.biped_kinematics import FOOT_BODY, PELVIS, com_velocity
 from push_recovery.envs.biped_model import PHYSICS_DT, SOLES, biped_model, mass_matrix_index
 from push_recovery.envs.push import GaitEvent, Push
@@ -121,12 +122,48 @@ def trajectory(core, begin, scenarios, seconds: float = 2.5) -> np.ndarray:
     return np.array(out)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_robots_together_are_those_alone_bit_for_bit(biped_core, begin, threads):
-    together = trajectory(biped_core(3, threads=threads), begin, SCENARIOS)
+@pytest.mark.parametrize(("n", "threads"), [(3, 1), (3, 2), (16, 2), (16, 5)])
+def test_robots_together_are_those_alone_bit_for_bit(biped_core, begin, n, threads):
+    scenarios = [SCENARIOS[k % 3] for k in range(n)]
+    together = trajectory(biped_core(n, threads=threads), begin, scenarios, 1.8)
     for k, scenario in enumerate(SCENARIOS):
-        alone = trajectory(biped_core(), begin, (scenario,))
-        assert together[:, k].tobytes() == alone[:, 0].tobytes()
+        alone = trajectory(biped_core(), begin, (scenario,), 1.8)
+        for twin in range(k, n, 3):
+            assert together[:, twin].tobytes() == alone[:, 0].tobytes()
+
+
+def test_a_closer_look_changes_nothing(biped_core, begin):
+    looks, cores = [], (biped_core(), biped_core())
+    cores[0].after_physics_step = lambda: looks.append(cores[0].physics.qpos[0].copy())
+    first, second = (trajectory(core, begin, SCENARIOS[:1], 0.3) for core in cores)
+    assert first.tobytes() == second.tobytes()
+    np.testing.assert_array_equal(
+        np.array(looks)[cores[0].substeps - 1 :: cores[0].substeps], first[:, 0, :21]
+    )
+
+
+def test_a_fallen_robot_rests_until_its_reset(biped_core, begin):
+    core, push = biped_core(), Push((0.0, 900.0, 0.0), 0.1, 0.2)
+    begin(core, 0, Scenario("a", (push,)))
+    while core.gait.failure[0] == 0:
+        step(core)
+    before = core.physics.qpos[0].copy(), core.observation[0, :25].copy()
+    step(core)
+    np.testing.assert_array_equal(core.physics.qpos[0], before[0])
+    np.testing.assert_array_equal(core.observation[0, :25], before[1])
+    assert trajectory(core, begin, SCENARIOS[1:2], 0.5).tobytes() == (
+        trajectory(biped_core(), begin, SCENARIOS[1:2], 0.5).tobytes()
+    )
+
+
+def test_a_state_that_is_no_number_is_a_failure(biped_core, begin, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warning to a file
+    core = biped_core()
+    begin(core, 0, SCENARIOS[1])
+    core.simulations.data[0].qvel[3] = np.nan
+    core.simulations.data[0].qpos[2] = np.nan
+    step(core)
+    assert FAILURES[core.gait.failure[0]] == "not_finite"
 
 
 def test_an_episode_repeats_bit_for_bit_whatever_came_before(biped_core, begin):
@@ -177,4 +214,4 @@ def test_a_robot_begins_on_level_feet_with_the_com_of_the_pendulum(biped_core, b
 
 @pytest.mark.parametrize(("rate", "steps"), [(500, 1), (250.0, 2), (100.0, 5), (62.5, 8), (20.0, 25)])
 def test_rates_that_divide_the_physics_rate(rate, steps):
-    assert physics_steps(rate) == steps
+    assert substeps(rate) == steps

@@ -12,29 +12,15 @@ from push_recovery.envs.scenario import Scenario
 SETTINGS = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
 
 
-class Recorder:
-    """A batch that keeps the external forces of every physics step."""
-
-    def __init__(self, core):
-        self.batch, self.physics, self.forces = core.batch, core.physics, []
-
-    def __getattr__(self, name):
-        return getattr(self.batch, name)
-
-    def step(self, **kwargs):
-        self.forces.append(self.physics.xfrc[0].copy())
-        return self.batch.step(**kwargs)
-
-
 def run(core, begin, scenario: Scenario, seconds: float) -> np.ndarray:
     """External forces (steps, bodies, 6) of a robot that walks the nominal gait."""
-    gait = begin(core, 0, scenario)
-    core.batch = recorder = Recorder(core)
+    gait, forces = begin(core, 0, scenario), []
+    core.after_physics_step = lambda: forces.append(core.physics.xfrc[0].copy())
     action = BIPED_LIMITS.to_action(gait).astype(np.float64)[None]
     for _ in range(round(seconds / (core.substeps * PHYSICS_DT))):
         core.step(gait[None], action)
-    core.batch = recorder.batch
-    return np.array(recorder.forces)
+    core.after_physics_step = None
+    return np.array(forces)
 
 
 @pytest.mark.parametrize("control_hz", [20, 25, 50, 100, 125, 250, 500])
