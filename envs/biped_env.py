@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GaitLimits
 from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
 from .gait_env import GaitEnv
+from .gait_episodes import GaitEpisodes, Ints, Motion, World
+from .gait_vector_env import GaitVectorEnv
 from .scenario import PushDistribution
-
-Array = NDArray[np.float64]
 
 BIPED = RobotModel()  # Table II
 BIPED_LIMITS = GaitLimits(
@@ -25,6 +26,32 @@ BIPED_LIMITS = GaitLimits(
     duration_min=0.18,
     duration_max=0.633,
 )
+
+
+class BipedEpisodes(GaitEpisodes):
+    """Episodes of n bipeds; `threads` share their physics and change nothing else."""
+
+    failures = FAILURES
+
+    def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
+        super().__init__(n, BIPED, BIPED_LIMITS, preset, control_hz)
+        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+            raise InvalidValueError(f"threads must be a whole number >= 1, got {threads!r}")
+        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
+
+    def motion(self) -> Motion:
+        """Steps, CoM, time and stance sides."""
+        gait = self.core.gait
+        return Motion(gait.steps, self.core.physics.com[:, 0, :2], gait.time, gait.stance)
+
+    def failure(self) -> Ints:
+        """Index into FAILURES, (n,)."""
+        return self.core.gait.failure
+
+    def world(self) -> World:
+        """DCM, CoP, CMP and the feet that carry load."""
+        points = self.core.world.copy()
+        return World(points[:, 0:2], points[:, 2:4], points[:, 4:6], self.core.physics.load > 1.0)
 
 
 class BipedEnv(GaitEnv):
@@ -48,8 +75,7 @@ class BipedEnv(GaitEnv):
             preset: of the planner that belongs to this environment.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
         """
-        super().__init__(BIPED, BIPED_LIMITS, preset, control_hz, render_mode, push_distribution)
-        self.core = BipedCore(1, self.robot, self.limits, control_hz)
+        super().__init__(BipedEpisodes(1, preset, control_hz), render_mode, push_distribution)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
@@ -62,18 +88,20 @@ class BipedEnv(GaitEnv):
         image = self._picture.draw(self.core)
         return image if self.render_mode == "rgb_array" else None
 
-    def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
-        gait = self.core.gait
-        return gait.steps, self.core.physics.com[:, 0, :2], gait.time, int(gait.stance[0])
 
-    def _failure(self) -> str | None:
-        return FAILURES[self.core.gait.failure[0]] or None
+def make_biped_vector(
+    num_envs: int = 1,
+    autoreset_mode: str = "NextStep",
+    threads: int = 1,
+    render_mode: str | None = None,
+    control_hz: float = 100.0,
+    preset: str = "biped",
+    push_distribution: dict[str, Any] | PushDistribution | None = None,
+) -> GaitVectorEnv:
+    """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 
-    def _world_info(self) -> dict[str, Any]:
-        world, load = self.core.world[0].copy(), self.core.physics.load[0]
-        return {
-            "dcm": world[0:2],
-            "cop": world[2:4],
-            "cmp": world[4:6],
-            "contacts": {"left": bool(load[0] > 1.0), "right": bool(load[1] > 1.0)},
-        }
+    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
+    those of `BipedEnv`.
+    """
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads)
+    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

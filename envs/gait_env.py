@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -11,17 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from ..controllers.capturability import step_start_dcm
-from ..controllers.config import PRESETS, preset_config
 from ..controllers.errors import InvalidValueError, UnknownNameError
-from ..controllers.limits import GAIT_SIZE, GaitLimits
-from ..controllers.nominal_gait import NominalGait, nominal_gait
-from ..controllers.observation import COMMAND, OBSERVATION_SIZE
-from ..controllers.robot import RobotModel
-from .gait_monitor import GaitMonitor
-from .gait_reward import REWARD_TERMS, RewardInput
-from .nominal_start import nominal_start
-from .push import Push
+from ..controllers.limits import GAIT_SIZE
+from ..controllers.nominal_gait import NominalGait
+from ..controllers.observation import OBSERVATION_SIZE
+from .gait_episodes import GaitEpisodes
+from .gait_reward import REWARD_TERMS
+from .push import SIDES, Push
 from .scenario import PushDistribution, Scenario
 
 Array = NDArray[np.float64]
@@ -29,8 +24,10 @@ Array = NDArray[np.float64]
 RENDER_MODES = ("human", "rgb_array")
 
 
-def check_action(action: ArrayLike, name: str = "action") -> NDArray[np.float32]:
-    """A gait action (7,) as float32, clipped to [-1, 1]; `name` is what errors call it.
+def check_action(
+    action: ArrayLike, name: str = "action", shape: tuple[int, ...] = (GAIT_SIZE,)
+) -> NDArray[np.float32]:
+    """Gait actions of a shape as float32, clipped to [-1, 1]; `name` is what errors call it.
 
     Raises:
         InvalidValueError: for another shape, or NaN or infinity.
@@ -39,95 +36,82 @@ def check_action(action: ArrayLike, name: str = "action") -> NDArray[np.float32]
         values = np.asarray(action, dtype=np.float32)
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
-    if values.shape != (GAIT_SIZE,):
-        raise InvalidValueError(f"{name} must have shape ({GAIT_SIZE},), got {values.shape}")
+    if values.shape != shape:
+        raise InvalidValueError(f"{name} must have shape {shape}, got {values.shape}")
     if not np.isfinite(values).all():
-        raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {values.tolist()}")
+        bad = values if values.ndim == 1 else values[~np.isfinite(values).all(axis=1)][0]
+        raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {bad.tolist()}")
     return np.clip(values, -1.0, 1.0)
 
 
-class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
-    """Base of the environments whose action is a gait; a subclass brings the physics as a core of one robot.
+def gait_spaces() -> tuple[Any, Any]:
+    """Observation space and action space of a gait environment."""
+    return (
+        spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64),
+        spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32),
+    )
 
-    The core offers arrays of length 1: `observation`, `command`, `previous_action`, `margin` and `pushes`;
-    `reset(k, scenario, start, gait, action)`; `step(gaits, actions)`; and what the abstract methods ask for.
+
+def check_push_distribution(distribution: dict[str, Any] | PushDistribution | None) -> PushDistribution:
+    """A push distribution from what a constructor takes; the default one for None.
+
+    Raises:
+        InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
     """
+    if isinstance(distribution, dict):
+        distribution = PushDistribution.from_dict(distribution)
+    if not isinstance(distribution, PushDistribution | None):
+        raise InvalidValueError(
+            f"push_distribution must be a PushDistribution or its dict, got {distribution!r}"
+        )
+    return distribution or PushDistribution()
+
+
+def check_scenario(scenario: object) -> Scenario:
+    """A scenario out of reset options.
+
+    Raises:
+        InvalidValueError: for anything else.
+    """
+    if not isinstance(scenario, Scenario):
+        raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(scenario).__name__}")
+    return scenario
+
+
+class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
+    """Base of the environments whose action is a gait: Gymnasium's face of the episodes of one robot."""
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
         "render_modes": list(RENDER_MODES),
         "render_fps": 100,
     }
 
-    robot: RobotModel
-    limits: GaitLimits
-    preset: str
-    dt: float  # planning period [s]
-    has_double_support = False  # whether the physics knows it
-
     def __init__(
         self,
-        robot: RobotModel,
-        limits: GaitLimits,
-        preset: str,
-        control_hz: float,
+        episodes: GaitEpisodes,
         render_mode: str | None,
         push_distribution: dict[str, Any] | PushDistribution | None,
     ):
-        """Set up spaces and monitor.
+        """Set up the spaces.
 
         Raises:
-            InvalidValueError: for a rate outside 20-1000 Hz.
-            UnknownNameError: for an unknown preset or render mode.
-            InvalidValueError: the preset walks with double support, which the robot does not know.
+            UnknownNameError: for an unknown render mode.
+            InvalidValueError: for an impossible push distribution.
         """
-        if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
-            raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {control_hz!r}")
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
-        self.robot, self.limits, self.preset, self.render_mode = robot, limits, preset, render_mode
-        self.dt = 1.0 / control_hz
-        self.metadata = {**self.metadata, "render_fps": round(control_hz)}  # type: ignore[misc]
-        config = preset_config(preset)
-        self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
-        if self.double_support > 0 and not self.has_double_support:
-            valid = [name for name, other in PRESETS.items() if other.double_support == 0]
-            raise InvalidValueError(
-                f"preset {preset!r} walks with double support of {self.double_support} s, which this robot "
-                f"does not know; choose from: {', '.join(valid)}"
-            )
-        self.action_space = spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64)
-        if isinstance(push_distribution, dict):
-            push_distribution = PushDistribution.from_dict(push_distribution)
-        if not isinstance(push_distribution, PushDistribution | None):
-            raise InvalidValueError(
-                f"push_distribution must be a PushDistribution or its dict, got {push_distribution!r}"
-            )
-        self.push_distribution = push_distribution or PushDistribution()
-        self.monitor = GaitMonitor(1, robot, limits, self.touchdown_delay, self.double_support)
+        self.render_mode = render_mode
+        self.push_distribution = check_push_distribution(push_distribution)
+        self.episodes = episodes
+        self.core: Any = episodes.core
+        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
+        self.preset, self.double_support = episodes.preset, episodes.double_support
+        self.dt = 1.0 / episodes.control_hz  # planning period [s]
+        self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
+        self.observation_space, self.action_space = gait_spaces()
         self.scenario: Scenario | None = None
         self._picture: Any = None  # what `render` draws with
         self._ended = True
-        self._omega = robot.omega
-        self._nominal_of: dict[tuple[float, ...], tuple[NominalGait, tuple[float, float]]] = {}  # by command
-
-    # The core's side
-
-    core: Any
-
-    @abstractmethod
-    def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
-        """Completed steps (1,), CoM (1, 2) in the heading frame [m], time (1,) [s], stance side (0 left)."""
-
-    @abstractmethod
-    def _failure(self) -> str | None:
-        """Why the robot has fallen, or None."""
-
-    @abstractmethod
-    def _world_info(self) -> dict[str, Any]:
-        """dcm, cop, cmp in the world frame [m], contacts."""
-
-    # Gymnasium's side
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -140,55 +124,29 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.scenario = self._scenario(options)
-        sign = -1.0 if self.scenario.stance_side == "left" else 1.0
-        command = self.scenario.command
-        gait = self._nominal(command.vx, sign * command.vy)
-        start = nominal_start(
-            gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
-        )
-        values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
-        self._nominal_of.clear()
-        self.core.reset(0, self.scenario, start, values, self.limits.to_action(values).astype(np.float64))
-        self.monitor.reset(0)
+        self.episodes.begin(0, self.scenario)
         self._ended = False
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), self._info(gait.duration, None)
+        return self.core.observation[0].copy(), self._info(np.zeros(len(REWARD_TERMS)))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One planning period under a gait action (7,) in [-1, 1]; entries outside are clipped."""
         if self.scenario is None or self._ended:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
-        clipped = check_action(action)
-        before = self.core.previous_action[0].tolist()
-        gait = self._gait(clipped)
-        self.core.step(gait[None], clipped[None].astype(np.float64))
-        steps, com, time, _ = self._motion()
-        push_end = self.last_push_end()
-        self.monitor.update(steps, self.core.observation, com, time, np.array([push_end]), self.core.command)
-        failure = self._failure()
-        terms = self._reward_terms(before, float(gait[2]), failure is not None)
-        truncated = failure is None and bool(time[0] >= self.scenario.end_time(push_end) - 1e-9)
-        self._ended = truncated or failure is not None
-        info = self._info(float(gait[2]), failure)
-        info["reward_terms"] = terms
+        period = self.episodes.step(check_action(action)[None])
+        terminated, truncated = bool(period.failed[0]), bool(period.truncated[0])
+        self._ended = terminated or truncated
+        info = self._info(period.reward.terms[0])
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), sum(terms.values()), failure is not None, truncated, info
+        return self.core.observation[0].copy(), float(period.reward.total[0]), terminated, truncated, info
 
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._picture is not None:
             self._picture.close()
             self._picture = None
-
-    def last_push_end(self) -> float:
-        """When the last push ends [s]: 0 without pushes, inf while a gait event has not come."""
-        assert self.scenario is not None  # noqa: S101
-        starts = self.core.pushes.start[0]
-        return max(
-            (float(starts[i]) + push.duration for i, push in enumerate(self.scenario.pushes)), default=0.0
-        )
 
     def _scenario(self, options: dict[str, Any] | None) -> Scenario:
         if not isinstance(options, dict | None):
@@ -199,52 +157,29 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         scenario = (options or {}).get("scenario")
         if scenario is None:
             return self.push_distribution.sample(self.np_random)
-        if not isinstance(scenario, Scenario):
-            raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(scenario).__name__}")
-        return scenario
-
-    def _gait(self, action: NDArray[np.float32]) -> Array:
-        """Gait variables (7,) that an action (7,) means now."""
-        return self.limits.from_action(action)
+        return check_scenario(scenario)
 
     def _nominal(self, vx: float, vy: float) -> NominalGait:
-        return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay, self.double_support)
+        return self.episodes.nominal(vx, vy)
 
-    def _start_dcm(self, nominal: NominalGait) -> tuple[float, float]:
-        """DCM at the start of a nominal step, less the CoP's transfer: (u_T + b_nom) / lambda [m]."""
-        if self.double_support == 0:
-            return step_start_dcm(nominal, self.robot.pelvis_width, self._omega, self.touchdown_delay)
-        decay = math.exp(-self._omega * nominal.duration)
-        return (nominal.length + nominal.offset_x) * decay, (nominal.width + nominal.offset_y) * decay
-
-    def _reward_terms(self, before: list[float], duration: float, failed: bool) -> dict[str, float]:
-        obs = self.core.observation[0].tolist()
-        command = tuple(obs[COMMAND])
-        if command not in self._nominal_of:
-            nominal = self._nominal(*command)
-            self._nominal_of[command] = nominal, self._start_dcm(nominal)
-        nominal, start = self._nominal_of[command]
-        x = RewardInput(
-            obs, before, nominal, start, duration, self._omega, float(self.core.margin[0]), failed,
-            self.double_support,
-        )  # fmt: skip
-        return {name: term(x) for name, term in REWARD_TERMS.items()}
-
-    def _info(self, duration: float, failure: str | None) -> dict[str, Any]:
+    def _info(self, terms: Array) -> dict[str, Any]:
         assert self.scenario is not None  # noqa: S101
-        _, _, time, side = self._motion()
-        obs = self.core.observation[0]
+        motion, world = self.episodes.motion(), self.episodes.world()
+        time = float(motion.time[0])
         return {
             "scenario_id": self.scenario.id,
-            "time": float(time[0]),
-            "push": self._push_info(float(time[0])),
+            "time": time,
+            "push": self._push_info(time),
             "capture_margin": float(self.core.margin[0]),
-            "phase": min(float(obs[0]) / duration, 1.0),
-            "stance_side": ("left", "right")[side],
-            "failure_reason": failure,
+            "phase": min(float(self.core.observation[0, 0]) / float(self.episodes.planned[0]), 1.0),
+            "stance_side": SIDES[motion.side[0]],
+            "failure_reason": self.episodes.failures[self.episodes.failure()[0]] or None,
             "recovered_at": self.monitor.recovered_at(0),
-            "reward_terms": dict.fromkeys(REWARD_TERMS, 0.0),
-            **self._world_info(),
+            "reward_terms": dict(zip(REWARD_TERMS, terms.tolist(), strict=True)),
+            "dcm": world.dcm[0],
+            "cop": world.cop[0],
+            "cmp": world.cmp[0],
+            "contacts": dict(zip(SIDES, world.loaded[0].tolist(), strict=True)),
         }
 
     def _push_info(self, time: float) -> dict[str, Any] | None:

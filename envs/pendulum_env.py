@@ -7,14 +7,61 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.double_support import both_stand
+from ..controllers.double_support import INSTANT, both_stand
 from ..controllers.limits import GaitLimits
 from ..controllers.robot import RobotModel
 from .gait_env import GaitEnv
+from .gait_episodes import Array, GaitEpisodes, Ints, Motion, World
+from .gait_vector_env import GaitVectorEnv
 from .pendulum_core import FAILURES, PendulumCore
 from .scenario import PushDistribution
 
-Array = NDArray[np.float64]
+
+class PendulumEpisodes(GaitEpisodes):
+    """Episodes of n pendulums."""
+
+    failures = FAILURES
+    has_double_support = True
+
+    def __init__(
+        self,
+        n: int,
+        robot: RobotModel | None = None,
+        limits: GaitLimits | None = None,
+        preset: str = "default",
+        control_hz: float = 100.0,
+    ):
+        robot = RobotModel() if robot is None else robot
+        limits = GaitLimits.of(robot) if limits is None else limits
+        super().__init__(n, robot, limits, preset, control_hz)
+        self.core = PendulumCore(self.n, robot, limits, control_hz, self.double_support)
+
+    def motion(self) -> Motion:
+        """Steps, CoM, time and stance sides."""
+        state = self.core.state
+        return Motion(state.steps, state.com, state.time, state.side)
+
+    def failure(self) -> Ints:
+        """Index into FAILURES, (n,)."""
+        return self.core.state.failure
+
+    def gaits(self, actions: NDArray[np.float32]) -> Array:
+        """Gait variables (n, 7); in double support the CoP may be anywhere in the hull of both soles."""
+        return self.core.gaits(actions)
+
+    def world(self) -> World:
+        """DCM, CoP, CMP and the feet on the floor."""
+        state = self.core.state
+        loaded = np.repeat(self.both_stand()[:, None], 2, axis=1)
+        loaded[np.arange(self.n), state.side] = True
+        dcm = state.com + state.velocity / self.robot.omega
+        return World(dcm, state.cop.copy(), state.cmp.copy(), loaded)
+
+    def both_stand(self) -> NDArray[np.bool_]:
+        """Which of the pendulums are in double support, (n,)."""
+        state = self.core.state
+        elapsed = state.time - state.step_start
+        return (self.double_support > 0.0) & (self.double_support - elapsed > INSTANT)
 
 
 class PendulumEnv(GaitEnv):
@@ -24,8 +71,6 @@ class PendulumEnv(GaitEnv):
     that has double support it stays on the floor for the first part of the step. A push acts on the CoM: its
     body, its point of attack and its vertical part do not matter here.
     """
-
-    has_double_support = True
 
     def __init__(
         self,
@@ -46,10 +91,8 @@ class PendulumEnv(GaitEnv):
             robot: physical constants; the paper's by default.
             limits: of the action; the paper's for the robot by default.
         """
-        robot = RobotModel() if robot is None else robot
-        limits = GaitLimits.of(robot) if limits is None else limits
-        super().__init__(robot, limits, preset, control_hz, render_mode, push_distribution)
-        self.core = PendulumCore(1, robot, limits, control_hz, self.double_support)
+        episodes = PendulumEpisodes(1, robot, limits, preset, control_hz)
+        super().__init__(episodes, render_mode, push_distribution)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Top view of feet, CoM, DCM and push: an image (480, 640, 3), or a window."""
@@ -64,30 +107,24 @@ class PendulumEnv(GaitEnv):
         for i in range(pushes.start.shape[1]):
             if pushes.start[0, i] <= state.time[0] < pushes.start[0, i] + pushes.duration[0, i]:
                 force += pushes.force[0, i, :2]
-        image = self._picture.draw(state, self.robot, force, self._both_stand())
+        elapsed = float(state.time[0] - state.step_start[0])
+        image = self._picture.draw(state, self.robot, force, both_stand(elapsed, self.double_support))
         return image if self.render_mode == "rgb_array" else None
 
-    def _motion(self) -> tuple[NDArray[np.int64], Array, Array, int]:
-        state = self.core.state
-        return state.steps, state.com, state.time, int(state.side[0])
 
-    def _failure(self) -> str | None:
-        return FAILURES[self.core.state.failure[0]] or None
+def make_pendulum_vector(
+    num_envs: int = 1,
+    autoreset_mode: str = "NextStep",
+    render_mode: str | None = None,
+    control_hz: float = 100.0,
+    preset: str = "default",
+    push_distribution: dict[str, Any] | PushDistribution | None = None,
+    robot: RobotModel | None = None,
+    limits: GaitLimits | None = None,
+) -> GaitVectorEnv:
+    """Vector entry point of PushRecovery/Pendulum-v0: `num_envs` pendulums on one core.
 
-    def _gait(self, action: NDArray[np.float32]) -> Array:
-        return self.core.gaits(action[None])[0]
-
-    def _world_info(self) -> dict[str, Any]:
-        state = self.core.state
-        dcm = state.com[0] + state.velocity[0] / self.robot.omega
-        left, both = int(state.side[0]) == 0, self._both_stand()
-        return {
-            "dcm": dcm,
-            "cop": state.cop[0].copy(),
-            "cmp": state.cmp[0].copy(),
-            "contacts": {"left": left or both, "right": not left or both},
-        }
-
-    def _both_stand(self) -> bool:
-        state = self.core.state
-        return both_stand(float(state.time[0] - state.step_start[0]), self.double_support)
+    `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others those of `PendulumEnv`.
+    """
+    episodes = PendulumEpisodes(num_envs, robot, limits, preset, control_hz)
+    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

@@ -1,0 +1,91 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.envs.scenario import Scenario
+
+pytest.importorskip("stable_baselines3")
+from push_recovery.training.sb3_vec_env import SB3VecEnv
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+PENDULUM = "push_recovery:PushRecovery/Pendulum-v0"
+HARD = {"impulse_min": 20.0, "impulse_max": 200.0, "first_step": 0, "settle_time": 0.5}
+
+
+def native(n=3, **kwargs):
+    return SB3VecEnv(gym.make_vec(PENDULUM, n, vectorization_mode="vector_entry_point", **kwargs))
+
+
+def test_steps_are_those_of_single_environments():
+    """As DummyVecEnv on one environment per robot: observations, rewards, ends, terminal observations."""
+    ours = native(push_distribution=HARD)
+    theirs = DummyVecEnv([lambda: gym.make(PENDULUM, push_distribution=HARD)] * 3)
+    for venv in (ours, theirs):
+        venv.seed(5)
+    assert ours.reset().tobytes() == theirs.reset().tobytes()
+    rng, falls, limits = np.random.default_rng(0), 0, 0
+    for _ in range(250):
+        actions = rng.uniform(-0.3, 0.3, (3, 7)).astype(np.float32)
+        a, b = ours.step(actions), theirs.step(actions)
+        for mine, other in zip(a[:3], b[:3], strict=True):
+            assert mine.tobytes() == other.tobytes()
+            assert mine.dtype == other.dtype
+        for mine, other in zip(a[3], b[3], strict=True):
+            assert mine["TimeLimit.truncated"] == other["TimeLimit.truncated"]
+            assert ("terminal_observation" in mine) == ("terminal_observation" in other)
+            if "terminal_observation" in mine:
+                assert mine["terminal_observation"].tobytes() == other["terminal_observation"].tobytes()
+                assert mine.get("failure_reason") == other["failure_reason"]
+                assert mine["reward_terms"] == other["reward_terms"]
+                limits += mine["TimeLimit.truncated"]
+                falls += not mine["TimeLimit.truncated"]
+        assert [i["scenario_id"] for i in ours.reset_infos] == [i["scenario_id"] for i in theirs.reset_infos]
+    assert falls > 0
+
+
+def test_time_limits_are_told_apart_from_falls():
+    venv = native(2)
+    venv.set_options([{"scenario": Scenario("short", duration=0.02)}, {"scenario": Scenario("long")}])
+    venv.reset()
+    assert [info["scenario_id"] for info in venv.reset_infos] == ["short", "long"]
+    rest = np.zeros((2, 7), np.float32)
+    _, _, done, infos = venv.step(rest)
+    assert (done.tolist(), infos) == ([False, False], [{"TimeLimit.truncated": False}] * 2)
+    observations, _, done, infos = venv.step(rest)
+    assert done.tolist() == [True, False]
+    assert infos[0]["TimeLimit.truncated"]
+    assert infos[0]["time"] == pytest.approx(0.02)
+    assert observations[0, 0] == 0.0  # of the new episode
+    assert infos[0]["terminal_observation"][0] == pytest.approx(0.02)
+    assert venv.reset_infos[0]["scenario_id"].startswith("random-")
+
+
+@pytest.mark.filterwarnings("ignore:Evaluation environment is not wrapped")
+def test_ppo_learns_on_it():
+    venv = VecNormalize(VecMonitor(native(4, push_distribution=HARD)))
+    model = PPO("MlpPolicy", venv, n_steps=64, batch_size=64, n_epochs=1, device="cpu", seed=0)
+    first = [parameter.detach().clone() for parameter in model.policy.parameters()]
+    model.learn(512)
+    assert model.num_timesteps == 512
+    assert model.ep_info_buffer
+    assert any((a != b).any() for a, b in zip(first, model.policy.parameters(), strict=True))
+    assert np.isfinite(evaluate_policy(model, venv, n_eval_episodes=4)[0])
+
+
+def test_attributes_are_shared():
+    venv = native(2)
+    assert venv.get_attr("preset", [1]) == ["default"]
+    assert venv.env_is_wrapped(gym.Wrapper) == [False, False]
+    venv.set_attr("push_distribution", venv.env.push_distribution)
+    with pytest.raises(InvalidValueError, match=r"share one environment, got indices \[0\]"):
+        venv.set_attr("push_distribution", None, 0)
+    venv.set_options({"reset_mask": 1})
+    with pytest.raises(InvalidValueError, match="options of SB3VecEnv are: scenario; got 'reset_mask'"):
+        venv.reset()
+
+
+def test_a_mode_that_resets_within_the_step_is_refused():
+    with pytest.raises(InvalidValueError, match="'SameStep'; choose from: NextStep, Disabled"):
+        native(2, autoreset_mode="SameStep")
