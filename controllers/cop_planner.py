@@ -27,7 +27,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .config import PlannerConfig
-from .cop_planner_kernel import INPUTS, OUTPUTS, Constants, Memory, acceleration_bounds, plan_rows
+from .cop_planner_kernel import (
+    INPUTS,
+    OUTPUTS,
+    Constants,
+    acceleration_bounds,
+    new_memory,
+    packed_counts,
+    packed_numbers,
+    plan_rows,
+)
 from .cop_planner_problem import explicit_problem
 from .cop_planner_tables import build
 from .errors import InvalidValueError
@@ -35,7 +44,9 @@ from .least_distance import LeastDistance
 from .limits import GaitLimits
 from .qp import solve_qp
 from .robot import RobotModel
+from .threads import RangeThreads
 
+ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
 LONGEST_MARGIN = 0.3  # horizons reach this far beyond the longest step [s]
 STATUS = ("solved", "clipped", "invalid")
 
@@ -55,11 +66,18 @@ class CopPlan:
 class CopPlanner:
     """Plans the CoP and the trunk acceleration for one robot and configuration.
 
-    A planner owns scratch memory: use one per thread. Pickling builds it anew.
+    A planner owns scratch memory, one for each of its own threads: of the caller's threads only one may use
+    it at a time. Pickling builds it anew.
     """
 
-    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
         """Build the tables of every horizon length.
+
+        Args:
+            robot: physical constants.
+            limits: half sizes of the sole and bound of the trunk acceleration.
+            config: weights and margins.
+            threads: that `plan_batch` may use; the plans do not depend on them.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
@@ -78,25 +96,27 @@ class CopPlanner:
             config.beta_cop, config.beta_trunk, config.use_cop, config.use_trunk,
         )  # fmt: skip
         self.tables, matrices = build(robot, config, self.longest)
-        self.memory = self._allocate(matrices)
+        self.threads = RangeThreads(threads)
+        self._problems: list[LeastDistance] = []
+        numbers = packed_numbers(self.constants, self.tables)
+        self._packed = [(numbers, *self._allocate(matrices)) for _ in range(threads)]
         self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, OUTPUTS))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return CopPlanner, (self.robot, self.limits, self.config)
+        return CopPlanner, (self.robot, self.limits, self.config, self.threads.threads)
 
-    def _allocate(self, matrices: NDArray[np.float64]) -> Memory:
+    def _allocate(self, matrices: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Counts and scratch memory of one thread, with solvers of its own."""
         first = int(self.config.use_cop) + int(self.config.use_trunk)
         sizes = [(int(r) + first, int(k)) for r, k in zip(self.tables.rest, self.tables.nodes, strict=True)]
-        n, rows = max(n for n, _ in sizes), max(n + k for n, k in sizes)
-        lower, upper, solution = np.zeros(rows), np.zeros(rows), np.zeros(n)
-        handles = np.zeros((len(sizes), 6), dtype=np.int64)
-        self._problems: list[LeastDistance] = []
+        memory, scratch = new_memory(matrices, max(n + k for n, k in sizes), max(n for n, _ in sizes))
         for e, (n, k) in enumerate(sizes if first else []):
-            matrix = matrices[e, : (n + k) * n].reshape(n + k, n)
+            matrix = memory.matrices[e, : (n + k) * n].reshape(n + k, n)
             soft = np.concatenate([np.zeros(n), np.full(k, self.config.beta_trunk_limit)])
-            self._problems.append(LeastDistance(matrix, soft, lower[: n + k], upper[: n + k], solution[:n]))
-            handles[e] = self._problems[-1].handle
-        return Memory(matrices, handles, lower, upper, np.zeros(rows), solution)
+            bounds = memory.lower[: n + k], memory.upper[: n + k]
+            self._problems.append(LeastDistance(matrix, soft, *bounds, memory.solution[:n]))
+            memory.handles[e] = self._problems[-1].handle
+        return packed_counts(self.tables, memory), scratch
 
     def plan(
         self,
@@ -129,7 +149,7 @@ class CopPlanner:
             raise InvalidValueError(f"stage 2 takes a time and vectors of 2 numbers: {error}") from None
         if self.config.solver == "osqp":
             return self._plan_explicit(row[0])
-        plan_rows(row, out, self.constants, self.tables, self.memory)
+        plan_rows(row, out, *self._packed[0])
         result = out[0].copy()
         status = int(result[6])
         if status == 2:
@@ -137,7 +157,7 @@ class CopPlanner:
         return _frozen(result, STATUS[status])
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Plan n robots one after the other, by DAQP, in one compiled loop.
+        """Plan n robots by DAQP in one compiled loop on each thread.
 
         Args:
             rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),
@@ -150,10 +170,21 @@ class CopPlanner:
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
         out = np.zeros((rows.shape[0], OUTPUTS))
-        plan_rows(rows, out, self.constants, self.tables, self.memory)
-        if np.any(out[:, 6] == 2):
+        if self._plan_all(rows, out):
             self._reject(rows[out[:, 6] == 2])
         return out
+
+    def _plan_all(self, rows: NDArray[np.float64], out: NDArray[np.float64]) -> int:
+        """Plan into `out`; returns how many rows were invalid."""
+        if self.threads.threads == 1 or len(rows) < 2 * ROWS_A_THREAD:
+            return plan_rows(rows, out, *self._packed[0])
+        invalid = [0] * self.threads.threads
+
+        def job(worker: int, first: int, end: int) -> None:
+            invalid[worker] = plan_rows(rows[first:end], out[first:end], *self._packed[worker])
+
+        self.threads.run(job, len(rows), ROWS_A_THREAD)
+        return sum(invalid)
 
     def bounds(self, axis: int, trunk_angle: float) -> tuple[float, float, float]:
         """CoP bound [m], and lower and upper bound of the trunk acceleration [rad/s^2] at a lean angle."""

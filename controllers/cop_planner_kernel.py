@@ -1,4 +1,11 @@
-"""The compiled loop of stage 2: one plan is one row in, one row out; see `cop_planner` for the problem."""
+"""The compiled loop of stage 2: one plan is one row in, one row out; see `cop_planner` for the problem.
+
+Numba unpacks every array of a call, about 0.25 us each, several times what a plan takes. So all constants and
+tables come as one array of numbers and one of counts, and the scratch memory as a third.
+"""
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 from __future__ import annotations
 
@@ -7,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from .cop_planner_problem import SHORTEST
@@ -14,6 +22,8 @@ from .cop_planner_tables import Tables
 from .least_distance import solve_least_distance
 
 INPUTS, OUTPUTS = 11, 7  # columns of the rows that `plan_rows` reads and writes
+HANDLE = 6  # length of a solver's handle
+HEADER = 8  # counts before the tables of integers
 
 
 class Constants(NamedTuple):
@@ -62,9 +72,69 @@ def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
     return acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
 
 
+def packed_numbers(c: Constants, tables: Tables) -> NDArray[np.float64]:
+    """Constants and tables as one array."""
+    arrays = (tables.steps, tables.inputs, tables.angles, tables.weights, tables.gram)
+    return np.concatenate([np.array(c, dtype=np.float64), *(array.ravel() for array in arrays)])
+
+
+def packed_counts(tables: Tables, memory: Memory) -> NDArray[np.int64]:
+    """Sizes, integer tables and the handles of the memory's solvers as one array."""
+    sizes = [
+        len(tables.rest), tables.entries.shape[1], tables.steps.shape[1], tables.inputs.shape[1],
+        tables.angles.shape[1], memory.matrices.shape[1], len(memory.lower), len(memory.solution),
+    ]  # fmt: skip
+    arrays = (tables.entries, tables.rest, tables.cops, tables.nodes, memory.handles)
+    return np.concatenate([np.array(sizes, dtype=np.int64), *(array.ravel() for array in arrays)])
+
+
 @njit(cache=True)
-def plan_rows(rows: Any, out: Any, c: Constants, tables: Tables, memory: Memory) -> None:
-    """Plan every row of (n, 11) into (n, 7); see `CopPlanner.plan_batch`."""
+def _constants_of(numbers: Any) -> Constants:
+    return Constants(*(to_fixed_tuple(numbers[:13], 13) + (numbers[13] != 0.0, numbers[14] != 0.0)))
+
+
+@njit(cache=True)
+def _tables_of(numbers: Any, counts: Any) -> Tables:
+    e, lengths, nodes, inputs, angles = counts[0], counts[1], counts[2], counts[3], counts[4]
+    a = HEADER + 2 * lengths
+    b = 15 + e * nodes
+    c = b + e * inputs * 4
+    d = c + e * angles * 4
+    g = d + e * inputs
+    return Tables(
+        counts[HEADER:a].reshape((2, lengths)), counts[a : a + e], counts[a + e : a + 2 * e],
+        counts[a + 2 * e : a + 3 * e], numbers[15:b].reshape((e, nodes)),
+        numbers[b:c].reshape((e, inputs, 4)), numbers[c:d].reshape((e, angles, 4)),
+        numbers[d:g].reshape((e, inputs)), numbers[g : g + e * 16].reshape((e, 4, 4)),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _memory_of(counts: Any, scratch: Any) -> Memory:
+    e, size, rows, n = counts[0], counts[5], counts[6], counts[7]
+    a = HEADER + 2 * counts[1] + 3 * e
+    b = e * size
+    c = b + 3 * rows
+    return Memory(
+        scratch[:b].reshape((e, size)), counts[a : a + HANDLE * e].reshape((e, HANDLE)),
+        scratch[b : b + rows], scratch[b + rows : c - rows], scratch[c - rows : c], scratch[c : c + n],
+    )  # fmt: skip
+
+
+def new_memory(matrices: NDArray[np.float64], rows: int, n: int) -> tuple[Memory, NDArray[np.float64]]:
+    """Memory without solvers, and the one array whose parts all but the handles are."""
+    e, size = matrices.shape
+    scratch = np.zeros(e * size + 3 * rows + n)
+    own, *rest = np.split(scratch, e * size + rows * np.arange(4))
+    own[:] = matrices.ravel()
+    return Memory(own.reshape(e, size), np.zeros((e, HANDLE), dtype=np.int64), *rest), scratch
+
+
+@njit(cache=True, nogil=True)
+def plan_rows(rows: Any, out: Any, numbers: Any, counts: Any, scratch: Any) -> int:
+    """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`."""
+    c, tables, memory = _constants_of(numbers), _tables_of(numbers, counts), _memory_of(counts, scratch)
+    invalid = 0
     for i in range(rows.shape[0]):
         row = rows[i]
         finite = True
@@ -74,6 +144,7 @@ def plan_rows(rows: Any, out: Any, c: Constants, tables: Tables, memory: Memory)
         whole = int(max(math.floor((remaining - c.first_min) / c.dt + 1e-9), 0.0))
         if not finite or whole + 1 >= tables.entries.shape[1]:
             out[i, 6] = 2
+            invalid += 1
             continue
         out[i, 6] = 0
         e = tables.entries[0 if remaining <= c.terminal_off else 1, whole + 1]
@@ -85,6 +156,7 @@ def plan_rows(rows: Any, out: Any, c: Constants, tables: Tables, memory: Memory)
             )  # fmt: skip
             out[i, axis], out[i, 2 + axis], out[i, 4 + axis] = cop, acceleration, end
             out[i, 6] = max(out[i, 6], status)
+    return invalid
 
 
 @njit(cache=True)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .config import PlannerConfig
 from .cop_planner import STATUS, CopPlanner
 from .cop_planner_jerk import JerkCopPlanner
+from .cop_planner_kernel import INPUTS
 from .double_support_planner import DoubleSupportPlanner
 from .errors import InvalidValueError
 from .limits import GaitLimits
@@ -18,15 +20,19 @@ from .robot import RobotModel
 from .stage_1 import DCM_AHEAD, REMAINING, TARGET
 
 TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
+_TRUNK, _AHEAD, _TARGET = TRUNK_ANGLE.start, DCM_AHEAD.start, TARGET.start
 
 Floats = NDArray[np.float64]
 CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
 
 
-def make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule | None:
+def make_cop_rule(
+    robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1
+) -> CopRule | None:
     """Stage 2 over observations (n, 36) and stage 1 rows, or None where it has nothing to decide.
 
-    The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each.
+    The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each. The
+    default form plans a large batch on `threads` threads.
 
     Raises:
         InvalidValueError: the paper's form is asked for double support, which it has no bounds for.
@@ -38,15 +44,15 @@ def make_cop_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) 
             f"stage 2 plans double support ({config.double_support} s) in form 'zoh' only, got form 'jerk'; "
             "set double_support to 0 or choose form 'zoh'"
         )
-    single = _single_rule(robot, limits, config)
+    single = _single_rule(robot, limits, config, threads)
     if config.double_support == 0:
         return single
     return _phased_rule(single, DoubleSupportPlanner(robot, limits, config))
 
 
-def _single_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> CopRule:
+def _single_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> CopRule:
     if config.form == "zoh" and config.solver == "daqp":
-        return _compiled_rule(CopPlanner(robot, limits, config))
+        return _compiled_rule(CopPlanner(robot, limits, config, threads))
     if config.form == "zoh":
         return _looped_rule(CopPlanner(robot, limits, config), None)
     return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
@@ -77,15 +83,23 @@ def _phased_rule(single: CopRule, planner: DoubleSupportPlanner) -> CopRule:
     return rule
 
 
+@njit(cache=True)
+def _write_inputs(batch, rows, inputs):  # pragma: no cover
+    """Rows (n, 11) of `CopPlanner.plan_batch`; the CoP's reference is the centre of the sole."""
+    for i in range(batch.shape[0]):
+        inputs[i, 0] = rows[i, REMAINING]
+        for k in range(2):
+            inputs[i, 1 + k] = rows[i, _AHEAD + k]
+            inputs[i, 3 + k], inputs[i, 5 + k] = batch[i, _TRUNK + k], batch[i, _TRUNK + 2 + k]
+            inputs[i, 7 + k] = rows[i, _TARGET + k]
+
+
 def _compiled_rule(planner: CopPlanner) -> CopRule:
     def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        inputs = np.zeros((len(batch), 11))
-        inputs[:, 0] = rows[:, REMAINING]
-        inputs[:, 1:3] = rows[:, DCM_AHEAD]
-        inputs[:, 3:7] = batch[:, TRUNK_STATE]
-        inputs[:, 7:9] = rows[:, TARGET]
+        inputs = np.zeros((len(batch), INPUTS))
+        _write_inputs(batch, rows, inputs)
         result = planner.plan_batch(inputs)
-        return result, [STATUS[int(index)] for index in result[:, 6]]
+        return result, [STATUS[int(index)] for index in result[:, 6].tolist()]
 
     return rule
 

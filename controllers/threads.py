@@ -34,12 +34,17 @@ class RangeThreads:
     def __reduce__(self) -> tuple[Any, ...]:
         return RangeThreads, (self.threads,)
 
-    def run(self, job: Job, n: int) -> None:
+    def run(self, job: Job, n: int, least: int = 1) -> None:
         """Call job(worker, first, end) for ranges that cover 0..n-1, and wait for all of them.
 
         No two calls of one `run` have the same worker, 0..threads-1.
+
+        Args:
+            job: what to do.
+            n: number of problems.
+            least: the smallest range worth a thread of its own.
         """
-        count = min(self.threads, n)
+        count = min(self.threads, n // least)
         if count <= 1:
             job(0, 0, n)
             return

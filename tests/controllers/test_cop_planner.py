@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.config import PlannerConfig
-from push_recovery.controllers.cop_planner import CopPlan, CopPlanner
+from push_recovery.controllers.cop_planner import ROWS_A_THREAD, CopPlan, CopPlanner
 from push_recovery.controllers.cop_planner_problem import explicit_problem
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.limits import GaitLimits
@@ -137,6 +137,18 @@ def test_a_plan_depends_on_its_arguments_alone():
     for k in order:
         plan = call(fresh, states[k])
         np.testing.assert_array_equal(np.concatenate([plan.cop, plan.trunk_acceleration]), together[k, :4])
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_no_plan(threads):
+    states = rows(3 * ROWS_A_THREAD + 17, seed=9)
+    alone = PLANNER.plan_batch(states)
+    planner = CopPlanner(ROBOT, LIMITS, CONFIG, threads)
+    assert planner.plan_batch(states).tobytes() == alone.tobytes()
+    assert pickle.loads(pickle.dumps(planner)).threads.threads == threads  # noqa: S301
+    states[-1, 1] = np.nan
+    with pytest.raises(InvalidValueError, match="stage 2 needs finite states"):
+        planner.plan_batch(states)
 
 
 def test_closed_loop_reaches_the_target_and_rights_the_trunk():

@@ -31,6 +31,13 @@ def test_the_first_range_runs_in_the_calling_thread():
     assert names[1] is not names[0]
 
 
+@pytest.mark.parametrize(("n", "calls"), [(1, 1), (19, 1), (20, 2), (39, 3), (400, 4)])
+def test_few_problems_are_not_worth_a_thread(n, calls):
+    ranges = []
+    RangeThreads(4).run(lambda *job: ranges.append(job), n, least=10 if n != 39 else 13)
+    assert len(ranges) == calls
+
+
 @pytest.mark.parametrize("culprit", [0, 1])
 def test_an_error_of_any_range_is_raised_when_all_are_done(culprit):
     done = []
