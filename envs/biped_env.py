@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GaitLimits
 from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
@@ -35,8 +34,6 @@ class BipedEpisodes(GaitEpisodes):
 
     def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
         super().__init__(n, BIPED, BIPED_LIMITS, preset, control_hz)
-        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-            raise InvalidValueError(f"threads must be a whole number >= 1, got {threads!r}")
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
 
     def motion(self) -> Motion:

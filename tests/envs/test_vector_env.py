@@ -12,10 +12,10 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.biped_env import BipedEnv, make_biped_vector
 from push_recovery.envs.gait_reward import REWARD_TERMS
-from push_recovery.envs.pendulum_env import PendulumEnv, make_pendulum_vector
+from push_recovery.envs.pendulum_env import PendulumEnv, PendulumEpisodes, make_pendulum_vector
 from push_recovery.envs.push import GaitEvent, polar_push
 from push_recovery.envs.residual import make_biped_residual
-from push_recovery.envs.residual_vector import make_biped_residual_vector
+from push_recovery.envs.residual_vector import ResidualVectorEnv, make_biped_residual_vector
 from push_recovery.envs.scenario import Command, Scenario
 
 import push_recovery  # noqa: F401
@@ -108,13 +108,19 @@ def scenarios():
     ]
 
 
+def plain(push):
+    """A push of `info` as `row` gives it."""
+    return {key: np.asarray(v).tolist() for key, v in push.items() if v is not None} if push else None
+
+
 def alone(name, scenario, actions):
-    """Observations and rewards of a single environment, to the end of its episode."""
+    """Observations, rewards and pushes of a single environment, to the end of its episode."""
     env = gym.make(name)
-    trace = [(env.reset(options={"scenario": scenario})[0], 0.0)]
+    observation, info = env.reset(options={"scenario": scenario})
+    trace = [(observation, 0.0, plain(info["push"]))]
     for action in actions:
-        observation, reward, terminated, truncated, _ = env.step(action)
-        trace.append((observation, reward))
+        observation, reward, terminated, truncated, info = env.step(action)
+        trace.append((observation, reward, plain(info["push"])))
         if terminated or truncated:
             break
     env.close()
@@ -135,12 +141,13 @@ def test_scenarios_in_any_place_and_number(name):
         for t in range(61):
             for k, i in enumerate(order):
                 if t < len(expected[i]):
-                    observation, reward = expected[i][t]
+                    observation, reward, push = expected[i][t]
                     assert observations[k].tobytes() == observation.tobytes()
                     assert rewards[k] == reward
+                    assert row(info, k).get("push") == push
                     assert ended[k] == (0 < t == len(expected[i]) - 1 < 60)
             if t < 60:
-                observations, rewards, terminated, truncated, _ = env.step(acts[list(order), t])
+                observations, rewards, terminated, truncated, info = env.step(acts[list(order), t])
                 ended = terminated | truncated
         env.close()
 
@@ -198,6 +205,35 @@ def test_info_is_the_callers_and_its_masks_say_what_is_there():
         assert np.array_equal(first[key], value, equal_nan=value.dtype == float), key
 
 
+class Remembering:
+    """A policy whose action depends on what it saw before."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.zeros((len(observation), 7), np.float32), np.ones(len(observation))
+
+
+def test_a_residual_on_n_robots_needs_a_policy_without_memory():
+    env = ResidualVectorEnv(PendulumEpisodes(2), Remembering())
+    env.reset(seed=0)
+    with pytest.raises(InvalidValueError, match="without memory"):
+        env.step(np.zeros((2, 7)))
+
+
+def test_a_residual_of_zero_is_the_policy_on_any_robot():
+    plain, residual = native(PENDULUM, 3), ResidualVectorEnv(PendulumEpisodes(3), "stage-1")
+    policy = make_policy("stage-1", plain.robot, plain.limits, plain.preset)
+    observations, (_, first) = plain.reset(seed=2)[0], residual.reset(seed=2)
+    assert not first["_baseline_action"].any()
+    for _ in range(60):
+        base = policy.predict(observations)[0]
+        observations = plain.step(base)[0]
+        again, *_, info = residual.step(np.zeros((3, 7)))
+        assert again.tobytes() == observations.tobytes()
+        assert info["baseline_action"].tobytes() == base.tobytes()
+        assert not info["residual_action"].any()
+        assert not info["_qp_status"].any()  # stage 1 alone has no such solver
+
+
 def test_gymnasiums_vector_wrappers_work():
     env = RecordEpisodeStatistics(native(PENDULUM, 2))
     env.reset(options={"scenario": Scenario("short", duration=0.1)})
@@ -247,6 +283,15 @@ def test_arguments_are_those_of_the_single_environment(one, many):
 def test_bad_arguments(kwargs, error, text):
     with pytest.raises(error, match=text):
         native(PENDULUM, **{"n": kwargs.pop("num_envs", 2), **kwargs})
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "text"),
+    [({"threads": 0}, "threads"), ({"hold": 0}, "got 0"), ({"gate": [1]}, "gate"), ({"scale": -1}, "scale")],
+)
+def test_bad_arguments_of_the_residual(kwargs, text):
+    with pytest.raises(InvalidValueError, match=text):
+        native(RESIDUAL, 2, **kwargs)
 
 
 @pytest.mark.parametrize(
