@@ -1,0 +1,97 @@
+"""The closed loop of many bipeds at once: planner, whole-body control and physics, against bare physics."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..controllers.nominal_gait import nominal_gait
+from ..controllers.policies import TwoStagePolicy
+from ..envs.biped_core import BipedCore
+from ..envs.biped_env import BIPED, BIPED_LIMITS
+from ..envs.biped_model import PHYSICS_DT, biped_model
+from ..envs.nominal_start import nominal_start
+from ..envs.push import Push
+from ..envs.scenario import Scenario
+
+ROBOTS = (1, 16, 64, 256)
+THREADS = (1, 2)
+SHOWN = (64, 2)  # robots and threads of `vector_env_rtf`
+WARM_UP, PERIODS = 30, 90  # planning periods before timing, and timed
+
+
+@dataclass(frozen=True)
+class BatchTiming:
+    """Median wall time of one planning period of one robot, in one run [us]."""
+
+    robots: int
+    threads: int
+    physics: float  # bare steps of the same states, on as many threads
+    plan: float
+    core: float  # whole-body control and physics
+    period: float  # simulated [s]
+
+    @property
+    def rtf(self) -> float:
+        """Simulated seconds of all robots per wall second."""
+        return self.period * 1e6 / (self.plan + self.core)
+
+    @property
+    def over_physics(self) -> float:
+        """Cost of the closed loop over that of bare physics."""
+        return (self.plan + self.core) / self.physics
+
+
+def walking_core(n: int, threads: int) -> BipedCore:
+    """N robots at the start of a walk in place; each is pushed once, with up to 150 N for 0.1 s."""
+    core, rng = BipedCore(n, BIPED, BIPED_LIMITS, threads=threads), np.random.default_rng(0)
+    nominal = nominal_gait(BIPED, BIPED_LIMITS, (0.0, 0.0))
+    gait = np.array([nominal.length, nominal.width, nominal.duration, 0.0, 0.0, 0.0, 0.0])
+    action = BIPED_LIMITS.to_action(gait).astype(np.float64)
+    start = nominal_start(nominal, BIPED.pelvis_width, BIPED.omega)
+    for k in range(n):
+        angle, size = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 150.0)
+        push = Push((size * np.cos(angle), size * np.sin(angle), 0.0), 0.1, rng.uniform(0.2, 0.9))
+        core.reset(k, Scenario(f"bench-{k}", (push,)), start, gait, action)
+    return core
+
+
+def time_batch(policy: TwoStagePolicy, n: int, threads: int) -> BatchTiming:
+    """Time the closed loop of n robots; bare physics by `mujoco.batch` from the same states, in turn."""
+    from mujoco.batch import Batch
+
+    core, raw = walking_core(n, threads), Batch(biped_model(), n, threads, persistent=True)
+    qpos, qvel, ctrl = raw.bind("qpos"), raw.bind("qvel"), raw.bind("ctrl")
+    spent: NDArray[np.float64] = np.zeros((WARM_UP + PERIODS, 3))
+    clock = time.perf_counter_ns
+    for tick in spent:
+        qpos[:], qvel[:], ctrl[:] = core.physics.qpos, core.physics.qvel, core.physics.ctrl
+        times = [clock()]
+        raw.step(nstep=core.substeps)
+        times.append(clock())
+        actions = policy.predict(core.observation)[0]
+        times.append(clock())
+        core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
+        times.append(clock())
+        tick[:] = np.diff(times) / (1e3 * n)
+    physics, plan, step = np.median(spent[WARM_UP:], axis=0)
+    return BatchTiming(n, threads, float(physics), float(plan), float(step), core.substeps * PHYSICS_DT)
+
+
+def batch_timings(policy: TwoStagePolicy) -> dict[str, Any]:
+    """Flat keys for every number of robots and threads, and those of the contract for `SHOWN`."""
+    content: dict[str, Any] = {}
+    for n in ROBOTS:
+        for threads in THREADS:
+            timing = time_batch(policy, n, threads)
+            label = f"{n}_robots_{threads}_threads"
+            content[f"rtf_{label}"] = timing.rtf
+            content[f"cost_over_physics_{label}"] = timing.over_physics
+            content[f"period_us_{label}"] = timing.plan + timing.core
+            if (n, threads) == SHOWN:
+                content |= {"vector_env_rtf": timing.rtf, "vector_envs": n, "threads": threads}
+    return content
