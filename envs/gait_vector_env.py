@@ -27,6 +27,18 @@ Actions = NDArray[np.float32]
 OPTIONS = ("scenario", "reset_mask")
 
 
+def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
+    """Gymnasium's mode of a name.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+    """
+    names = [known.value for known in AutoresetMode]
+    if not isinstance(mode, AutoresetMode) and mode not in names:
+        raise UnknownNameError("autoreset mode", str(mode), names)
+    return AutoresetMode(mode)
+
+
 class Ended(NamedTuple):
     """Robots whose episode ended within a held action, as they were then."""
 
@@ -63,8 +75,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             hold: planning periods for which an action is held; rewards are summed.
 
         Raises:
-            InvalidValueError: an impossible push distribution or hold, or a render mode.
-            UnknownNameError: an unknown autoreset mode.
+            PushRecoveryError: an impossible push distribution, hold or autoreset mode, or a render mode.
         """
         if render_mode is not None:
             raise InvalidValueError(
@@ -72,20 +83,15 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             )
         if isinstance(hold, bool) or not isinstance(hold, int) or hold < 1:
             raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {hold!r}")
-        modes = [mode.value for mode in AutoresetMode]
-        if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in modes:
-            raise UnknownNameError("autoreset mode", str(autoreset_mode), modes)
-        self.autoreset_mode, self.hold = AutoresetMode(autoreset_mode), hold
+        self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), hold
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
         self.push_distribution = check_push_distribution(push_distribution)
         self.episodes, self.num_envs = episodes, episodes.n
         self.core: Any = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
-        self.preset, self.double_support = episodes.preset, episodes.double_support
-        self.dt = 1.0 / episodes.control_hz  # planning period [s]
-        self.single_observation_space, self.single_action_space = gait_spaces()
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
+        spaces = self.single_observation_space, self.single_action_space = gait_spaces()
+        self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
         self._info = VectorInfo(episodes)
         self._rngs: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int] = [-1] * self.num_envs

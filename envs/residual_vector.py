@@ -44,9 +44,8 @@ class ResidualVectorEnv(GaitVectorEnv):
 
         Args:
             episodes: of n robots.
-            policy: what acts below: a name of `make_policy`, or anything with SB3's `predict` that takes a
-                batch and remembers nothing.
-            scale: one number or seven, in action units; see `ResidualAction`.
+            policy: a name of `make_policy`, or anything with a batched `predict` that remembers nothing.
+            scale: see `ResidualAction`.
             preset: the planner's where `policy` is a name; by default that of the episodes.
             hold: planning periods for which a residual is held while the policy replans.
             gate: (shut, open) [m], see `ResidualAction`.
@@ -55,8 +54,7 @@ class ResidualVectorEnv(GaitVectorEnv):
             render_mode: None.
 
         Raises:
-            InvalidValueError: scale, gate or hold is impossible.
-            UnknownNameError: no policy or preset of that name.
+            PushRecoveryError: as the constructors of `GaitVectorEnv` and `ResidualAction` do.
         """
         super().__init__(episodes, push_distribution, autoreset_mode, render_mode, hold)
         robot, limits = episodes.robot, episodes.limits
@@ -66,10 +64,9 @@ class ResidualVectorEnv(GaitVectorEnv):
         self.policy: Policy = policy
         self.gate = None if gate is None else check_gate(gate)
         self._opening = make_gate(policy, robot, limits, self.gate)
-        self._base = np.zeros((self.num_envs, GAIT_SIZE), np.float32)
-        self._residual = np.zeros_like(self._base)
+        self._base, self._residual = np.zeros((2, self.num_envs, GAIT_SIZE), np.float32)
         self._statuses = np.full(self.num_envs, None, dtype=object)
-        self._planned = np.zeros(self.num_envs, np.bool_)  # for these the three above are of this episode
+        self._planned = np.zeros(self.num_envs, np.bool_)  # whether the three above are of this episode
 
     def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
         """What the policy does, corrected; zeros for the robots that wait for their reset."""
