@@ -170,7 +170,7 @@ def walk(
     )
     waist = np.array([plan[5], -sign * plan[6]])
     task = Task(stance, s.omega**2 * lever, gait.height[k], gait.heading[k], gait.swing[k], waist)
-    gait.wrench[k] = whole_body_torque(phys, k, task, gains, bounds, index, torque)
+    gait.wrench[k] = whole_body_torque(phys, k, task, velocity[2], gains, bounds, index, torque)
 
 
 @njit(cache=True)

@@ -11,12 +11,16 @@ Where a torque, the CoP, friction or the yaw moment would pass its bound, `wrenc
 deviation from the tasks that keeps it.
 """
 
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.numpy_support import carray
 
 from ..controllers.robot import GRAVITY
 from .biped_kinematics import (
@@ -31,12 +35,12 @@ from .biped_kinematics import (
     Physics,
     SoleMotion,
     base_angular_velocity,
-    com_velocity,
     cross_into,
     sole_motion,
     upright_error,
 )
 from .small_matrix import cholesky_solve, gauss_solve
+from .stack_array import stack_floats
 from .wrench_bounds import Bounds, TaskMaps, keep_bounds, within_bounds
 
 
@@ -71,14 +75,13 @@ class Task(NamedTuple):
 
 
 @njit(cache=True)
-def dense_mass_matrix(phys: Physics, k: int, index: Ints) -> Array:
-    """M(q), (20, 20), from the sparse entries."""
-    M = np.zeros((NV, NV))
+def dense_mass_matrix(phys: Physics, k: int, index: Ints, M: Array) -> None:
+    """Write M(q), (20, 20), from the sparse entries."""
+    M[:] = 0.0
     for e in range(index.shape[0]):
         i, j = index[e, 0], index[e, 1]
         M[i, j] = phys.mass_matrix[k, e]
         M[j, i] = phys.mass_matrix[k, e]
-    return M
 
 
 @njit(cache=True)
@@ -121,15 +124,17 @@ def base_angular_acceleration(phys: Physics, k: int, omega: Array, task: Task, g
 
 
 @njit(cache=True)
-def add_leg_rows(foot: SoleMotion, asked: Array, base: Array, dof: int, damping: float, map_: Array) -> Array:
+def add_leg_rows(
+    foot: SoleMotion, asked: Array, base: Array, dof: int, damping: float, map_: Array, inverse: Array
+) -> None:
     """Rows of [D | c] (20, 7) for a leg: J_leg qdd_leg = asked - drift - B x, by the damped inverse.
 
     B maps the base acceleration x to the sole: linear a + alpha x d, angular alpha, d = sole - base.
-    Returns the damped inverse (J'J + damping I)^-1 J', (6, 6).
+    Writes the damped inverse (J'J + damping I)^-1 J', (6, 6), too.
     """
     J = foot.jacobian
-    A = np.zeros((6, 6))
-    rhs = np.zeros((6, 7))
+    A, rhs = carray(stack_floats(36), (6, 6)), carray(stack_floats(42), (6, 7))
+    A[:], rhs[:] = 0.0, 0.0
     for i in range(6):
         rhs[i, i] = -1.0
         rhs[i, 6] = asked[i] - foot.drift[i]
@@ -137,7 +142,6 @@ def add_leg_rows(foot: SoleMotion, asked: Array, base: Array, dof: int, damping:
     rhs[0, 4], rhs[0, 5] = -d2, d1
     rhs[1, 3], rhs[1, 5] = d2, -d0
     rhs[2, 3], rhs[2, 4] = -d1, d0
-    inverse = np.empty((6, 6))
     for i in range(6):
         for r in range(6):
             inverse[i, r] = J[r, i]
@@ -149,13 +153,13 @@ def add_leg_rows(foot: SoleMotion, asked: Array, base: Array, dof: int, damping:
         for c in range(7):
             for r in range(6):
                 map_[dof + i, c] += inverse[i, r] * rhs[r, c]
-    return inverse
 
 
 @njit(cache=True)
-def wrench_map(phys: Physics, k: int, M: Array, map_: Array, sole: Array) -> Array:
+def wrench_map(phys: Physics, k: int, M: Array, map_: Array, sole: Array, out: Array) -> None:
     """[W | w0] (6, 7): force and moment about the stance sole as a function of the base acceleration."""
-    base = np.zeros((6, 7))
+    base = carray(stack_floats(42), (6, 7))
+    base[:] = 0.0
     for i in range(6):
         base[i, 6] = phys.bias[k, i]
         for j in range(NV):
@@ -163,9 +167,9 @@ def wrench_map(phys: Physics, k: int, M: Array, map_: Array, sole: Array) -> Arr
             if m != 0.0:
                 for c in range(7):
                     base[i, c] += m * map_[j, c]
-    out = np.empty((6, 7))
     R = phys.xmat[k, PELVIS]
-    arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
+    arm, force = carray(stack_floats(3), (3,)), carray(stack_floats(3), (3,))
+    moment = carray(stack_floats(3), (3,))
     for i in range(3):
         arm[i] = phys.xpos[k, PELVIS, i] - sole[i]
     for c in range(7):
@@ -177,20 +181,18 @@ def wrench_map(phys: Physics, k: int, M: Array, map_: Array, sole: Array) -> Arr
             out[3 + i, c] = (
                 moment[i] + R[3 * i] * base[3, c] + R[3 * i + 1] * base[4, c] + R[3 * i + 2] * base[5, c]
             )
-    return out
 
 
 @njit(cache=True)
-def base_equations(W: Array, force: Array, alpha: Array) -> tuple[Array, Array]:
-    """A x = b for the base acceleration: rows 0-2 the force on the CoM, rows 3-5 the pelvis' turning."""
-    A, b = np.zeros((6, 6)), np.empty((6, 1))
+def base_equations(W: Array, force: Array, alpha: Array, A: Array, b: Array) -> None:
+    """Write A x = b for the base acceleration x: rows 0-2 the CoM's force, rows 3-5 the pelvis' turning."""
+    A[:] = 0.0
     for i in range(3):
         for c in range(6):
             A[i, c] = W[i, c]
         A[3 + i, 3 + i] = 1.0
         b[i, 0] = force[i] - W[i, 6]
         b[3 + i, 0] = alpha[i]
-    return A, b
 
 
 @njit(cache=True)
@@ -209,14 +211,22 @@ def joint_torque(
 
 @njit(cache=True)
 def whole_body_torque(
-    phys: Physics, k: int, task: Task, gains: Gains, bounds: Bounds, index: Ints, torque: Array
+    phys: Physics, k: int, task: Task, climb: float, gains: Gains, bounds: Bounds, index: Ints, torque: Array
 ) -> Array:
-    """Write the joint torques (14,) [N m] of robot k; returns the wrench (6,) they ask of the stance sole."""
-    M = dense_mass_matrix(phys, k, index)
+    """Write the joint torques (14,) [N m] of robot k; returns the wrench (6,) they ask of the stance sole.
+
+    `climb` is the vertical velocity of its CoM [m/s].
+    """
+    M, map_ = carray(stack_floats(400), (NV, NV)), carray(stack_floats(140), (NV, 7))
+    inverse, W = carray(stack_floats(36), (6, 6)), carray(stack_floats(42), (6, 7))
+    A, b = carray(stack_floats(36), (6, 6)), carray(stack_floats(6), (6, 1))
+    qdd, force = carray(stack_floats(20), (NV,)), carray(stack_floats(3), (3,))
+    axes, arm = carray(stack_floats(4), (2, 2)), carray(stack_floats(3), (3,))
+    dense_mass_matrix(phys, k, index, M)
     omega = base_angular_velocity(phys, k)
     stance = sole_motion(phys, k, task.stance, omega)
     swing = sole_motion(phys, k, 1 - task.stance, omega)
-    map_ = np.zeros((NV, 7))  # qdd = map_ (x, 1)
+    map_[:] = 0.0  # qdd = map_ (x, 1)
     for i in range(3):
         map_[i, i] = 1.0
         for j in range(3):
@@ -225,19 +235,20 @@ def whole_body_torque(
     base = phys.xpos[k, PELVIS]
     stance_dof, swing_dof = LEG_DOF[task.stance], LEG_DOF[1 - task.stance]
     asked = stance_acceleration(phys, k, stance, task, gains)
-    add_leg_rows(stance, asked, base, stance_dof, gains.damping, map_)
+    add_leg_rows(stance, asked, base, stance_dof, gains.damping, map_, inverse)
     asked = swing_acceleration(phys, k, swing, task, gains)
-    swing_inverse = add_leg_rows(swing, asked, base, swing_dof, gains.damping, map_)
-    W = wrench_map(phys, k, M, map_, stance.position)
+    add_leg_rows(swing, asked, base, swing_dof, gains.damping, map_, inverse)
+    wrench_map(phys, k, M, map_, stance.position, W)
 
     mass = M[0, 0]
     height = phys.com[k, 0, 2] - stance.position[2]
-    climb = gains.height_kp * (task.height - height) - gains.height_kd * com_velocity(phys, k, index)[2]
-    force = np.array([task.com_acceleration[0], task.com_acceleration[1], GRAVITY + climb]) * mass
+    lift = gains.height_kp * (task.height - height) - gains.height_kd * climb
+    force[0], force[1] = task.com_acceleration[0] * mass, task.com_acceleration[1] * mass
+    force[2] = (GRAVITY + lift) * mass
     alpha = base_angular_acceleration(phys, k, omega, task, gains)
-    A, b = base_equations(W, force, alpha)
+    base_equations(W, force, alpha, A, b)
     gauss_solve(A, b)
-    qdd, wrench = map_[:, 6].copy(), W[:, 6].copy()
+    qdd[:], wrench = map_[:, 6], W[:, 6].copy()
     for c in range(6):
         for j in range(NV):
             qdd[j] += map_[j, c] * b[c, 0]
@@ -247,10 +258,10 @@ def whole_body_torque(
 
     R = phys.xmat[k, FOOT_BODY[task.stance]]
     norm = np.hypot(R[0], R[3])
-    axes = np.array([[R[0] / norm, R[3] / norm], [-R[3] / norm, R[0] / norm]])
+    axes[0, 0], axes[0, 1] = R[0] / norm, R[3] / norm
+    axes[1, 0], axes[1, 1] = -axes[0, 1], axes[0, 0]
     if not within_bounds(wrench, torque, axes, bounds):
-        maps = TaskMaps(M, map_, W, swing_inverse, stance.jacobian, stance_dof, swing_dof)
-        arm = np.empty(3)
+        maps = TaskMaps(M, map_, W, inverse, stance.jacobian, stance_dof, swing_dof)
         for i in range(3):
             arm[i] = base[i] - stance.position[i]
         keep_bounds(maps, phys.xmat[k, PELVIS], arm, axes, bounds, wrench, torque)
