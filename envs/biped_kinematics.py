@@ -21,7 +21,7 @@ ANKLE_HEIGHT = 0.06  # ankle above the sole [m]
 
 
 class Physics(NamedTuple):
-    """Live arrays of n simulations (`mujoco.batch`), in world axes and SI units."""
+    """Live arrays of n simulations (`simulations`), in world axes and SI units."""
 
     qpos: Array  # (n, 21)
     qvel: Array  # (n, 20)
