@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ..controllers.errors import InvalidValueError
+from ..envs.scenario import Scenario
 from .files import RowFile, default_directory, write_text
 from .loading import code_digest, file_digest, require_distinct
 from .outcome import Score, impulse_between
 from .progress import progress_bars
 from .suites import Suite
-from .workers import Job, Runner, parallel, run_episode
+from .workers import Chunk, Runner, parallel, run_chunk
 
 FORMAT = 1
+CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
 
@@ -84,6 +88,7 @@ def evaluate(
     runner = Runner(env_id)  # names and files fail here, before any work, and caches are warm for the workers
     for name in policies:
         runner.policy(name)
+    sizes = {name: runner.chunk(name) for name in policies}
     runner.close()
     config = configuration(suite, env_id)
     label = f"{suite.name}-{env_id.rpartition('/')[2]}"
@@ -93,7 +98,7 @@ def evaluate(
     store.check_policies(digests)
     began = time.perf_counter()
     try:
-        _run_missing(store, suite, env_id, digests, workers, on_row)
+        _run_missing(store, suite, env_id, digests, sizes, workers, on_row)
     finally:
         store.close()
     rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in policies}
@@ -105,17 +110,14 @@ def _run_missing(
     suite: Suite,
     env_id: str,
     digests: Mapping[str, str | None],
+    sizes: Mapping[str, int],
     workers: int,
     on_row: Callable[[dict[str, Any]], None] | None,
 ) -> None:
-    """Append the rows that the store lacks, with a bar for each policy (key of `digests`)."""
+    """Append the rows that the store lacks, with a bar for each policy (key of `digests` and `sizes`)."""
     policies = list(digests)
-    jobs: list[Job] = [
-        (name, scenario)
-        for name in policies
-        for scenario in suite.scenarios
-        if (name, scenario.id) not in store.rows
-    ]
+    missing = {name: [s for s in suite.scenarios if (name, s.id) not in store.rows] for name in policies}
+    chunks = make_chunks(missing, sizes, workers)
     ids = {scenario.id for scenario in suite.scenarios}
     done = {
         name: [row for key, row in store.rows.items() if key[0] == name and key[1] in ids]
@@ -124,7 +126,7 @@ def _run_missing(
     with progress_bars(policies, len(suite.scenarios)) as bars:
         for name in policies:
             bars.set(name, len(done[name]))
-        for outcome in parallel(env_id, run_episode, jobs, workers):
+        for outcome in chain.from_iterable(parallel(env_id, run_chunk, chunks, workers)):
             row = {**outcome.to_dict(), "policy_sha256": digests[outcome.policy]}
             store.append(row)
             done[outcome.policy].append(row)
@@ -132,6 +134,18 @@ def _run_missing(
             bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
             if on_row is not None:
                 on_row(row)
+
+
+def make_chunks(
+    missing: Mapping[str, Sequence[Scenario]], sizes: Mapping[str, int], workers: int
+) -> list[Chunk]:
+    """Cut the scenarios of every policy into jobs of at most `sizes`, of which every worker gets several."""
+    share = math.ceil(sum(map(len, missing.values())) / (CHUNKS_A_WORKER * max(workers, 1)))
+    chunks: list[Chunk] = []
+    for name, scenarios in missing.items():
+        size = max(1, min(sizes[name], share))
+        chunks += [(name, tuple(scenarios[i : i + size])) for i in range(0, len(scenarios), size)]
+    return chunks
 
 
 def write_reports(evaluation: Evaluation, markdown: str) -> Path:

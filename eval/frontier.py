@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -55,15 +55,9 @@ class ScanJob:
 
 def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
     """Raise the force by the grid until BEYOND past the first failure; survival is not monotone in it."""
-    grid = job.settings.grid
-    survived: list[float] = []
-    failed: list[float] = []
-    for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
-        force = k * grid
-        if failed and force > failed[0] + BEYOND + 1e-9:
-            break
-        outcome = runner.run((job.policy, job.settings.scenario(job.psi_deg, force)))
-        (survived if outcome.survived else failed).append(force)
+    survival = _survival(runner, job)
+    failed = [force for force, survived in survival.items() if not survived]
+    survived = [force for force, survived in survival.items() if survived]
     before = [force for force in survived if not failed or force < failed[0]]
     return {
         "policy": job.policy,
@@ -72,6 +66,31 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         "largest_survived_N": max(survived, default=0.0),
         "failed_N": failed,
     }
+
+
+def _survival(runner: Runner, job: ScanJob) -> dict[float, bool]:
+    """Whether each force of the scan is survived, in rising order.
+
+    Forces run side by side, so a weaker one may fail late; what was tried past the end it sets is left out.
+    """
+    grid, end = job.settings.grid, FORCE_CAP
+    forces: dict[str, float] = {}  # of the scenarios begun
+    survival: dict[float, bool] = {}
+
+    def scenarios() -> Iterator[Scenario]:
+        for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
+            if k * grid > end + 1e-9:
+                return
+            scenario = job.settings.scenario(job.psi_deg, k * grid)
+            forces[scenario.id] = k * grid
+            yield scenario
+
+    for outcome in runner.run_all(job.policy, scenarios()):
+        force = forces[outcome.scenario_id]
+        survival[force] = outcome.survived
+        if not outcome.survived:
+            end = min(end, force + BEYOND)
+    return {force: survival[force] for force in sorted(survival) if force <= end + 1e-9}
 
 
 def directions_deg(count: int) -> list[float]:

@@ -43,10 +43,10 @@ def rollout(env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str) 
         total += float(reward)
         steps += 1
     end_time = float(info.get("time", steps * planning_period(env)))
-    return _outcome(scenario, policy_name, bool(terminated), info, end_time, steps, total)
+    return outcome_of(scenario, policy_name, bool(terminated), info, end_time, steps, total)
 
 
-def _outcome(
+def outcome_of(
     scenario: Scenario,
     policy_name: str,
     fell: bool,
@@ -55,6 +55,7 @@ def _outcome(
     steps: int,
     total_reward: float,
 ) -> Outcome:
+    """The outcome of an episode that has ended; `info` is that of its last step."""
     recovered_at = info.get("recovered_at")
     first = scenario.pushes[0] if scenario.pushes else None
     moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)

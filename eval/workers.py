@@ -14,14 +14,18 @@ from typing import Any, TypeVar
 
 from ..controllers.errors import PushRecoveryError
 from ..controllers.network_policy import Policy
+from ..envs.gait_episodes import GaitEpisodes
 from ..envs.scenario import Scenario
 from .loading import load_policy, make_env
 from .outcome import Outcome
 from .rollout import rollout
+from .rollout_batch import batch_episodes, plans_batches, rollout_batch
 
 J = TypeVar("J")
 R = TypeVar("R")
 Job = tuple[str, Scenario]  # policy name or file, scenario
+Chunk = tuple[str, tuple[Scenario, ...]]  # policy name or file, scenarios that may run side by side
+SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are written when all of it is done
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -40,6 +44,7 @@ class Runner:
     def __init__(self, env_id: str):
         self.env = make_env(env_id)
         self._policies: dict[str, Policy] = {}
+        self._slots: GaitEpisodes | None = None  # made on first use
 
     def policy(self, name: str) -> Policy:
         """The policy of this name or file, made on first use."""
@@ -51,6 +56,28 @@ class Runner:
         """One episode."""
         name, scenario = job
         return rollout(self.env, self.policy(name), scenario, name)
+
+    def run_all(self, name: str, scenarios: Iterable[Scenario]) -> Iterator[Outcome]:
+        """Episodes of one policy, side by side where that changes no outcome, as they finish.
+
+        A scenario is taken when there is room for it: outcomes so far may decide what comes. One such run at
+        a time.
+        """
+        slots = self._make_slots(name)
+        if slots is None:
+            return (self.run((name, scenario)) for scenario in scenarios)
+        return rollout_batch(slots, self.policy(name), scenarios, name)
+
+    def chunk(self, name: str) -> int:
+        """How many scenarios are worth a job of this policy."""
+        return 1 if self._make_slots(name) is None else SLOTS
+
+    def _make_slots(self, name: str) -> GaitEpisodes | None:
+        if not plans_batches(self.policy(name)):
+            return None
+        if self._slots is None:
+            self._slots = batch_episodes(self.env, SLOTS)
+        return self._slots
 
     def close(self) -> None:
         """Close the environment."""
@@ -76,9 +103,9 @@ def _work(task: Callable[[Runner, Any], Any], job: Any) -> Any:
         return None, f"{type(error).__name__}: {error}"
 
 
-def run_episode(runner: Runner, job: Job) -> Outcome:
-    """The task of `parallel` for single episodes."""
-    return runner.run(job)
+def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
+    """The task of `parallel` for episodes."""
+    return list(runner.run_all(*chunk))
 
 
 def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], workers: int) -> Iterator[R]:

@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.envs.push import Push, polar_push
 from push_recovery.envs.scenario import Scenario
 from push_recovery.eval.compare import compare
-from push_recovery.eval.evaluate import evaluate
+from push_recovery.eval.evaluate import CHUNKS_A_WORKER, evaluate, make_chunks
 from push_recovery.eval.loading import load_policy, make_env
 from push_recovery.eval.outcome import Score, failure_label
 from push_recovery.eval.rollout import rollout
@@ -87,6 +87,17 @@ def test_workers_and_order_change_nothing(policies, tmp_path):
         assert entry["recovered"] + sum(entry["failures"].values()) == entry["episodes"] == 24
         assert entry["ci95"][0] <= entry["rate"] <= entry["ci95"][1]
     assert alone.score(policies[1]).rate > alone.score(policies[0]).rate
+
+
+@pytest.mark.parametrize("workers", [1, 2, 64])
+def test_chunks_hold_every_scenario_once_and_leave_no_worker_idle(workers):
+    missing = {"a": SUITE.scenarios, "b": SUITE.scenarios[:5], "done": ()}
+    chunks = make_chunks(missing, {"a": 4, "b": 1, "done": 4}, workers)
+    for name, scenarios in missing.items():
+        parts = [part for policy, part in chunks if policy == name]
+        assert tuple(s for part in parts for s in part) == tuple(scenarios)
+        assert all(1 <= len(part) <= {"a": 4, "b": 1}[name] for part in parts)
+    assert len(chunks) >= min(29, CHUNKS_A_WORKER * workers)
 
 
 def test_pushes_are_the_same_for_every_arm(policies, tmp_path):

@@ -1,5 +1,6 @@
 import json
 import math
+from itertools import islice
 
 import pytest
 import toy_gait_env as toy
@@ -28,8 +29,10 @@ class Holes:
         self.survives = survives
         self.forces = []
 
-    def run(self, job):
-        policy, scenario = job
+    def run_all(self, policy, scenarios):
+        return (self.run(policy, scenario) for scenario in scenarios)
+
+    def run(self, policy, scenario):
         force = math.hypot(*scenario.pushes[0].force)
         self.forces.append(round(force, 6))
         ok = bool(self.survives(force))
@@ -47,6 +50,25 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
     assert forces[-1] == 220.0 + BEYOND
+
+
+class SideBySide(Holes):
+    """Begins six forces at a time and tells of the strongest first."""
+
+    def run_all(self, policy, scenarios):
+        queue = iter(scenarios)
+        while begun := list(islice(queue, 6)):
+            yield from (self.run(policy, scenario) for scenario in reversed(begun))
+
+
+@pytest.mark.parametrize("first", [100.0, 210.0, 470.0])
+def test_forces_side_by_side_change_nothing(first):
+    def survives(force):
+        return force < first or first + 45 < force < first + 90 or force > first + 150
+
+    job = ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
+    rows = [scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
+    assert rows[0] == rows[1]
 
 
 def test_scan_of_one_that_always_falls():

@@ -1,0 +1,137 @@
+"""Many episodes side by side on one core: the outcomes of `rollout`, bit for bit, sooner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.wrappers import OrderEnforcing
+from numpy.typing import NDArray
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.limits import GAIT_SIZE
+from ..controllers.network_policy import NetworkPolicy, Policy
+from ..controllers.policies import RandomPolicy, TwoStagePolicy
+from ..envs.biped_env import BipedEnv, BipedEpisodes
+from ..envs.gait_env import check_action
+from ..envs.gait_episodes import GaitEpisodes, Period
+from ..envs.pendulum_env import PendulumEnv, PendulumEpisodes
+from ..envs.scenario import Scenario
+from .outcome import Outcome
+from .rollout import MAX_STEPS, outcome_of
+
+Ints = NDArray[np.int64]
+
+
+def batch_episodes(env: gym.Env, n: int) -> GaitEpisodes | None:
+    """Episodes of n robots as the environment has one; None where it is not this project's or is wrapped."""
+    while type(env) is OrderEnforcing:
+        env = env.env
+    if type(env) is BipedEnv:
+        one = env.episodes
+        return BipedEpisodes(n, one.preset, one.control_hz)
+    if type(env) is PendulumEnv:
+        one = env.episodes
+        return PendulumEpisodes(n, one.robot, one.limits, one.preset, one.control_hz)
+    return None
+
+
+def plans_batches(policy: Policy) -> bool:
+    """Whether an action of the policy is known not to depend on what else is in the batch."""
+    return type(policy) in {TwoStagePolicy, RandomPolicy, NetworkPolicy}
+
+
+def rollout_batch(
+    episodes: GaitEpisodes, policy: Policy, scenarios: Iterable[Scenario], policy_name: str
+) -> Iterator[Outcome]:
+    """Run scenarios to their ends, one in each slot of the core; yields outcomes as they finish.
+
+    An outcome is that of `rollout` in every field, whatever runs beside it.
+
+    Args:
+        episodes: the slots; what they held before is lost.
+        policy: one that `plans_batches`.
+        scenarios: taken one at a time, when a slot is free: what has been yielded may decide what comes.
+        policy_name: for the outcomes.
+
+    Raises:
+        InvalidValueError: actions of another shape or not finite, or an episode that never ends.
+    """
+    queue, slots = iter(scenarios), _Slots(episodes)
+    for k in range(episodes.n):
+        slots.fill(k, next(queue, None))
+    state: Any = None
+    while len(rows := slots.live):
+        action, state = policy.predict(
+            episodes.core.observation[rows],
+            state=state,
+            episode_start=slots.steps[rows] == 0,
+            deterministic=True,
+        )
+        for k in slots.step(rows, action):
+            yield slots.outcome(k, policy_name)
+            slots.fill(k, next(queue, None))
+        if state is not None:
+            kept = np.isin(rows, slots.live)
+            state = tuple(part[kept] for part in state)
+
+
+class _Slots:
+    """What is counted of the episode in each slot."""
+
+    def __init__(self, episodes: GaitEpisodes):
+        self._episodes = episodes
+        self._scenarios: list[Scenario | None] = [None] * episodes.n
+        self._actions = np.zeros((episodes.n, GAIT_SIZE), np.float32)
+        self._begun, self._fell = np.zeros((2, episodes.n), np.bool_)
+        self._total = np.zeros(episodes.n)  # reward
+        self.steps = np.zeros(episodes.n, np.int64)
+
+    @property
+    def live(self) -> Ints:
+        """Slots in which an episode runs."""
+        return np.flatnonzero([scenario is not None for scenario in self._scenarios])
+
+    def fill(self, k: int, scenario: Scenario | None) -> None:
+        """Begin a scenario in slot k, or leave the slot empty."""
+        self._scenarios[k] = scenario
+        self._total[k], self.steps[k] = 0.0, 0
+        if scenario is not None:
+            self._episodes.begin(k, scenario)
+            self._begun[k] = True
+            return
+        if not self._begun[k]:
+            self._episodes.begin(k, Scenario("empty"))
+            self._begun[k] = True
+        self._episodes.failure()[k] = 1  # a robot that has fallen rests: an empty slot costs no physics
+
+    def step(self, rows: Ints, actions: Any) -> list[int]:
+        """One planning period of the episodes in `rows` under their actions; returns the slots that ended."""
+        if self.steps[rows].max() >= MAX_STEPS:
+            k = int(rows[self.steps[rows].argmax()])
+            raise InvalidValueError(f"scenario {self._at(k).id!r} did not end within {MAX_STEPS} steps")
+        self._actions[rows] = check_action(actions, "actions", (len(rows), GAIT_SIZE))
+        period: Period = self._episodes.step(self._actions)
+        self._total[rows] += period.reward.total[rows]
+        self.steps[rows] += 1
+        self._fell = period.failed
+        return rows[(period.failed | period.truncated)[rows]].tolist()
+
+    def outcome(self, k: int, policy_name: str) -> Outcome:
+        """Of the episode that has ended in slot k."""
+        episodes = self._episodes
+        info = {
+            "failure_reason": episodes.failures[episodes.failure()[k]],
+            "recovered_at": episodes.monitor.recovered_at(k),
+        }
+        return outcome_of(
+            self._at(k), policy_name, bool(self._fell[k]), info, float(episodes.motion().time[k]),
+            int(self.steps[k]), float(self._total[k]),
+        )  # fmt: skip
+
+    def _at(self, k: int) -> Scenario:
+        scenario = self._scenarios[k]
+        assert scenario is not None  # noqa: S101
+        return scenario
