@@ -77,7 +77,7 @@ def built(variant: Variant) -> tuple[Policy, Plant]:
     """Policy and pendulum of a variant, made once in a process."""
     robot = variant.robot_model
     limits = GaitLimits.of(robot)
-    plant = Plant(robot, limits, preset_config(variant.preset), variant.control_hz)
+    plant = Plant(robot, limits, variant.preset, variant.control_hz)
     arm = make_policy(variant.policy, robot, limits, variant.preset)
     if not isinstance(arm, TwoStagePolicy):
         return arm, plant

@@ -5,7 +5,6 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from push_recovery.controllers.config import preset_config
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE, TRUNK_ANGLE
@@ -63,8 +62,9 @@ def test_double_support():
     env, policy = PendulumEnv(preset=preset), make_policy("two-stage", preset=preset)
     scenarios = pushes(count=6, seed=4)
     single = [plain(rollout(env, policy, scenario, preset)) for scenario in scenarios]
-    plant = Plant(config=preset_config(preset))
-    assert plant.timing == (0.0, 0.1)
+    plant = Plant(preset=preset)
+    episodes = plant.episodes(1)
+    assert (episodes.touchdown_delay, episodes.double_support) == (0.0, 0.1)
     assert [plain(ending) for ending in run_batch(policy, scenarios, plant)] == single
 
 

@@ -117,5 +117,6 @@ def test_a_variant_is_its_arm_with_what_differs():
     policy, plant = built(variant)
     arm = make_policy("two-stage-paper").config
     assert policy.config == replace(arm, beta_dcm=7.0, first_interval_min=0.02)  # type: ignore[attr-defined]
-    assert (plant.box.cop_y_max, plant.control_hz, plant.robot.pelvis_width) == (0.065, 50.0, 0.2)
+    episodes = plant.episodes(1)
+    assert (episodes.limits.cop_y_max, episodes.control_hz, episodes.robot.pelvis_width) == (0.065, 50.0, 0.2)
     assert built(variant)[0] is policy
