@@ -16,22 +16,26 @@ from ..controllers.network_policy import NetworkPolicy, Policy
 from ..controllers.policies import RandomPolicy, TwoStagePolicy
 from ..envs.biped_env import BipedEnv, BipedEpisodes
 from ..envs.gait_env import check_action
-from ..envs.gait_episodes import GaitEpisodes, Period
+from ..envs.gait_episodes import GaitEpisodes
 from ..envs.pendulum_env import PendulumEnv, PendulumEpisodes
 from ..envs.scenario import Scenario
+from .action_rule import ActionRule, Actions
 from .outcome import Outcome
 from .rollout import MAX_STEPS, outcome_of
 
 Ints = NDArray[np.int64]
 
 
-def batch_episodes(env: gym.Env, n: int) -> GaitEpisodes | None:
-    """Episodes of n robots as the environment has one; None where it is not this project's or is wrapped."""
+def batch_episodes(env: gym.Env, n: int, threads: int = 1) -> GaitEpisodes | None:
+    """Episodes of n robots as the environment has one; None where it is not this project's or is wrapped.
+
+    Bipeds share `threads`; pendulums cost too little to share.
+    """
     while type(env) is OrderEnforcing:
         env = env.env
     if type(env) is BipedEnv:
         one = env.episodes
-        return BipedEpisodes(n, one.preset, one.control_hz)
+        return BipedEpisodes(n, one.preset, one.control_hz, threads)
     if type(env) is PendulumEnv:
         one = env.episodes
         return PendulumEpisodes(n, one.robot, one.limits, one.preset, one.control_hz)
@@ -44,7 +48,11 @@ def plans_batches(policy: Policy) -> bool:
 
 
 def rollout_batch(
-    episodes: GaitEpisodes, policy: Policy, scenarios: Iterable[Scenario], policy_name: str
+    episodes: GaitEpisodes,
+    policy: Policy,
+    scenarios: Iterable[Scenario],
+    policy_name: str,
+    rule: ActionRule | None = None,
 ) -> Iterator[Outcome]:
     """Run scenarios to their ends, one in each slot of the core; yields outcomes as they finish.
 
@@ -55,11 +63,12 @@ def rollout_batch(
         policy: one that `plans_batches`.
         scenarios: taken one at a time, when a slot is free: what has been yielded may decide what comes.
         policy_name: for the outcomes.
+        rule: what an action means, see `action_rule`; a gait action for one period without it.
 
     Raises:
         InvalidValueError: actions of another shape or not finite, or an episode that never ends.
     """
-    queue, slots = iter(scenarios), _Slots(episodes)
+    queue, slots = iter(scenarios), _Slots(episodes, rule)
     for k in range(episodes.n):
         slots.fill(k, next(queue, None))
     state: Any = None
@@ -81,12 +90,14 @@ def rollout_batch(
 class _Slots:
     """What is counted of the episode in each slot."""
 
-    def __init__(self, episodes: GaitEpisodes):
-        self._episodes = episodes
+    def __init__(self, episodes: GaitEpisodes, rule: ActionRule | None):
+        self._episodes, self._rule = episodes, rule
+        self._hold = 1 if rule is None else rule.hold
         self._scenarios: list[Scenario | None] = [None] * episodes.n
         self._actions = np.zeros((episodes.n, GAIT_SIZE), np.float32)
-        self._begun, self._fell = np.zeros((2, episodes.n), np.bool_)
+        self._begun = np.zeros(episodes.n, np.bool_)
         self._total = np.zeros(episodes.n)  # reward
+        self._ends: dict[int, tuple[bool, float, dict[str, Any]]] = {}  # slot -> fell, time [s], info
         self.steps = np.zeros(episodes.n, np.int64)
 
     @property
@@ -108,28 +119,46 @@ class _Slots:
         self._episodes.failure()[k] = 1  # a robot that has fallen rests: an empty slot costs no physics
 
     def step(self, rows: Ints, actions: Any) -> list[int]:
-        """One planning period of the episodes in `rows` under their actions; returns the slots that ended."""
+        """One action of the episodes in `rows`, for as long as it is held; returns the slots that ended."""
         if self.steps[rows].max() >= MAX_STEPS:
             k = int(rows[self.steps[rows].argmax()])
             raise InvalidValueError(f"scenario {self._at(k).id!r} did not end within {MAX_STEPS} steps")
-        self._actions[rows] = check_action(actions, "actions", (len(rows), GAIT_SIZE))
-        period: Period = self._episodes.step(self._actions)
-        self._total[rows] += period.reward.total[rows]
+        held = check_action(actions, "actions", (len(rows), GAIT_SIZE))
+        reward, left = np.zeros(self._episodes.n), rows
+        for _ in range(self._hold):
+            self._actions[left] = self._gait_actions(left, held)
+            period = self._episodes.step(self._actions)
+            reward[left] += period.reward.total[left]
+            over = (period.failed | period.truncated)[left]
+            for k in left[over].tolist():
+                self._end(k, bool(period.failed[k]))
+            left, held = left[~over], held[~over]
+            if not len(left):
+                break
+        self._total[rows] += reward[rows]
         self.steps[rows] += 1
-        self._fell = period.failed
-        return rows[(period.failed | period.truncated)[rows]].tolist()
+        return sorted(self._ends)
 
     def outcome(self, k: int, policy_name: str) -> Outcome:
         """Of the episode that has ended in slot k."""
+        fell, time, info = self._ends.pop(k)
+        return outcome_of(
+            self._at(k), policy_name, fell, info, time, int(self.steps[k]), float(self._total[k])
+        )
+
+    def _gait_actions(self, rows: Ints, actions: Actions) -> Actions:
+        if self._rule is None:
+            return actions
+        return self._rule.gait_actions(self._episodes.core.observation[rows], actions)
+
+    def _end(self, k: int, fell: bool) -> None:
+        """Keep what becomes of slot k; within a held action the robot goes on."""
         episodes = self._episodes
         info = {
             "failure_reason": episodes.failures[episodes.failure()[k]],
             "recovered_at": episodes.monitor.recovered_at(k),
         }
-        return outcome_of(
-            self._at(k), policy_name, bool(self._fell[k]), info, float(episodes.motion().time[k]),
-            int(self.steps[k]), float(self._total[k]),
-        )  # fmt: skip
+        self._ends[k] = fell, float(episodes.motion().time[k]), info
 
     def _at(self, k: int) -> Scenario:
         scenario = self._scenarios[k]

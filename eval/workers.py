@@ -16,6 +16,7 @@ from ..controllers.errors import PushRecoveryError
 from ..controllers.network_policy import Policy
 from ..envs.gait_episodes import GaitEpisodes
 from ..envs.scenario import Scenario
+from .action_rule import ActionRule, action_rule
 from .loading import load_policy, make_env
 from .outcome import Outcome
 from .rollout import rollout
@@ -44,6 +45,7 @@ class Runner:
     def __init__(self, env_id: str):
         self.env = make_env(env_id)
         self._policies: dict[str, Policy] = {}
+        self._rule: ActionRule | None = action_rule(self.env)
         self._slots: GaitEpisodes | None = None  # made on first use
 
     def policy(self, name: str) -> Policy:
@@ -66,17 +68,17 @@ class Runner:
         slots = self._make_slots(name)
         if slots is None:
             return (self.run((name, scenario)) for scenario in scenarios)
-        return rollout_batch(slots, self.policy(name), scenarios, name)
+        return rollout_batch(slots, self.policy(name), scenarios, name, self._rule)
 
     def chunk(self, name: str) -> int:
         """How many scenarios are worth a job of this policy."""
         return 1 if self._make_slots(name) is None else SLOTS
 
     def _make_slots(self, name: str) -> GaitEpisodes | None:
-        if not plans_batches(self.policy(name)):
+        if self._rule is None or not plans_batches(self.policy(name)):
             return None
         if self._slots is None:
-            self._slots = batch_episodes(self.env, SLOTS)
+            self._slots = batch_episodes(self._rule.env, SLOTS)
         return self._slots
 
     def close(self) -> None:

@@ -7,17 +7,19 @@ from push_recovery.controllers.mlp import Mlp, Normalisation
 from push_recovery.controllers.network_policy import NetworkPolicy, PolicyDescription, ResidualBase
 from push_recovery.controllers.policies import make_policy
 from push_recovery.controllers.robot import RobotModel
+from push_recovery.envs.action_hold import ActionHold
 from push_recovery.envs.push import GaitEvent, polar_push
 from push_recovery.envs.residual import ResidualAction
 from push_recovery.envs.scenario import Command, Scenario
 from push_recovery.eval import rollout_batch as module
+from push_recovery.eval.action_rule import action_rule
 from push_recovery.eval.loading import load_policy, make_env
 from push_recovery.eval.rollout import rollout
 from push_recovery.eval.rollout_batch import batch_episodes, plans_batches, rollout_batch
 from push_recovery.eval.suites import quick_suite
 from push_recovery.eval.workers import SLOTS, Runner
 
-PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+PENDULUM, BIPED, RESIDUAL = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual"))
 LATE = polar_push(150.0, 2.0, 0.2, GaitEvent(2, "right", 0.5))
 SCENARIOS = (
     Scenario("none", duration=0.5),
@@ -29,20 +31,26 @@ SCENARIOS = (
 )
 
 
-def residual_policy(env, hold, gate):
-    """A residual of random weights."""
-    rng, scale = np.random.default_rng(1), (0.1,) * 7
+def network_policy(env, hold=1, base=None, env_id=PENDULUM):
+    """A network of random weights, alone or on a base."""
+    rng = np.random.default_rng(1)
     weights = rng.normal(size=(8, 36)).astype(np.float32), rng.normal(size=(7, 8)).astype(np.float32)
     network = Mlp(weights, (np.zeros(8, np.float32), np.zeros(7, np.float32)))
-    base = ResidualBase("two-stage", env.preset, scale, gate=gate)
-    about = PolicyDescription(PENDULUM, env.robot, env.limits, base, hold=hold)
+    about = PolicyDescription(env_id, env.robot, env.limits, base, hold=hold)
     return NetworkPolicy(network, Normalisation(np.zeros(36), np.ones(36)), about)
 
 
+def residual_policy(env, hold, gate):
+    """A residual of random weights."""
+    return network_policy(env, hold, ResidualBase("two-stage", env.preset, (0.1,) * 7, gate=gate))
+
+
 def outcomes(env, policy, scenarios, slots):
-    episodes = batch_episodes(env, slots)
+    rule = action_rule(env)
+    assert rule is not None
+    episodes = batch_episodes(rule.env, slots)
     assert episodes is not None
-    return {out.scenario_id: out for out in rollout_batch(episodes, policy, scenarios, "p")}
+    return {out.scenario_id: out for out in rollout_batch(episodes, policy, scenarios, "p", rule)}
 
 
 def singles(env, policy, scenarios):
@@ -80,6 +88,29 @@ def test_biped_outcomes_are_those_of_rollout():
     assert outcomes(env, policy, short, 2) == singles(env, policy, short)
 
 
+@pytest.mark.parametrize(("base", "hold", "gate"), [("two-stage", 1, None), ("stage-1", 3, (0.02, 0.05))])
+def test_residual_environments_run_side_by_side(base, hold, gate):
+    """A network that acts alone on a wrapped environment, its action held and added to a planner's."""
+    env = ActionHold(ResidualAction(make_env(PENDULUM), base, gate=gate), hold)
+    policy = network_policy(env.unwrapped, hold=2)
+    alone = singles(env, policy, SCENARIOS)
+    assert {out.survived for out in alone.values()} == {True, False}
+    steps = {out.scenario_id: out.env_steps for out in alone.values()}
+    assert steps["none"] == -(-50 // hold)
+    for slots, order in [(2, SCENARIOS), (20, SCENARIOS[::-1])]:
+        assert outcomes(env, policy, order, slots) == alone
+
+
+def test_the_registered_residual_runs_side_by_side(tmp_path):
+    kwargs = {"hold": 2, "gate": [0.001, 0.02]}
+    env = make_env(RESIDUAL, **kwargs)
+    policy = network_policy(env.unwrapped, env_id=RESIDUAL)
+    short = [Scenario("short", (LATE,), Command(0.1), settle_time=0.5), *SCENARIOS[:2]]
+    assert outcomes(env, policy, short, 2) == singles(env, policy, short)
+    path = str(policy.save(tmp_path / "policy"))
+    assert Runner(RESIDUAL).chunk(path) == SLOTS
+
+
 def test_scenarios_are_taken_when_a_slot_is_free():
     env = make_env(PENDULUM)
     episodes, policy, taken = batch_episodes(env, 2), load_policy("passive", env), []
@@ -112,14 +143,24 @@ def test_errors_are_those_of_a_single_episode(monkeypatch):
         list(rollout_batch(episodes, Broken(), [Scenario("short", duration=0.1)], "p"))
 
 
-def test_only_known_policies_and_bare_environments_run_side_by_side(tmp_path):
+def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
     class Mine(type(make_policy("passive"))):
         pass
 
     assert plans_batches(make_policy("random"))
     assert not plans_batches(Mine())
     env = make_env(PENDULUM)
-    for other in (ResidualAction(env), gym.wrappers.TimeLimit(env, 10), make_env(toy.ENV_ID)):
+    for other in (gym.wrappers.TimeLimit(env, 10), make_env(toy.ENV_ID), ResidualAction(env, Mine())):
+        assert action_rule(other) is None
+    assert action_rule(ResidualAction(ActionHold(env, 2))) is None  # the planner acts every other period
+    assert action_rule(ResidualAction(ResidualAction(env))) is None
+
+    class Shaken(ResidualAction):
+        def step(self, action):
+            return super().step(-action)
+
+    assert action_rule(Shaken(env)) is None
+    for other in (ResidualAction(env), make_env(toy.ENV_ID)):
         assert batch_episodes(other, 2) is None
     runner = Runner(toy.ENV_ID)
     policy = toy.save_policy(tmp_path / "toy.safetensors", 2.0)
