@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -19,9 +19,9 @@ from ..envs.gait_env import check_action
 from ..envs.gait_episodes import GaitEpisodes
 from ..envs.pendulum_env import PendulumEnv, PendulumEpisodes
 from ..envs.scenario import Scenario
-from .action_rule import ActionRule, Actions
+from .action_rule import ActionRule, Actions, action_rule
 from .outcome import Outcome
-from .rollout import MAX_STEPS, outcome_of
+from .rollout import MAX_STEPS, outcome_of, rollout
 
 Ints = NDArray[np.int64]
 
@@ -85,6 +85,18 @@ def rollout_batch(
         if state is not None:
             kept = np.isin(rows, slots.live)
             state = tuple(part[kept] for part in state)
+
+
+def rollout_all(
+    env: gym.Env, policy: Policy, scenarios: Sequence[Scenario], policy_name: str, slots: int
+) -> list[Outcome]:
+    """Outcomes in the order of the scenarios; up to `slots` side by side where that changes none of them."""
+    rule = action_rule(env) if plans_batches(policy) else None
+    episodes = None if rule is None else batch_episodes(rule.env, min(slots, max(len(scenarios), 1)))
+    if episodes is None:
+        return [rollout(env, policy, scenario, policy_name) for scenario in scenarios]
+    found = {out.scenario_id: out for out in rollout_batch(episodes, policy, scenarios, policy_name, rule)}
+    return [found[scenario.id] for scenario in scenarios]
 
 
 class _Slots:

@@ -9,16 +9,24 @@ import gymnasium as gym
 import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
+from ..controllers.residual_gate import ResidualGate, make_gate
 from ..envs.action_hold import ActionHold
+from ..envs.gait_vector_env import GaitVectorEnv
 from ..envs.residual import ResidualAction
+from ..envs.residual_vector import ResidualVectorEnv
 from ..eval import loading
-from .quiet import SkipQuiet
+from ..eval.action_rule import action_rule
+from ..eval.rollout_batch import batch_episodes
+from ..eval.workers import default_workers
+from .gated_ppo import GatedPPO, GateNormalize
+from .sb3_vec_env import SB3VecEnv
 from .settings import TrainingSettings
 
 OBSERVATION_CLIP = 10.0
+ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
 
 
 @dataclass(frozen=True)
@@ -61,15 +69,6 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     return ActionHold(env, settings.hold)
 
 
-def make_learning_env(settings: TrainingSettings) -> gym.Env:
-    """What PPO steps through: the training environment, without what a shut gate takes from it."""
-    env = make_env(settings)
-    residual = find_residual(env)
-    if residual is None or residual.gate is None:
-        return env
-    return SkipQuiet(env, residual)
-
-
 def find_residual(env: gym.Env) -> ResidualAction | None:
     """The residual among an environment's wrappers, or None."""
     while isinstance(env, gym.Wrapper):
@@ -79,25 +78,53 @@ def find_residual(env: gym.Env) -> ResidualAction | None:
     return None
 
 
-def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
-    """All training environments, with episode statistics and normalised observations (and rewards).
+def make_robots(settings: TrainingSettings, env: gym.Env) -> VecEnv:
+    """All training environments as one of Stable-Baselines3.
 
-    They run in this process: a planning period costs less than its way to another process and back.
+    Where `env`, one of them, is this project's, they are robots of one native vector environment, whose
+    physics all cores share; what comes out does not depend on how many. Others are called one by one.
     """
-    venv = VecMonitor(DummyVecEnv([lambda: make_learning_env(settings) for _ in range(settings.n_envs)]))
+    n, rule = settings.n_envs, action_rule(env)
+    threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
+    episodes = None if rule is None else batch_episodes(rule.env, n, threads)
+    if rule is None or episodes is None:
+        return DummyVecEnv([lambda: make_env(settings)] * n)
+    pushes, residual = rule.env.push_distribution, rule.residual
+    if residual is None:
+        return SB3VecEnv(GaitVectorEnv(episodes, pushes, "Disabled", hold=rule.hold))
+    return SB3VecEnv(
+        ResidualVectorEnv(
+            episodes, residual.policy, residual.scale, hold=rule.hold, gate=residual.gate,
+            push_distribution=pushes, autoreset_mode="Disabled",
+        )
+    )  # fmt: skip
+
+
+def find_gate(env: gym.Env) -> ResidualGate | None:
+    """The gate of an environment's residual, or None."""
+    residual, unwrapped = find_residual(env), env.unwrapped
+    if residual is None:
+        return None
+    return make_gate(residual.policy, unwrapped.robot, unwrapped.limits, residual.gate)  # type: ignore[attr-defined]
+
+
+def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
+    """All training environments, with episode statistics and normalised observations (and rewards)."""
+    env = make_env(settings)
+    venv, gate = VecMonitor(make_robots(settings, env)), find_gate(env)
     venv.seed(seed)
-    return VecNormalize(
-        venv,
-        norm_reward=settings.normalise_reward,
-        clip_obs=OBSERVATION_CLIP,
-        gamma=settings.gamma,
-    )
+    options = {
+        "norm_reward": settings.normalise_reward,
+        "clip_obs": OBSERVATION_CLIP,
+        "gamma": settings.gamma,
+    }
+    return VecNormalize(venv, **options) if gate is None else GateNormalize(venv, gate, **options)
 
 
 def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
     """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
-    torch.set_num_threads(1)  # the environments need the cores
-    model = PPO(
+    torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
+    model = (GatedPPO if isinstance(venv, GateNormalize) else PPO)(
         "MlpPolicy",
         venv,
         learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),

@@ -14,7 +14,8 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.network_policy import Policy
 from ..controllers.policy_file import write_atomically
 from ..envs.scenario import PushDistribution, Scenario
-from ..eval.rollout import rollout
+from ..eval.rollout_batch import rollout_all
+from ..eval.workers import SLOTS
 
 # Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.
 SCENARIO_ENTROPY = 20_260_417
@@ -43,7 +44,7 @@ def score(
     env: gym.Env, policy: Policy, scenarios: list[Scenario], timesteps: int, seconds: float
 ) -> CurvePoint:
     """Run every scenario once on the plain environment."""
-    outcomes = [rollout(env, policy, scenario, "training") for scenario in scenarios]
+    outcomes = rollout_all(env, policy, scenarios, "training", SLOTS)
     return CurvePoint(
         timesteps=timesteps,
         seconds=round(seconds, 3),

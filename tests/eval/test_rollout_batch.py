@@ -15,7 +15,7 @@ from push_recovery.eval import rollout_batch as module
 from push_recovery.eval.action_rule import action_rule
 from push_recovery.eval.loading import load_policy, make_env
 from push_recovery.eval.rollout import rollout
-from push_recovery.eval.rollout_batch import batch_episodes, plans_batches, rollout_batch
+from push_recovery.eval.rollout_batch import batch_episodes, plans_batches, rollout_all, rollout_batch
 from push_recovery.eval.suites import quick_suite
 from push_recovery.eval.workers import SLOTS, Runner
 
@@ -109,6 +109,17 @@ def test_the_registered_residual_runs_side_by_side(tmp_path):
     assert outcomes(env, policy, short, 2) == singles(env, policy, short)
     path = str(policy.save(tmp_path / "policy"))
     assert Runner(RESIDUAL).chunk(path) == SLOTS
+
+
+def test_outcomes_in_the_order_of_the_scenarios(tmp_path):
+    env = make_env(PENDULUM)
+    policy = load_policy("stage-1", env)
+    assert rollout_all(env, policy, SCENARIOS, "p", 3) == list(singles(env, policy, SCENARIOS).values())
+    env = make_env(toy.ENV_ID)
+    policy = load_policy(toy.save_policy(tmp_path / "toy.safetensors", 2.0), env)
+    assert rollout_all(env, policy, SCENARIOS[:2], "p", 3) == [
+        rollout(env, policy, s, "p") for s in SCENARIOS[:2]
+    ]
 
 
 def test_scenarios_are_taken_when_a_slot_is_free():

@@ -12,18 +12,13 @@ from push_recovery.controllers.network_policy import NetworkPolicy
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.action_hold import ActionHold
 from push_recovery.envs.residual import ResidualAction
-from push_recovery.envs.scenario import PushDistribution, Scenario
+from push_recovery.envs.scenario import Scenario
 from push_recovery.eval.loading import load_policy
 from push_recovery.eval.rollout import rollout
-from push_recovery.training.builders import (
-    find_residual,
-    make_env,
-    make_learning_env,
-    make_ppo,
-    make_vec_env,
-)
+from push_recovery.training.builders import make_env, make_ppo, make_robots, make_vec_env
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train
+from push_recovery.training.sb3_vec_env import SB3VecEnv
 from push_recovery.training.settings import LOG_STD, TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
@@ -128,11 +123,33 @@ def test_the_registered_residual_is_made_again_from_its_spec():
 def test_training_meets_its_own_pushes_and_every_action_its_own_noise():
     settings = TrainingSettings(n_envs=1)
     venv = make_vec_env(settings, 0)
-    assert venv.get_attr("unwrapped")[0].push_distribution == settings.pushes
+    assert venv.get_attr("push_distribution") == [settings.pushes]
     log_std = make_ppo(settings, venv, 0, None).policy.log_std.detach().numpy()
     np.testing.assert_array_equal(log_std, np.float32(LOG_STD["residual"]))
     with pytest.raises(InvalidValueError, match="log_std"):
         make_ppo(dataclasses.replace(settings, log_std=(-1.0, -2.0)), venv, 0, None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "env_id", "hold", "gate"),
+    [("residual", PENDULUM, 2, (0.02, 0.06)), ("scratch", PENDULUM, 3, None), ("scratch", RESIDUAL, 2, None)],
+)
+def test_the_robots_are_the_training_environment_many_times(kind, env_id, hold, gate):
+    """Rewards, ends and observations of the native robots are those of one environment a robot."""
+    settings = TrainingSettings(kind, env_id, n_envs=2, hold=hold, gate=gate)
+    ours = make_robots(settings, make_env(settings))
+    assert isinstance(ours, SB3VecEnv)
+    theirs = DummyVecEnv([lambda: make_env(settings)] * 2)
+    rng, ended = np.random.default_rng(0), 0
+    for venv in (ours, theirs):
+        venv.seed(7)
+    assert np.array_equal(ours.reset(), theirs.reset())
+    for _ in range(150):
+        actions = rng.uniform(-1.0, 1.0, (2, 7)).astype(np.float32)
+        for mine, other in zip(ours.step(actions)[:3], theirs.step(actions)[:3], strict=True):
+            assert mine.tobytes() == other.tobytes()
+        ended += int(theirs.buf_dones.sum())
+    assert ended > 0
 
 
 def test_a_closed_gate_leaves_the_walk_to_the_planner():
@@ -175,36 +192,3 @@ def test_plain_ppo_trains_straight_from_gym_make(env_id):
     after = model.policy.action_net.weight.detach().numpy()
     assert np.all(np.isfinite(after))
     assert np.any(after != before)
-
-
-def test_learning_skips_the_walk_that_the_gate_takes_from_it():
-    """PPO acts only where the gate is open; the episode is the one that it is without the wrapper."""
-    settings = TrainingSettings()
-    env, plain = make_learning_env(settings), make_env(settings)
-    residual = find_residual(env)
-    assert residual is not None
-    rest = np.zeros(7, np.float32)
-    for scenario in curve_scenarios(3):
-        options = {"scenario": scenario}
-        env.reset(seed=1, options=options)
-        assert residual.opening > 0.0
-        info, told, seen, ended = {}, {}, 0, False
-        while not ended:
-            _, _, ended, truncated, info = env.step(rest)
-            seen += 1
-            assert not truncated
-            assert ended or residual.opening > 0.0
-        plain.reset(seed=1, options=options)
-        periods, ended = 0, False
-        while not ended:
-            _, _, terminated, truncated, told = plain.step(rest)
-            periods, ended = periods + 1, terminated or truncated
-        assert (told["time"], told["failure_reason"]) == (info["time"], info["failure_reason"])
-        assert 0 < seen < periods
-
-
-def test_pushes_that_never_open_the_gate_are_refused(monkeypatch):
-    monkeypatch.setattr("push_recovery.training.quiet.MAX_EPISODES", 2)
-    weak = PushDistribution(impulse_min=0.1, impulse_max=0.2, settle_time=0.1)
-    with pytest.raises(InvalidValueError, match="shut in 2 episodes"):
-        make_learning_env(TrainingSettings(pushes=weak)).reset(seed=0)
