@@ -138,11 +138,16 @@ PRESETS["double-support"] = replace(
 
 
 def preset_config(name: str) -> PlannerConfig:
-    """Look a preset up by name.
+    """Look a preset up by name or preset file (see `preset_file.py`); of a file, what is common to all arms.
 
     Raises:
         UnknownNameError: listing the valid names.
+        InvalidValueError: a file that cannot be read or has an impossible value.
     """
+    from .preset_file import is_preset_file, load_preset
+
+    if is_preset_file(name):
+        return load_preset(name).config()
     if name not in PRESETS:
         raise UnknownNameError("preset", name, PRESETS)
     return PRESETS[name]

@@ -136,6 +136,7 @@ def add_commands(commands: Subparsers) -> None:
         _add_compare,
         _add_frontier,
         _add_reproduce,
+        _add_tune,
         _add_bench,
         _add_list,
         _add_play,
@@ -213,6 +214,33 @@ def _add_reproduce(commands: Subparsers) -> None:
         "--page", metavar="FILE.md", type=markdown_file,
         help="write a page that holds the paper's claims against the run, pictures beside it",
     )  # fmt: skip
+    _add_running(parser)
+
+
+def _add_tune(commands: Subparsers) -> None:
+    parser = _command(
+        commands, "tune",
+        "Search the settings of planner and robot on pushes of their own, by CMA-ES; more trials go on where "
+        "fewer ended. The best becomes DIR/preset.json.",
+    )  # fmt: skip
+    _add_env(parser)
+    parser.add_argument("--policy", metavar="NAME", default="two-stage", help="arm whose gains are tuned")
+    parser.add_argument(
+        "--space", choices=("planner", "robot", "both"), default="planner",
+        help="the arm's gains; gait box, gait machine and whole-body control, which all arms share; or both",
+    )  # fmt: skip
+    parser.add_argument(
+        "--only", metavar="FIELD", nargs="+",
+        help="groups or fields of the space, such as limits or gait.apex (all of it)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--preset", metavar="NAME|FILE", help="where the search starts (the environment's own preset)"
+    )
+    parser.add_argument("--trials", metavar="N", type=integer(1), default=100, help="budget")
+    parser.add_argument(
+        "--scenarios", metavar="N", type=integer(8), default=256, help="of a trial that is not stopped early"
+    )
+    parser.add_argument("--seed", metavar="N", type=integer(0), default=0, help="of the search")
     _add_running(parser)
 
 

@@ -106,6 +106,13 @@ def run_reproduce(args: argparse.Namespace) -> int:
     return run(args)
 
 
+def run_tune(args: argparse.Namespace) -> int:
+    """Run or resume a study, print its tables or the object."""
+    from .tuning.command import run
+
+    return run(args)
+
+
 def run_bench(args: argparse.Namespace) -> int:
     """Measure and print."""
     from .bench import bench

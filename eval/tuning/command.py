@@ -1,0 +1,86 @@
+"""`push-recovery tune`: run or resume a study, show how it goes, and say what it found."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from ..progress import progress_bars
+from ..tables import print_table
+from .candidate import space_of
+from .settings import TuningSettings
+from .study import Study, tune
+from .trials import Row
+
+COLUMNS = ("field", "start", "best", "change [units]")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run a study from its options, print the tables or the object."""
+    settings = TuningSettings(
+        args.env,
+        args.policy,
+        args.space,
+        tuple(args.only or ()),
+        args.preset or "",
+        args.seed,
+        args.scenarios,
+    )
+    space_of(settings)  # unknown fields fail here, before the bar
+    with progress_bars([settings.policy], args.trials) as bars:
+
+        def show(row: Row, best: Row) -> None:
+            bars.set(settings.policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
+
+        study = tune(settings, args.trials, args.workers, args.out, args.overwrite, show)
+    if args.json:
+        print(json.dumps(summary(study), allow_nan=False))
+        return 0
+    found = study.preset.found
+    print_table(
+        f"{settings.env_id}: {settings.policy}, {found['trials']} trials, {found['episodes']} episodes",
+        ("suite", "start", "best", "difference", "McNemar p"),
+        [score_cells(name, found[name]) for name in ("tuning", "held_out")],
+    )
+    print_table("Fields that moved most", COLUMNS, field_cells(study))
+    print(f"preset: {study.path}")
+    return 0
+
+
+def summary(study: Study) -> dict[str, Any]:
+    """What `--json` prints: how the preset was found, and where it lies."""
+    found = study.preset.found
+    keys = ("by", "trials", "stopped_early", "episodes", "trial", "suites", "code", "tuning", "held_out")
+    return {
+        "env": study.settings.env_id,
+        "policy": study.settings.policy,
+        **{name: found[name] for name in keys},
+        "settings": study.best["settings"],
+        "preset": str(study.path),
+        "out": str(study.directory),
+    }
+
+
+def score_cells(name: str, entry: dict[str, Any]) -> tuple[str, ...]:
+    """One suite: scores, recovered of all, the paired difference of the rates."""
+    low, high = entry["ci95"]
+    scores = [f"{part['score']:.3f} ({part['recovered']}/{entry['scenarios']})" for part in _parts(entry)]
+    difference = f"{entry['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})"
+    return (name.replace("_", " "), *scores, difference, f"{entry['mcnemar_p']:.3g}")
+
+
+def field_cells(study: Study, most: int = 12) -> list[tuple[str, ...]]:
+    """The fields whose values moved most, in their own units."""
+    start, best = study.start["settings"], study.best["settings"]
+    moves = zip(study.space.dimensions, study.best["point"], strict=True)
+    cells: Sequence[tuple[float, tuple[str, ...]]] = [
+        (abs(move), (d.label, f"{start[d.group][d.name]:g}", f"{best[d.group][d.name]:g}", f"{move:+.2f}"))
+        for d, move in moves
+    ]
+    return [cell for _, cell in sorted(cells, key=lambda pair: -pair[0])[:most]]
+
+
+def _parts(entry: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    return entry["start"], entry["best"]

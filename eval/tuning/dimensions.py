@@ -1,0 +1,122 @@
+"""The fields of planner and biped that are tuned, with bounds and units.
+
+Left out are weights that only scale a whole cost (alpha_step, beta_cop, com_price), what another field
+implies (freeze, which is the gait machine's commit), hardware, numerical constants and switches.
+"""
+
+from __future__ import annotations
+
+from ...controllers.config import PlannerConfig
+from ...controllers.errors import UnknownNameError
+from ...controllers.policies import POLICY_NAMES, TwoStagePolicy, make_policy
+from .space import Dimension
+
+UNTUNED = ("passive", "stage-1-paper", "two-stage-paper", "random")  # nothing of theirs is free
+ARMS = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
+
+
+def _planner(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("planner", name, low, high, unit)
+
+
+def _weight(name: str, unit: float = 2.0) -> Dimension:
+    return Dimension("planner", name, 1e-6, 1e9, unit, "log")
+
+
+STAGE_1 = (
+    _weight("alpha_duration", 1.5),
+    _weight("alpha_offset"),
+    _planner("duration_margin", 0.0, 0.1, 0.01),  # [s]
+    _planner("push_carry", 0.0, 0.2, 0.03),  # [s]
+    _planner("push_threshold", 0.0, 0.4, 0.03),  # [m]
+)
+STAGE_2 = (
+    _weight("beta_dcm"),
+    _planner("terminal_off", 0.0, 0.2, 0.015),  # [s]
+    _planner("sampling_time", 0.04, 0.1, 0.005),  # [s]
+)
+COP = (
+    _planner("cop_margin_x", 0.0, 0.06, 0.004),  # [m]
+    _planner("cop_margin_y", 0.0, 0.03, 0.003),  # [m]
+)
+TRUNK = (
+    _weight("beta_trunk"),
+    _weight("beta_trunk_rate"),
+    _weight("beta_trunk_angle"),
+    _weight("beta_trunk_limit"),
+    _planner("trunk_gravity", 0.0, 150.0, 10.0),  # [N m]
+    _planner("tail_sampling_time", 0.03, 0.12, 0.006),  # [s]
+)
+UPRIGHT = (
+    Dimension("planner", "upright_stiffness", 2.0, 200.0, 1.3, "log"),  # [1/s^2]
+    Dimension("planner", "upright_damping", 1.0, 60.0, 1.3, "log"),  # [1/s]
+)
+
+
+def _limit(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("limits", name, low, high, unit)
+
+
+def _gait(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("gait", name, low, high, unit)
+
+
+def _gain(name: str, start: float) -> Dimension:
+    return Dimension("gains", name, start / 4.0, start * 4.0, 1.2, "log")
+
+
+def _price(name: str) -> Dimension:
+    return Dimension("bounds", name, 1e-5, 10.0, 1.4, "log")
+
+
+ROBOT = (
+    Dimension("shared", "touchdown_delay", 0.0, 0.03, 0.003),  # of the planner: the robot's timing [s]
+    _limit("length_min", -0.55, -0.25, 0.02),  # [m]
+    _limit("length_max", 0.25, 0.55, 0.02),
+    _limit("width_min", 0.104, 0.16, 0.006),  # the feet are 0.1 m wide
+    _limit("width_max", 0.3, 0.55, 0.02),
+    _limit("duration_min", 0.14, 0.35, 0.015),  # [s]
+    _limit("duration_max", 0.45, 0.9, 0.03),
+    _gait("apex", 0.02, 0.12, 0.006),  # [m]
+    _gait("landing_delay", 0.0, 0.03, 0.003),  # [s]
+    _gait("commit", 0.0, 0.12, 0.01),
+    _gait("early", 0.0, 0.03, 0.003),
+    Dimension("gait", "early_load", 5.0, 100.0, 1.3, "log"),  # [N]
+    Dimension("gait", "forced_load", 50.0, 500.0, 1.3, "log"),
+    _gait("forced_phase", 0.3, 0.95, 0.06),
+    Dimension("gait", "descent", 0.1, 1.0, 1.3, "log"),  # [m/s]
+    _gait("reach", 0.62, 0.705, 0.008),  # thigh and shank are 0.72 m [m]
+    _gait("height_drop", 0.0, 0.25, 0.02),
+    Dimension("gait", "height_time", 0.01, 0.3, 1.3, "log"),  # [s]
+    _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
+    _gain("swing_max", 72.6), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
+    _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),
+    _gain("heading_kd", 28.6), _gain("height_kp", 100.0), _gain("height_kd", 20.0),
+    Dimension("bounds", "cop_x_max", 0.05, 0.1, 0.004),  # [m]
+    Dimension("bounds", "cop_y_max", 0.02, 0.05, 0.002),
+    Dimension("bounds", "yaw_friction", 0.01, 0.06, 0.003),
+    Dimension("bounds", "friction", 0.5, 0.9, 0.03),
+    Dimension("bounds", "force_min", 10.0, 300.0, 1.3, "log"),  # [N]
+    _price("height_price"), _price("pelvis_price"), _price("heading_price"), _price("swing_price"),
+    _price("swing_turn_price"), _price("waist_price"),
+)  # fmt: skip
+
+
+def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
+    """The fields of PlannerConfig that an arm uses.
+
+    Raises:
+        UnknownNameError: no policy of that name with gains to tune; lists those that have some.
+    """
+    if policy not in ARMS:
+        raise UnknownNameError("policy to tune", policy, ARMS)
+    arm = make_policy(policy)
+    assert isinstance(arm, TwoStagePolicy)  # noqa: S101
+    config: PlannerConfig = arm.config
+    stage_2 = config.use_cop or config.use_trunk
+    return (
+        STAGE_1
+        + (STAGE_2 if stage_2 else ())
+        + (COP if config.use_cop else ())
+        + (TRUNK if config.use_trunk else UPRIGHT)
+    )

@@ -1,0 +1,117 @@
+"""What a preset is worth on scenarios, run side by side in processes that last as long as the search."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+
+from ...controllers.errors import UnknownNameError
+from ...controllers.policies import TwoStagePolicy, make_policy
+from ...controllers.preset_file import load_preset
+from ...envs.biped_settings import TunedBipedEpisodes
+from ...envs.gait_episodes import GaitEpisodes
+from ...envs.pendulum_env import PendulumEpisodes
+from ...envs.scenario import Scenario
+from ..outcome import Outcome
+from ..rollout_batch import rollout_batch
+from ..workers import SLOTS, THREAD_VARIABLES
+
+BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
+TUNED_ENVS = (BIPED, PENDULUM)
+RECOVERED, STANDING, FALLEN = 1.0, 0.5, 0.0  # worth of an episode; standing without having settled
+
+
+def worth(outcome: Outcome) -> float:
+    """What an episode counts, in [0, 1]."""
+    if outcome.recovered:
+        return RECOVERED
+    return STANDING if outcome.survived else FALLEN
+
+
+def check_env(env_id: str) -> str:
+    """The id of an environment whose planner can be tuned; raises UnknownNameError for another one."""
+    name = env_id.removeprefix("push_recovery:")
+    if name not in TUNED_ENVS:
+        raise UnknownNameError("environment to tune", env_id, TUNED_ENVS)
+    return name
+
+
+def preset_episodes(env_id: str, n: int, preset: str) -> GaitEpisodes:
+    """Episodes of n robots of an environment with a preset, by name or file."""
+    if env_id == BIPED:
+        return TunedBipedEpisodes(n, preset)
+    return PendulumEpisodes(n, preset=preset)
+
+
+def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePolicy:
+    """An arm with its settings of a preset, by name or file."""
+    arm = make_policy(name, episodes.robot, episodes.limits, preset)
+    assert isinstance(arm, TwoStagePolicy)  # noqa: S101
+    own = load_preset(preset).config(name)
+    config = replace(own, use_cop=arm.config.use_cop, use_trunk=arm.config.use_trunk)
+    return TwoStagePolicy(arm.robot, arm.limits, config, name=name)
+
+
+@lru_cache(maxsize=1)
+def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, TwoStagePolicy]:
+    episodes = preset_episodes(env_id, SLOTS, preset)
+    return episodes, preset_policy(policy, episodes, preset)
+
+
+def run_scenarios(
+    env_id: str, policy: str, preset: str, content: bytes, scenarios: Sequence[Scenario]
+) -> dict[str, float]:
+    """Worth of an arm by scenario id; `content` is that of the preset file."""
+    episodes, arm = _prepared(env_id, policy, preset, content)
+    return {out.scenario_id: worth(out) for out in rollout_batch(episodes, arm, scenarios, policy)}
+
+
+def _start_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
+
+
+class Scorer:
+    """Runs one arm of one environment under preset files; a context manager.
+
+    Args:
+        env_id: one of TUNED_ENVS.
+        policy: name of the arm.
+        workers: processes; they change no result. One means this process.
+    """
+
+    def __init__(self, env_id: str, policy: str, workers: int = 1):
+        self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Scorer:
+        if self.workers > 1:
+            for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
+                os.environ.setdefault(name, "1")
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self.workers, context, _start_worker)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def values(self, preset: Path, scenarios: Sequence[Scenario]) -> list[float]:
+        """Worth of the scenarios under the settings of a preset file, in their order."""
+        job = (self.env_id, self.policy, str(preset), preset.read_bytes())
+        found: dict[str, float] = {}
+        if self._pool is None:
+            found = run_scenarios(*job, scenarios)
+        else:
+            parts = [scenarios[k :: self.workers] for k in range(self.workers)]
+            for future in [self._pool.submit(run_scenarios, *job, part) for part in parts if part]:
+                found |= future.result()
+        return [found[scenario.id] for scenario in scenarios]
