@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InvalidValueError, is_finite_number
@@ -87,8 +88,24 @@ class GaitLimits:
 
     def from_action(self, action: ArrayLike) -> NDArray[np.float64]:
         """Actions (..., 7) in [-1, 1], clipped -> gait variables."""
-        clipped = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
-        return self.low + 0.5 * (clipped + 1.0) * (self.high - self.low)
+        gait = np.array(action, dtype=np.float64, order="C")
+        if gait.shape[-1:] != (GAIT_SIZE,):
+            raise InvalidValueError(f"an action has {GAIT_SIZE} entries, got shape {gait.shape}")
+        _scale(gait.reshape(-1, GAIT_SIZE), self.low, self.high)
+        return gait
+
+
+@njit(cache=True)
+def _scale(actions, low, high):  # pragma: no cover
+    """Put low + (action + 1) (high - low) / 2 in the place of actions (n, 7); NaN stays."""
+    for i in range(actions.shape[0]):
+        for j in range(actions.shape[1]):
+            clipped = actions[i, j]
+            if clipped < -1.0:
+                clipped = -1.0
+            elif clipped > 1.0:
+                clipped = 1.0
+            actions[i, j] = low[j] + 0.5 * (clipped + 1.0) * (high[j] - low[j])
 
 
 def _frozen(values: list[float]) -> NDArray[np.float64]:

@@ -12,10 +12,11 @@ from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
 from .gait_env import GaitEnv
-from .gait_episodes import GaitEpisodes, Ints, Motion, World
+from .gait_episodes import Array, GaitEpisodes, Ints, Motion, World
 from .gait_vector_env import GaitVectorEnv
 from .scenario import PushDistribution
 
+LOADED = 1.0  # a foot carries load from here on [N]
 BIPED = RobotModel()  # Table II
 BIPED_LIMITS = GaitLimits(
     length_min=-0.399,
@@ -48,7 +49,12 @@ class BipedEpisodes(GaitEpisodes):
     def world(self) -> World:
         """DCM, CoP, CMP and the feet that carry load."""
         points = self.core.world.copy()
-        return World(points[:, 0:2], points[:, 2:4], points[:, 4:6], self.core.physics.load > 1.0)
+        return World(points[:, 0:2], points[:, 2:4], points[:, 4:6], self.core.physics.load > LOADED)
+
+    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
+        """`world` of one robot, in less time."""
+        points, (left, right) = self.core.world[k].copy(), self.core.physics.load[k].tolist()
+        return points[0:2], points[2:4], points[4:6], [left > LOADED, right > LOADED]
 
 
 class BipedEnv(GaitEnv):

@@ -8,12 +8,13 @@ from typing import Any, ClassVar
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.limits import GAIT_SIZE
 from ..controllers.nominal_gait import NominalGait
-from ..controllers.observation import OBSERVATION_SIZE
+from ..controllers.observation import ELAPSED, OBSERVATION_SIZE
 from .gait_episodes import GaitEpisodes
 from .gait_reward import REWARD_TERMS
 from .push import SIDES, Push
@@ -33,15 +34,26 @@ def check_action(
         InvalidValueError: for another shape, or NaN or infinity.
     """
     try:
-        values = np.asarray(action, dtype=np.float32)
+        values = np.array(action, dtype=np.float32, order="C")
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
     if values.shape != shape:
         raise InvalidValueError(f"{name} must have shape {shape}, got {values.shape}")
-    if not np.isfinite(values).all():
+    if not _clip(values.reshape(-1)):
         bad = values if values.ndim == 1 else values[~np.isfinite(values).all(axis=1)][0]
         raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {bad.tolist()}")
-    return np.clip(values, -1.0, 1.0)
+    return values
+
+
+@njit(cache=True)
+def _clip(values):  # pragma: no cover
+    """Clip numbers (n,) to [-1, 1] in place; False, and nothing done, where one is not finite."""
+    for i in range(values.shape[0]):
+        if not np.isfinite(values[i]):
+            return False
+    for i in range(values.shape[0]):
+        values[i] = min(max(values[i], np.float32(-1.0)), np.float32(1.0))
+    return True
 
 
 def gait_spaces() -> tuple[Any, Any]:
@@ -110,6 +122,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
         self.observation_space, self.action_space = gait_spaces()
         self.scenario: Scenario | None = None
+        self._pushes: list[dict[str, Any]] = []  # of the scenario, as `info` tells of them
         self._picture: Any = None  # what `render` draws with
         self._ended = True
 
@@ -125,6 +138,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         super().reset(seed=seed)
         self.scenario = self._scenario(options)
         self.episodes.begin(0, self.scenario)
+        self._pushes = [push_info(push, self.robot.mass) for push in self.scenario.pushes]
         self._ended = False
         if self.render_mode == "human":
             self.render()
@@ -135,12 +149,12 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if self.scenario is None or self._ended:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
         period = self.episodes.step(check_action(action)[None])
-        terminated, truncated = bool(period.failed[0]), bool(period.truncated[0])
+        terminated, truncated = period.failed.item(0), period.truncated.item(0)
         self._ended = terminated or truncated
         info = self._info(period.reward.terms[0])
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), float(period.reward.total[0]), terminated, truncated, info
+        return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -164,41 +178,44 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
 
     def _info(self, terms: Array) -> dict[str, Any]:
         assert self.scenario is not None  # noqa: S101
-        motion, world = self.episodes.motion(), self.episodes.world()
-        time = float(motion.time[0])
+        episodes, robots = self.episodes, self.episodes.robots
+        dcm, cop, cmp, loaded = episodes.points(0)
+        time = robots.time.item(0)
         return {
             "scenario_id": self.scenario.id,
             "time": time,
             "push": self._push_info(time),
-            "capture_margin": float(self.core.margin[0]),
-            "phase": min(float(self.core.observation[0, 0]) / float(self.episodes.planned[0]), 1.0),
-            "stance_side": SIDES[motion.side[0]],
-            "failure_reason": self.episodes.failures[self.episodes.failure()[0]] or None,
+            "capture_margin": robots.margin.item(0),
+            "phase": min(robots.observation.item(ELAPSED) / episodes.planned.item(0), 1.0),
+            "stance_side": SIDES[robots.side.item(0)],
+            "failure_reason": episodes.failures[robots.failure.item(0)] or None,
             "recovered_at": self.monitor.recovered_at(0),
             "reward_terms": dict(zip(REWARD_TERMS, terms.tolist(), strict=True)),
-            "dcm": world.dcm[0],
-            "cop": world.cop[0],
-            "cmp": world.cmp[0],
-            "contacts": dict(zip(SIDES, world.loaded[0].tolist(), strict=True)),
+            "dcm": dcm,
+            "cop": cop,
+            "cmp": cmp,
+            "contacts": dict(zip(SIDES, loaded, strict=True)),
         }
 
     def _push_info(self, time: float) -> dict[str, Any] | None:
         """The latest push that has begun, otherwise the first one; None without pushes."""
-        assert self.scenario is not None  # noqa: S101
-        if not self.scenario.pushes:
+        if not self._pushes:
             return None
-        starts = self.core.pushes.start[0]
-        begun = [i for i in range(len(self.scenario.pushes)) if starts[i] < time]
-        index = max(begun, key=lambda i: starts[i]) if begun else 0
-        return push_info(self.scenario.pushes[index], float(starts[index]), self.robot.mass)
+        starts, latest = self.episodes.robots.push_start[0].tolist(), -1
+        for i in range(len(self._pushes)):
+            if starts[i] < time and (latest < 0 or starts[i] > starts[latest]):
+                latest = i
+        index = max(latest, 0)
+        start = starts[index]
+        return {**self._pushes[index], "start": start if math.isfinite(start) else None}
 
 
-def push_info(push: Push, start: float, mass: float) -> dict[str, Any]:
-    """A push for `info`; its start is None while its gait event has not come."""
+def push_info(push: Push, mass: float) -> dict[str, Any]:
+    """A push for `info`; its start [s] is None while its gait event has not come."""
     return {
         "force": push.force,
         "direction": push.direction,
-        "start": start if math.isfinite(start) else None,
+        "start": None,
         "duration": push.duration,
         "body": push.body,
         "impulse": push.impulse,

@@ -6,31 +6,22 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ..controllers.config import PRESETS, preset_config
 from ..controllers.errors import InvalidValueError
-from ..controllers.limits import GaitLimits
+from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import NominalGait, nominal_gait
 from ..controllers.robot import RobotModel
 from .gait_monitor import GaitMonitor
-from .gait_reward import GaitReward, Reward
+from .gait_period import Episodes, Motion, Robots, end_period, period_constants, period_table
+from .gait_reward import REWARD_TERMS, Reward
 from .nominal_start import nominal_start
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
-
-
-class Motion(NamedTuple):
-    """How far n robots have come."""
-
-    steps: Ints  # (n,) completed
-    com: Array  # (n, 2) in the heading frame [m]
-    time: Array  # (n,) since reset [s]
-    side: Ints  # (n,) stance foot, index into SIDES
 
 
 class World(NamedTuple):
@@ -43,23 +34,11 @@ class World(NamedTuple):
 
 
 class Period(NamedTuple):
-    """What came of one planning period for n robots."""
+    """What came of one planning period for n robots; the next one writes over it."""
 
     reward: Reward
     failed: Mask  # (n,)
     truncated: Mask  # (n,)
-
-
-@njit(cache=True)
-def _clock(start, duration, count, fixed, settle, time, push_end, over):  # pragma: no cover
-    """Write the end of the last push (n,) [s], 0 without pushes, and whether the scenario is over (n,)."""
-    for k in range(time.shape[0]):
-        last = 0.0 if count[k] == 0 else -np.inf
-        for i in range(count[k]):
-            last = max(last, start[k, i] + duration[k, i])
-        push_end[k] = last
-        end = last + settle[k] if np.isnan(fixed[k]) else fixed[k]
-        over[k] = time[k] >= end - 1e-9
 
 
 class GaitEpisodes(ABC):
@@ -95,11 +74,16 @@ class GaitEpisodes(ABC):
         self.n, self.robot, self.limits, self.preset = int(n), robot, limits, preset
         self.control_hz = control_hz
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
-        self.monitor = GaitMonitor(self.n, robot, limits, *timing)
-        self._reward = GaitReward(robot, limits, *timing)
+        self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
-        self._count = np.zeros(n, np.int64)  # pushes
-        self._fixed, self._settle = np.full(n, np.nan), np.zeros(n)  # of Scenario.end_time [s]
+        self._episodes = Episodes(
+            pushes=np.zeros(n, np.int64), fixed=np.full(n, np.nan), settle=np.zeros(n),
+            before=np.zeros((n, GAIT_SIZE)), planned=self.planned, terms=np.zeros((n, len(REWARD_TERMS))),
+            total=np.zeros(n),
+        )  # fmt: skip
+        self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
+        self._constants = period_constants(robot, limits, *timing)
+        self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
 
     @abstractmethod
     def motion(self) -> Motion:
@@ -113,7 +97,12 @@ class GaitEpisodes(ABC):
     def world(self) -> World:
         """Points in the world and contacts; fresh arrays."""
 
-    def gaits(self, actions: NDArray[np.float32]) -> Array:
+    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
+        """`world` of one robot."""
+        dcm, cop, cmp, loaded = self.world()
+        return dcm[k], cop[k], cmp[k], loaded[k].tolist()
+
+    def gaits(self, actions: Array) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
         return self.limits.from_action(actions)
 
@@ -130,26 +119,36 @@ class GaitEpisodes(ABC):
         )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
         self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
+        if self.robots is None or self.core.pushes.start is not self.robots.push_start:
+            self._bind()  # the core has new arrays where more pushes came
         self.monitor.reset(k)
         self.planned[k] = gait.duration
-        self._count[k] = len(scenario.pushes)
-        self._fixed[k] = np.nan if scenario.duration is None else scenario.duration
-        self._settle[k] = scenario.settle_time
+        self._episodes.before[k] = self.core.previous_action[k]
+        self._episodes.pushes[k] = len(scenario.pushes)
+        self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
+        self._episodes.settle[k] = scenario.settle_time
 
     def step(self, actions: NDArray[np.float32]) -> Period:
         """One planning period of all robots under actions (n, 7) in [-1, 1]; those at their end go on too."""
-        core = self.core
-        before = core.previous_action.copy()
-        gaits = self.gaits(actions)
-        core.step(gaits, actions.astype(np.float64))
-        motion = self.motion()
-        push_end, over = np.empty(self.n), np.empty(self.n, np.bool_)
-        pushes = core.pushes
-        _clock(
-            pushes.start, pushes.duration, self._count, self._fixed, self._settle, motion.time, push_end, over
-        )
-        self.monitor.update(motion.steps, core.observation, motion.com, motion.time, push_end, core.command)
-        self.planned = np.ascontiguousarray(gaits[:, 2])
-        failed = self.failure() != 0
-        reward = self._reward(core.observation, before, self.planned, core.margin, failed)
-        return Period(reward, failed, over & ~failed)
+        asked = actions.astype(np.float64)
+        gaits = self.gaits(asked)
+        self.core.step(gaits, asked)
+        end_period(self._table, self._constants, gaits, self._ends)
+        return self._period
+
+    def _bind(self) -> None:
+        """Write the address table anew."""
+        core, motion, episodes = self.core, self.motion(), self._episodes
+        seen = getattr(core, "truth", core.observation)  # a core whose observations are noisy has both
+        self.robots = Robots(
+            *motion, self.failure(), seen, core.margin, core.command, core.previous_action,
+            core.pushes.start, core.pushes.duration,
+        )  # fmt: skip
+        self._table = period_table(self.robots, episodes, self.monitor.state)
+        self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy has arrays of its own."""
+        vars(self).update(state)
+        if self.robots is not None:
+            self._bind()

@@ -16,23 +16,22 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..controllers.double_support import transfer_weight
-from ..controllers.limits import GaitLimits
-from ..controllers.nominal_gait import nominal_gait_kernel
-from ..controllers.observation import COMMAND, DCM, ELAPSED, SWING_POSITION
-from ..controllers.robot import RobotModel
+from ..controllers.observation import DCM, ELAPSED, SWING_POSITION
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 OFFSET_TOLERANCE = 0.05  # [m]
 SPEED_TOLERANCE = 0.15  # [m/s]
 
-_DCM, _COMMAND, _SWING = DCM.start, COMMAND.start, SWING_POSITION.start
+_DCM, _SWING = DCM.start, SWING_POSITION.start
 
 
 class MonitorState(NamedTuple):
     """What is remembered of n robots; the three latest touchdowns, newest first."""
 
-    touchdowns: NDArray[np.int64]  # (n,) since reset
+    steps: Ints  # (n,) completed when last looked at
+    touchdowns: Ints  # (n,) since reset
     time: Array  # (n, 3) [s]
     com: Array  # (n, 3, 2) in the heading frame [m]
     error: Array  # (n, 3) of the DCM against the nominal gait [m]
@@ -41,15 +40,11 @@ class MonitorState(NamedTuple):
 
 
 @njit(cache=True)
-def nominal_dcm_kernel(
-    velocity_x, velocity_y, width, low, high, omega, delay, double_support, out
-):  # pragma: no cover
-    """Write the DCM at the start of a nominal step (2,) [m], canonical frame, and return nothing.
+def nominal_dcm_kernel(nominal, width, omega, delay, double_support, out):  # pragma: no cover
+    """Write the DCM at the start of a nominal step (5,), canonical frame, (2,) [m].
 
     With double support less its transfer: (u_T + b_nom) / lambda.
     """
-    nominal = np.empty(5)
-    nominal_gait_kernel(velocity_x, velocity_y, width, low, high, omega, delay, nominal, double_support)
     if double_support > 0.0:
         decay = math.exp(-omega * nominal[2])
         out[0], out[1] = (nominal[0] + nominal[3]) * decay, (nominal[1] + nominal[4]) * decay
@@ -70,17 +65,25 @@ def started_dcm_kernel(obs, double_support, omega, out):  # pragma: no cover
 
 
 @njit(cache=True)
-def _record(state, k, obs, com, time, push_end, command, start, omega, double_support):  # pragma: no cover
-    """One touchdown of robot k; the DCM is traced back to the moment of touchdown."""
+def record_touchdown(state, k, error, com, time, push_end, command):  # pragma: no cover
+    """Judge robot k, which has just touched down.
+
+    Args:
+        state: of n robots, written.
+        k: the robot.
+        error: of the DCM at the start of the step against the nominal gait [m].
+        com: (2,) in a frame fixed to the commanded heading [m].
+        time: since reset [s].
+        push_end: when the last push ends [s], inf while one is still to come.
+        command: commanded velocity (2,) in the same frame [m/s].
+    """
     for i in range(2, 0, -1):
         state.time[k, i] = state.time[k, i - 1]
         state.error[k, i] = state.error[k, i - 1]
         state.com[k, i] = state.com[k, i - 1]
-    here = np.empty(2)
-    started_dcm_kernel(obs, double_support, omega, here)
     state.time[k, 0] = time
     state.com[k, 0] = com
-    state.error[k, 0] = math.hypot(here[0] - start[0], here[1] - start[1])
+    state.error[k, 0] = error
     state.touchdowns[k] += 1
     good = False
     if state.touchdowns[k] >= 3:
@@ -99,74 +102,22 @@ def _record(state, k, obs, com, time, push_end, command, start, omega, double_su
         state.recovered_at[k] = time
 
 
-@njit(cache=True)
-def _update(
-    state, steps, previous, obs, com, time, push_end, command, constants, low, high
-):  # pragma: no cover
-    start = np.empty(2)
-    for k in range(steps.shape[0]):
-        if steps[k] == previous[k]:
-            continue
-        previous[k] = steps[k]
-        o = obs[k]
-        nominal_dcm_kernel(
-            o[_COMMAND], o[_COMMAND + 1], constants[1], low, high, constants[0], constants[2], constants[3],
-            start,
-        )  # fmt: skip
-        _record(state, k, o, com[k], time[k], push_end[k], command[k], start, constants[0], constants[3])
-
-
 class GaitMonitor:
-    """Watches n robots; call `update` once per control cycle."""
+    """Watches n robots; the compiled end of a period (`gait_period.py`) writes into its state."""
 
-    def __init__(
-        self,
-        n: int,
-        robot: RobotModel,
-        limits: GaitLimits,
-        touchdown_delay: float = 0.0,
-        double_support: float = 0.0,
-    ):
+    def __init__(self, n: int):
         self.state = MonitorState(
-            np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3, 2)), np.zeros((n, 3)), np.zeros(n),
-            np.full(n, np.nan),
+            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3, 2)),
+            np.zeros((n, 3)), np.zeros(n), np.full(n, np.nan),
         )  # fmt: skip
-        self._steps = np.zeros(n, np.int64)
-        self._constants = np.array([robot.omega, robot.pelvis_width, touchdown_delay, double_support])
-        self._low, self._high = limits.low, limits.high
 
     def reset(self, k: int) -> None:
         """Forget robot k, which stands at the start of step 0."""
         for field in self.state:
             field[k] = 0
         self.state.recovered_at[k] = np.nan
-        self._steps[k] = 0
-
-    def update(
-        self,
-        steps: NDArray[np.int64],
-        observations: Array,
-        com: Array,
-        time: Array,
-        push_end: Array,
-        command: Array,
-    ) -> None:
-        """Judge the robots that have touched down since the last call.
-
-        Args:
-            steps: (n,) completed steps.
-            observations: (n, 36).
-            com: (n, 2) horizontal, in a frame fixed to the commanded heading [m].
-            time: (n,) since reset [s].
-            push_end: (n,) when the last push ends [s], inf while one is still to come.
-            command: (n, 2) commanded velocity in the same frame [m/s].
-        """
-        _update(
-            self.state, steps, self._steps, observations, com, time, push_end, command, self._constants,
-            self._low, self._high,
-        )  # fmt: skip
 
     def recovered_at(self, k: int) -> float | None:
         """When robot k recovered for good, as far as is known [s]; None where it has not."""
-        value = float(self.state.recovered_at[k])
+        value = self.state.recovered_at.item(k)
         return None if math.isnan(value) else value

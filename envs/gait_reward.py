@@ -1,4 +1,4 @@
-"""Reward terms of the gait environments: named, pure, one number each per planning period, for n robots."""
+"""Reward terms of the gait environments: named, pure, one number each per planning period."""
 
 from __future__ import annotations
 
@@ -9,15 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..controllers.limits import GaitLimits
-from ..controllers.nominal_gait import nominal_gait_kernel
-from ..controllers.observation import COMMAND, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
-from ..controllers.robot import RobotModel
-from .gait_monitor import nominal_dcm_kernel, started_dcm_kernel
+from ..controllers.observation import PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
 
-Array = NDArray[np.float64]
-
-_COMMAND, _ANGLE, _RATE, _ACTION = COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
+_ANGLE, _RATE, _ACTION = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
 
 
 @njit(cache=True)
@@ -75,61 +69,37 @@ REWARD_TERMS = ("alive", "fall", "dcm", "margin", "duration", "trunk", "smoothne
 
 
 @njit(cache=True)
-def _reward(observations, before, planned, margins, failed, c, low, high, terms, total):  # pragma: no cover
-    nominal, start, here = np.empty(5), np.empty(2), np.empty(2)
-    for k in range(total.shape[0]):
-        obs, fell = observations[k], failed[k]
-        vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
-        nominal_gait_kernel(vx, vy, c[1], low, high, c[0], c[2], nominal, c[3])
-        nominal_dcm_kernel(vx, vy, c[1], low, high, c[0], c[2], c[3], start)
-        started_dcm_kernel(obs, c[3], c[0], here)
-        terms[k, 0] = alive(fell)
-        terms[k, 1] = fall(fell)
-        terms[k, 2] = dcm(here, start, fell)
-        terms[k, 3] = margin(margins[k])
-        terms[k, 4] = duration(planned[k], nominal[2])
-        terms[k, 5] = trunk(obs)
-        terms[k, 6] = smoothness(obs, before[k])
-        total[k] = 0.0
-        for i in range(terms.shape[1]):
-            total[k] += terms[k, i]
+def write_reward(
+    obs, before, planned, capture_margin, failed, started, start, nominal_duration, terms
+):  # pragma: no cover
+    """Write the terms (7,) of one robot in the order of REWARD_TERMS; returns their sum.
+
+    Args:
+        obs: observation (36,) after the period; its previous action is this period's.
+        before: action (7,) in force in the period before.
+        planned: step duration T asked for [s].
+        capture_margin: [m].
+        failed: whether the robot has fallen.
+        started: DCM (2,) at the start of the step [m].
+        start: the nominal gait's (2,) [m].
+        nominal_duration: T_nom [s].
+        terms: written.
+    """
+    terms[0] = alive(failed)
+    terms[1] = fall(failed)
+    terms[2] = dcm(started, start, failed)
+    terms[3] = margin(capture_margin)
+    terms[4] = duration(planned, nominal_duration)
+    terms[5] = trunk(obs)
+    terms[6] = smoothness(obs, before)
+    total = 0.0
+    for i in range(terms.shape[0]):
+        total += terms[i]
+    return total
 
 
 class Reward(NamedTuple):
     """What one planning period was worth to n robots."""
 
-    total: Array  # (n,)
-    terms: Array  # (n, 7) in the order of REWARD_TERMS
-
-
-class GaitReward:
-    """The terms of n robots of one kind; those of a robot do not depend on the others."""
-
-    def __init__(self, robot: RobotModel, limits: GaitLimits, delay: float, double_support: float):
-        self._constants = np.array([robot.omega, robot.pelvis_width, delay, double_support])
-        self._low, self._high = limits.low, limits.high
-
-    def __call__(
-        self,
-        observations: Array,
-        before: Array,
-        planned: Array,
-        margins: Array,
-        failed: NDArray[np.bool_],
-    ) -> Reward:
-        """Look at n robots after a period.
-
-        Args:
-            observations: (n, 36); their previous action is this period's.
-            before: actions (n, 7) in force in the period before.
-            planned: step durations T (n,) asked for [s].
-            margins: capture margins (n,) [m].
-            failed: (n,) which have fallen.
-        """
-        n = len(observations)
-        reward = Reward(np.empty(n), np.empty((n, len(REWARD_TERMS))))
-        _reward(
-            observations, before, planned, margins, failed, self._constants, self._low, self._high,
-            reward.terms, reward.total,
-        )  # fmt: skip
-        return reward
+    total: NDArray[np.float64]  # (n,)
+    terms: NDArray[np.float64]  # (n, 7) in the order of REWARD_TERMS

@@ -1,0 +1,140 @@
+"""What a planning period was to n robots: recovered criterion, reward and end, in one compiled call.
+
+Numba unpacks every array of a call, so the two dozen arrays come as one table of addresses.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..controllers.limits import GAIT_SIZE, GaitLimits
+from ..controllers.nominal_gait import nominal_gait_kernel
+from ..controllers.observation import COMMAND
+from ..controllers.robot import RobotModel
+from .address_table import address_table, floats_1, floats_2, floats_3, ints_1
+from .gait_monitor import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
+from .gait_reward import write_reward
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_COMMAND = COMMAND.start
+
+
+class Motion(NamedTuple):
+    """How far n robots have come."""
+
+    steps: Ints  # (n,) completed
+    com: Array  # (n, 2) in the heading frame [m]
+    time: Array  # (n,) since reset [s]
+    side: Ints  # (n,) stance foot, index into SIDES
+
+
+class Robots(NamedTuple):
+    """What the core says of n robots after a period; the first four are those of `Motion`."""
+
+    steps: Ints
+    com: Array
+    time: Array
+    side: Ints
+    failure: Ints  # (n,) why they have fallen, 0: they have not
+    observation: Array  # (n, 36)
+    margin: Array  # (n,) capture margin [m]
+    command: Array  # (n, 2) velocity in the heading frame [m/s]
+    action: Array  # (n, 7) in force in the period
+    push_start: Array  # (n, P) [s], inf while the gait event has not come
+    push_duration: Array  # (n, P) [s]
+
+
+class Episodes(NamedTuple):
+    """What the episodes of n robots know of themselves."""
+
+    pushes: Ints  # (n,) how many
+    fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last push
+    settle: Array  # (n,) [s]
+    before: Array  # (n, 7) action in force in the period before, written for the next one
+    planned: Array  # (n,) step duration T that the last action asked for [s], written
+    terms: Array  # (n, 7) of the reward, in the order of REWARD_TERMS, written
+    total: Array  # (n,) reward, written
+
+
+def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> Ints:
+    """Address table in the order in which `end_period` reads it; the arrays must stay alive."""
+    return address_table([*robots, *episodes, *monitor])
+
+
+def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double_support: float) -> Array:
+    """omega, l_p, touchdown delay, double support, then the box of the gait variables: low, high."""
+    return np.array(
+        [robot.omega, robot.pelvis_width, delay, double_support, *limits.low, *limits.high], dtype=np.float64
+    )
+
+
+@njit(cache=True)
+def _robots_of(t):  # pragma: no cover
+    """Rows 0-10."""
+    return Robots(
+        ints_1(t[0]), floats_2(t[1]), floats_1(t[2]), ints_1(t[3]), ints_1(t[4]), floats_2(t[5]),
+        floats_1(t[6]), floats_2(t[7]), floats_2(t[8]), floats_2(t[9]), floats_2(t[10]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _episodes_of(t):  # pragma: no cover
+    """Rows 11-17."""
+    return Episodes(
+        ints_1(t[11]), floats_1(t[12]), floats_1(t[13]), floats_2(t[14]), floats_1(t[15]), floats_2(t[16]),
+        floats_1(t[17]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _monitor_of(t):  # pragma: no cover
+    """Rows 18-24."""
+    return MonitorState(
+        ints_1(t[18]), ints_1(t[19]), floats_2(t[20]), floats_3(t[21]), floats_2(t[22]), floats_1(t[23]),
+        floats_1(t[24]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def last_push_end(robots, k, count):  # pragma: no cover
+    """When the last of robot k's pushes ends [s]; 0 without pushes, inf while one is still to come."""
+    last = 0.0 if count == 0 else -np.inf
+    for i in range(count):
+        last = max(last, robots.push_start[k, i] + robots.push_duration[k, i])
+    return last
+
+
+@njit(cache=True)
+def end_period(t, c, gaits, ends):  # pragma: no cover
+    """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
+    robots, episodes, monitor = _robots_of(t), _episodes_of(t), _monitor_of(t)
+    omega, width, delay, double_support = c[0], c[1], c[2], c[3]
+    low, high = c[4 : 4 + GAIT_SIZE], c[4 + GAIT_SIZE :]
+    nominal, start, started = np.empty(5), np.empty(2), np.empty(2)
+    for k in range(ends.shape[1]):
+        obs, time = robots.observation[k], robots.time[k]
+        vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
+        nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
+        nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
+        started_dcm_kernel(obs, double_support, omega, started)
+        push_end = last_push_end(robots, k, episodes.pushes[k])
+        if robots.steps[k] != monitor.steps[k]:
+            monitor.steps[k] = robots.steps[k]
+            error = np.hypot(started[0] - start[0], started[1] - start[1])
+            record_touchdown(monitor, k, error, robots.com[k], time, push_end, robots.command[k])
+        ends[0, k] = robots.failure[k] != 0
+        end = push_end + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
+        ends[1, k] = time >= end - 1e-9 and not ends[0, k]
+        episodes.planned[k] = gaits[k, 2]
+        episodes.total[k] = write_reward(
+            obs, episodes.before[k], episodes.planned[k], robots.margin[k], ends[0, k], started, start,
+            nominal[2], episodes.terms[k],
+        )  # fmt: skip
+        episodes.before[k] = robots.action[k]
