@@ -99,7 +99,8 @@ class CopPlanner:
         self.threads = RangeThreads(threads)
         self._problems: list[LeastDistance] = []
         numbers = packed_numbers(self.constants, self.tables)
-        self._packed = [(numbers, *self._allocate(matrices)) for _ in range(threads)]
+        # what the compiled loop takes, for each thread: numbers, counts, scratch
+        self.packed = [(numbers, *self._allocate(matrices)) for _ in range(threads)]
         self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, OUTPUTS))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -149,7 +150,7 @@ class CopPlanner:
             raise InvalidValueError(f"stage 2 takes a time and vectors of 2 numbers: {error}") from None
         if self.config.solver == "osqp":
             return self._plan_explicit(row[0])
-        plan_rows(row, out, *self._packed[0])
+        plan_rows(row, out, *self.packed[0])
         result = out[0].copy()
         status = int(result[6])
         if status == 2:
@@ -177,11 +178,11 @@ class CopPlanner:
     def _plan_all(self, rows: NDArray[np.float64], out: NDArray[np.float64]) -> int:
         """Plan into `out`; returns how many rows were invalid."""
         if self.threads.threads == 1 or len(rows) < 2 * ROWS_A_THREAD:
-            return plan_rows(rows, out, *self._packed[0])
+            return plan_rows(rows, out, *self.packed[0])
         invalid = [0] * self.threads.threads
 
         def job(worker: int, first: int, end: int) -> None:
-            invalid[worker] = plan_rows(rows[first:end], out[first:end], *self._packed[worker])
+            invalid[worker] = plan_rows(rows[first:end], out[first:end], *self.packed[worker])
 
         self.threads.run(job, len(rows), ROWS_A_THREAD)
         return sum(invalid)

@@ -52,7 +52,7 @@ def make_cop_rule(
 
 def _single_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> CopRule:
     if config.form == "zoh" and config.solver == "daqp":
-        return _compiled_rule(CopPlanner(robot, limits, config, threads))
+        return CompiledRule(CopPlanner(robot, limits, config, threads))
     if config.form == "zoh":
         return _looped_rule(CopPlanner(robot, limits, config), None)
     return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
@@ -84,24 +84,34 @@ def _phased_rule(single: CopRule, planner: DoubleSupportPlanner) -> CopRule:
 
 
 @njit(cache=True)
+def write_input(obs, row, out):  # pragma: no cover
+    """A row (11,) of `CopPlanner.plan_batch`; the CoP's reference is the centre of the sole."""
+    out[0] = row[REMAINING]
+    for k in range(2):
+        out[1 + k] = row[_AHEAD + k]
+        out[3 + k], out[5 + k] = obs[_TRUNK + k], obs[_TRUNK + 2 + k]
+        out[7 + k] = row[_TARGET + k]
+        out[9 + k] = 0.0
+
+
+@njit(cache=True)
 def _write_inputs(batch, rows, inputs):  # pragma: no cover
-    """Rows (n, 11) of `CopPlanner.plan_batch`; the CoP's reference is the centre of the sole."""
     for i in range(batch.shape[0]):
-        inputs[i, 0] = rows[i, REMAINING]
-        for k in range(2):
-            inputs[i, 1 + k] = rows[i, _AHEAD + k]
-            inputs[i, 3 + k], inputs[i, 5 + k] = batch[i, _TRUNK + k], batch[i, _TRUNK + 2 + k]
-            inputs[i, 7 + k] = rows[i, _TARGET + k]
+        write_input(batch[i], rows[i], inputs[i])
 
 
-def _compiled_rule(planner: CopPlanner) -> CopRule:
-    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        inputs = np.zeros((len(batch), INPUTS))
+class CompiledRule:
+    """The default form, solved by DAQP from compiled code."""
+
+    def __init__(self, planner: CopPlanner):
+        self.planner = planner
+
+    def __call__(self, batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+        """See `make_cop_rule`."""
+        inputs = np.empty((len(batch), INPUTS))
         _write_inputs(batch, rows, inputs)
-        result = planner.plan_batch(inputs)
+        result = self.planner.plan_batch(inputs)
         return result, [STATUS[int(index)] for index in result[:, 6].tolist()]
-
-    return rule
 
 
 def _looped_rule(planner: CopPlanner | JerkCopPlanner, limits: GaitLimits | None) -> CopRule:

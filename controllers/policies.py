@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .config import PAPER_WEIGHTS, PlannerConfig, preset_config
-from .cop_rule import make_cop_rule
+from .cop_planner import STATUS
+from .cop_rule import CompiledRule, make_cop_rule
 from .errors import InvalidValueError, UnknownNameError
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import NominalGait
@@ -27,6 +29,7 @@ from .stage_1 import (
     stage_1_constants,
     stage_1_rows,
 )
+from .two_stage import CompiledTwoStage
 
 POLICY_NAMES = (
     "passive",
@@ -88,8 +91,10 @@ def as_batch(observation: ArrayLike) -> tuple[Floats, bool]:
         batch = np.ascontiguousarray(observation, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
-    single = np.ndim(observation) == 1
+    single = batch.ndim == 1
     batch = batch.reshape(1, -1) if single else batch
+    if not batch.flags.writeable:  # compiled code would be compiled once more for it
+        batch = batch.copy()
     if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:
         raise InvalidValueError(
             f"observation must have shape ({OBSERVATION_SIZE},) or (n, {OBSERVATION_SIZE}), "
@@ -109,6 +114,7 @@ class TwoStagePolicy:
         *,
         adapt: bool = True,
         name: str = "two-stage",
+        threads: int = 1,
     ):
         """Build the planner.
 
@@ -118,6 +124,8 @@ class TwoStagePolicy:
             config: weights and margins; the preset `default` by default.
             adapt: False walks the nominal gait without reaction.
             name: for tables.
+            threads: that plan a batch of 512 observations or more in the default form; the actions do not
+                depend on them.
         """
         self.robot = RobotModel() if robot is None else robot
         self.limits = GaitLimits.of(self.robot) if limits is None else limits
@@ -126,13 +134,19 @@ class TwoStagePolicy:
         self._adapt = adapt
         self._constants = stage_1_constants(self.robot, self.limits, self.config)
         self._low, self._high = self.limits.low, self.limits.high
-        self._cop_rule = make_cop_rule(self.robot, self.limits, self.config)
-        self._statuses: tuple[str, ...] = ()
+        self._cop_rule = make_cop_rule(self.robot, self.limits, self.config, threads)
+        self._compiled: CompiledTwoStage | None = None
+        if isinstance(self._cop_rule, CompiledRule):
+            planner = self._cop_rule.planner
+            self._compiled = CompiledTwoStage(self.robot, self.limits, self.config, adapt, planner)
+        self._statuses: Sequence[str] | Floats = ()  # or indices into STATUS
 
     @property
     def statuses(self) -> tuple[str, ...]:
         """Of stage 2's solver for each observation of the last call, for reports; empty without a stage 2."""
-        return self._statuses
+        if isinstance(self._statuses, np.ndarray):
+            self._statuses = [STATUS[int(index)] for index in self._statuses.tolist()]
+        return tuple(self._statuses)
 
     def predict(
         self,
@@ -150,6 +164,11 @@ class TwoStagePolicy:
             deterministic: ignored.
         """
         batch, single = as_batch(observation)
+        if self._compiled is not None:
+            planned = self._compiled(batch)
+            if planned is not None:
+                actions, self._statuses = planned[0], planned[1][:, 6]
+                return (actions[0] if single else actions), state
         rows = self._rows(batch)
         if self._cop_rule is not None:
             self._regulate(batch, rows)
@@ -188,7 +207,7 @@ class TwoStagePolicy:
         """Stage 2: write CoP and trunk acceleration into the rows; returns the expected DCMs and statuses."""
         assert self._cop_rule is not None  # noqa: S101
         result, statuses = self._cop_rule(batch, rows)
-        self._statuses = tuple(statuses)
+        self._statuses = statuses
         rows[:, 3:5] = result[:, 0:2]
         if self.config.use_trunk:
             rows[:, 5:7] = result[:, 2:4]

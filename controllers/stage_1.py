@@ -145,33 +145,44 @@ def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
 
 
 @njit(cache=True)
-def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 36), and whether every observation is finite."""
-    n = observations.shape[0]
-    rows = np.empty((n, ROW_SIZE))
+def all_finite(observations):  # pragma: no cover
+    """Whether every entry of observations (n, 36) is finite."""
     finite = True
-    for i in range(n):
+    for i in range(observations.shape[0]):
         for j in range(observations.shape[1]):
             finite = finite and math.isfinite(observations[i, j])
+    return finite
+
+
+@njit(cache=True)
+def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
+    """Plans (n, ROW_SIZE) of observations (n, 36), and whether every observation is finite."""
+    rows = np.empty((observations.shape[0], ROW_SIZE))
+    finite = all_finite(observations)
     if finite:
-        for i in range(n):
+        for i in range(observations.shape[0]):
             stage_1_row(observations[i], c, low, high, adapt, rows[i])
     return rows, finite
 
 
 @njit(cache=True)
-def scale_actions(rows, observations, low, high, double_support):  # pragma: no cover
-    """The gait columns of `rows` as float32 actions (n, 7); the arithmetic of `GaitLimits.to_action`.
+def scale_action(row, obs, low, high, double_support, action):  # pragma: no cover
+    """The gait columns of `row` as a float32 action (7,); the arithmetic of `GaitLimits.to_action`.
 
     The CoP is scaled from what it may be at the observation, see `cop_range`.
     """
-    n = rows.shape[0]
-    actions = np.empty((n, GAIT_SIZE), dtype=np.float32)
-    for i in range(n):
-        for j in range(GAIT_SIZE):
-            bottom, top = low[j], high[j]
-            if j == 3 or j == 4:
-                bottom, top = cop_range(j - 3, observations[i], low, high, double_support)
-            scaled = 2.0 * (rows[i, j] - bottom) / (top - bottom) - 1.0
-            actions[i, j] = min(max(scaled, -1.0), 1.0)
+    for j in range(GAIT_SIZE):
+        bottom, top = low[j], high[j]
+        if j == 3 or j == 4:
+            bottom, top = cop_range(j - 3, obs, low, high, double_support)
+        scaled = 2.0 * (row[j] - bottom) / (top - bottom) - 1.0
+        action[j] = min(max(scaled, -1.0), 1.0)
+
+
+@njit(cache=True)
+def scale_actions(rows, observations, low, high, double_support):  # pragma: no cover
+    """`scale_action` of every row (n, ROW_SIZE), (n, 7)."""
+    actions = np.empty((rows.shape[0], GAIT_SIZE), dtype=np.float32)
+    for i in range(rows.shape[0]):
+        scale_action(rows[i], observations[i], low, high, double_support, actions[i])
     return actions

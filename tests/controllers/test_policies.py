@@ -176,6 +176,26 @@ def test_bad_observations(name, bad):
         make_policy(name).predict(bad)
 
 
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_no_action(threads):
+    obs = random_observations(1100, 7)
+    shared = TwoStagePolicy(threads=threads)
+    assert shared.predict(obs)[0].tobytes() == TwoStagePolicy().predict(obs)[0].tobytes()
+    assert len(shared.statuses) == 1100
+    assert set(shared.statuses) <= {"solved", "clipped"}
+    obs[1050, 3] = np.nan
+    with pytest.raises(InvalidValueError, match="finite"):
+        shared.predict(obs)
+
+
+def test_an_observation_that_may_not_be_written_to_is_as_good_as_any():
+    policy, obs = make_policy("two-stage"), random_observations(4, 8)
+    frozen, turned = obs.copy(), np.asfortranarray(obs)
+    frozen.flags.writeable = False
+    for other in (frozen, turned):
+        assert policy.predict(other)[0].tobytes() == policy.predict(obs)[0].tobytes()
+
+
 def test_unknown_names():
     with pytest.raises(UnknownNameError, match="two-stage"):
         make_policy("two-stages")
