@@ -157,6 +157,9 @@ class BipedCore:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
         tables, constants, steps = self._tables, self._constants, self.substeps
+        if self._threads.threads == 1:
+            whole_period(tables[0], constants, gaits, actions, steps, PHYSICS_DT, 0, self.n)
+            return
 
         def job(worker: int, first: int, end: int) -> None:
             whole_period(tables[worker], constants, gaits, actions, steps, PHYSICS_DT, first, end)
