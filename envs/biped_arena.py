@@ -12,6 +12,7 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
+from .biped_errors import RobotErrors, advance_with_errors, show
 from .biped_gait import Gait, GaitSettings, accept, check_failure, control
 from .biped_kinematics import Array, Ints, Physics
 from .biped_observation import Contacts, count_contacts, observe
@@ -32,6 +33,7 @@ class View(NamedTuple):
     observation: Array  # (n, 36), written
     margin: Array  # (n,) capture margin [m], written
     world: Array  # (n, 6) DCM, CoP and CMP in the world [m], written
+    truth: Array  # (n, 36) observation without its noise, written
 
 
 class Arena(NamedTuple):
@@ -45,13 +47,14 @@ class Arena(NamedTuple):
     view: View
     contacts: Contacts
     handles: Handles  # of the simulations
+    errors: RobotErrors
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
-    rest = [arena.mass_entries, *arena.view, *arena.contacts, *arena.handles]
+    rest = [arena.mass_entries, *arena.view, *arena.contacts, *arena.handles, *arena.errors]
     return address_table([*robots, *bounds[1:], *rest])
 
 
@@ -89,8 +92,8 @@ def pushes_of(t: Ints) -> Pushes:
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 44-47."""
-    return Contacts(floats_2(t[44]), floats_2(t[45]), floats_1(t[46]), floats_2(t[47]))
+    """Rows 45-48."""
+    return Contacts(floats_2(t[45]), floats_2(t[46]), floats_1(t[47]), floats_2(t[48]))
 
 
 @njit(cache=True)
@@ -101,8 +104,17 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 48-50."""
-    return Handles(ints_2(t[48]), ints_2(t[49]), ints_1(t[50]))
+    """Rows 49-52."""
+    return Handles(ints_2(t[49]), ints_2(t[50]), ints_1(t[51]), ints_1(t[52]))
+
+
+@njit(cache=True)
+def errors_of(t: Ints) -> RobotErrors:
+    """Rows 53-60."""
+    return RobotErrors(
+        ints_1(t[53]), ints_1(t[54]), ints_1(t[55]), floats_2(t[56]), ints_1(t[57]), ints_1(t[58]),
+        ints_1(t[59]), floats_3(t[60]),
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -118,8 +130,10 @@ def bounds_of(t: Ints, c: Array) -> Bounds:
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
     """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
-    gait, settings, previous = gait_of(t), settings_of(c), floats_2(t[39])
+    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[39]), errors_of(t)
     for k in range(first, end):
+        if gait.failure[k] == 0:
+            errors.period[k] += 1
         accept(gait, k, settings, gaits[k], actions[k], previous[k])
 
 
@@ -130,13 +144,8 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     One robot makes all its steps before the next begins, with its data still in the processor's cache. A
     robot that has fallen rests.
     """
-    phys, gait, pushes, contacts, handles = (
-        physics_of(t),
-        gait_of(t),
-        pushes_of(t),
-        contacts_of(t),
-        handles_of(t),
-    )
+    phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
+    handles, errors = handles_of(t), errors_of(t)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
     settings, bounds, index = settings_of(c), bounds_of(t, c), ints_2(t[37])
     for k in range(first, end):
@@ -144,21 +153,28 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             continue
         for _ in range(steps):
             control(phys, gait, k, pushes, settings, gains, bounds, index, dt)
-            advance(handles, k)
+            if errors.physical[k] == 0:
+                advance(handles, k)
+            else:
+                first_side = (gait.stance[k] + gait.steps[k]) % 2
+                advance_with_errors(phys, errors, k, first_side, handles)
             count_contacts(contacts, k, dt)
 
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, observations and capture margins of robots first..end-1; rows 38-43 are the view's."""
+    """Falls, observations and capture margins of robots first..end-1; rows 38-44 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
     index, command, previous, capture = ints_2(t[37]), floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
-    out, margin, world = floats_2(t[41]), floats_1(t[42]), floats_2(t[43])
+    out, margin, world, truth = floats_2(t[41]), floats_1(t[42]), floats_2(t[43]), floats_2(t[44])
+    errors = errors_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
+        span = contacts.time[k]
         margin[k] = observe(
-            phys, gait, k, contacts, settings, index, command[k], previous[k], capture, out[k], world[k]
+            phys, gait, k, contacts, settings, index, command[k], previous[k], capture, truth[k], world[k]
         )
+        show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
 
 
 @njit(cache=True, nogil=True)

@@ -26,6 +26,7 @@ from .biped_arena import (
     physics_steps,
     whole_period,
 )
+from .biped_errors import assign_errors, check_biped_errors, no_errors
 from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
@@ -34,7 +35,7 @@ from .nominal_start import NominalStart
 from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
-from .simulations import Simulations
+from .simulations import Simulations, believe
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
 
@@ -46,7 +47,7 @@ OUTPUTS = (
 
 
 class BipedCore:
-    """n bipeds that share one compiled model.
+    """n bipeds that share one compiled model; one with model errors of its body or floor has its own.
 
     Arrays are indexed by robot and hold what was true at the end of the last physics step; `put` sets a
     state.
@@ -74,7 +75,7 @@ class BipedCore:
         self.substeps = substeps(control_hz)
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
-        self.simulations = Simulations(biped_model(), n, INPUTS, OUTPUTS)
+        self.simulations = Simulations(biped_model(), n, INPUTS, OUTPUTS, self._threads.threads)
         arrays = self.simulations.arrays
         self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
         self.gait = Gait(
@@ -86,9 +87,11 @@ class BipedCore:
             arrays["qfrc_constraint"], impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
         )
         self.pushes = empty_pushes(n, 1)
+        self.errors = no_errors(n)
         self.command = np.zeros((n, 2))
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
@@ -106,23 +109,23 @@ class BipedCore:
     def _bind(self) -> None:
         """Write the address tables anew, one a thread; to be called whenever an array is replaced."""
         view = View(
-            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world
-        )
-        state, index, handles = (
-            (self.physics, self.gait, self.pushes),
-            mass_matrix_index(),
-            self.simulations.handles,
-        )
+            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
+            self.truth,
+        )  # fmt: skip
+        state, index = (self.physics, self.gait, self.pushes), mass_matrix_index()
         self._arenas = [
-            Arena(*state, bounds, index, view, self.contacts, handles) for bounds, _ in self._bounds
+            Arena(*state, bounds, index, view, self.contacts, self.simulations.handles_of(w), self.errors)
+            for w, (bounds, _) in enumerate(self._bounds)
         ]
         self._tables = [arena_table(arena) for arena in self._arenas]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
 
-        `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones.
+        `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones. The posture is
+        that of the nominal robot; model errors act from here on.
         """
+        check_biped_errors(scenario.errors)
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
         soles = np.zeros((2, 3))
@@ -130,6 +133,7 @@ class BipedCore:
         com = np.array([start.com[0], sign * start.com[1], self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(com, velocity, soles)
+        self.simulations.use_model(k, assign_errors(self.errors, k, scenario))
         self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
@@ -144,12 +148,14 @@ class BipedCore:
             self.pushes = pushes
             self._bind()
         self.contacts.time[k] = 0.0
-        self.observation[k] = 0.0
+        self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (21,), (20,), nothing acting on it; the gait machine stays as it is."""
         self.simulations.put(k, qpos, qvel)
+        if self.errors.believes[k]:
+            believe(self.simulations.handles, k)
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""

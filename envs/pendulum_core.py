@@ -27,6 +27,7 @@ from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from .nominal_start import NominalStart
+from .pendulum_errors import acting, assign_errors, begin_cycle, no_errors, show
 from .pendulum_observation import check_failures, observe
 from .pendulum_support import supported_cop, transferred_cop
 from .push import SIDES, resolve_starts
@@ -162,6 +163,20 @@ def _next_event(s, q, k, end, landed, double_support):  # pragma: no cover
 
 
 @njit(cache=True)
+def _force(s, q, e, k, span, p):  # pragma: no cover
+    """External force of the coming span as on the believed mass (2) [N]; counts what pushes deliver."""
+    force_x, force_y = 0.0, 0.0
+    for i in range(q.start.shape[1]):
+        if q.start[k, i] <= s.time[k] < q.start[k, i] + q.duration[k, i]:
+            force_x += q.force[k, i, 0]
+            force_y += q.force[k, i, 1]
+            for a in range(3):
+                q.delivered[k, i, a] += q.force[k, i, a] * span
+    downhill = e.downhill[k]
+    return force_x / e.weight[k] + p.mass * downhill[0], force_y / e.weight[k] + p.mass * downhill[1]
+
+
+@njit(cache=True)
 def _estimate_push(s, k, force_x, force_y, span, dt, p):  # pragma: no cover
     """Add a span's share to the push estimate of its cycle, as an observer of DCM and CMP would find it.
 
@@ -175,8 +190,8 @@ def _estimate_push(s, k, force_x, force_y, span, dt, p):  # pragma: no cover
 
 
 @njit(cache=True)
-def advance(s, q, dt, p):  # pragma: no cover
-    """One control cycle of every pendulum under its plan.
+def advance(s, q, e, dt, p):  # pragma: no cover
+    """One control cycle of every pendulum under its plan and with its model errors.
 
     The CoP is clipped to what the feet on the floor span and the trunk's acceleration to the torque. After a
     touchdown inside the cycle the CoP makes the undisturbed transfer's mean (without double support it rests
@@ -187,28 +202,22 @@ def advance(s, q, dt, p):  # pragma: no cover
         if s.failure[k] != 0:
             continue
         end = s.time[k] + dt
-        sign = -1.0 if s.side[k] == 0 else 1.0
-        cop_x, cop_y = supported_cop(s, k, s.plan[k, 3], sign * s.plan[k, 4], p)
-        pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max)
-        roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max)
+        cop_x, cop_y, pitch, roll, change = begin_cycle(s, e, k, dt, p)
         landed = False
         s.push[k, 0] = s.push[k, 1] = 0.0
         while s.time[k] < end:
+            if s.time[k] >= change:
+                cop_x, cop_y, pitch, roll = acting(s, e, k, e.lag[k], end - s.time[k], p)
+                change = np.inf
             if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2]:
                 touch_down(s, k)
                 landed = True
                 cop_x, cop_y = transferred_cop(s, k, end - s.time[k], p)
             elif p.double_support > 0.0:  # the other foot may have left the floor within the cycle
                 cop_x, cop_y = supported_cop(s, k, cop_x, cop_y, p)
-            until = _next_event(s, q, k, end, landed, p.double_support)
+            until = _next_event(s, q, k, min(end, change), landed, p.double_support)
             span = until - s.time[k]
-            force_x, force_y = 0.0, 0.0
-            for i in range(q.start.shape[1]):
-                if q.start[k, i] <= s.time[k] < q.start[k, i] + q.duration[k, i]:
-                    force_x += q.force[k, i, 0]
-                    force_y += q.force[k, i, 1]
-                    for a in range(3):
-                        q.delivered[k, i, a] += q.force[k, i, a] * span
+            force_x, force_y = _force(s, q, e, k, span, p)
             _estimate_push(s, k, force_x, force_y, span, dt, p)
             advance_axis(s, k, 0, s.stance[k, 0] + cop_x, pitch, force_x, span, p)
             advance_axis(s, k, 1, s.stance[k, 1] + cop_y, roll, force_y, span, p)
@@ -249,10 +258,13 @@ class PendulumCore:
         self.command = np.zeros((n, 2))
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
+        self.errors = no_errors(n, self.dt)
         self.margin = np.zeros(n)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""
+        assign_errors(self.errors, k, scenario, self.dt)
         s = self.state
         for field in s:
             field[k] = 0
@@ -275,9 +287,11 @@ class PendulumCore:
         """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
         self.state.plan[:] = gaits
         self.previous_action[:] = actions
-        advance(self.state, self.pushes, self.dt, self.physics)
+        advance(self.state, self.pushes, self.errors, self.dt, self.physics)
+        self.errors.period[self.state.failure == 0] += 1
         self._look()
 
     def _look(self) -> None:
-        observe(self.state, self.command, self.previous_action, self.physics, self.observation)
-        check_failures(self.state, self.observation, self.physics.double_support, self.capture, self.margin)
+        observe(self.state, self.command, self.previous_action, self.physics, self.truth)
+        check_failures(self.state, self.truth, self.physics.double_support, self.capture, self.margin)
+        show(self.state, self.errors, self.physics, self.dt, self.truth, self.observation)

@@ -21,8 +21,9 @@ def supported_cop(s, k, cop_x, cop_y, p):  # pragma: no cover
 
 @njit(cache=True)
 def transferred_cop(s, k, left, p):  # pragma: no cover
-    """CoP after a touchdown, for the rest of its cycle or of double support: the transfer's mean."""
-    if p.double_support == 0.0 or left <= 0.0:
+    """CoP of no action's, for the next `left` seconds or the rest of double support: the transfer's mean."""
+    elapsed = s.time[k] - s.step_start[k]
+    if left <= 0.0 or not both_stand(elapsed, p.double_support):
         return 0.0, 0.0
-    share = transfer_mean(0.0, min(left, p.double_support), p.double_support, p.omega)
+    share = transfer_mean(elapsed, min(left, p.double_support - elapsed), p.double_support, p.omega)
     return share * (s.lift[k, 0] - s.stance[k, 0]), share * (s.lift[k, 1] - s.stance[k, 1])

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from ..controllers.errors import InvalidValueError
 from .checks import require_choice, require_integer, require_keys, require_number
+from .error_ranges import ErrorRanges
+from .model_errors import EXACT_MODEL, ModelErrors
 from .push import SIDES, GaitEvent, Push, Side, other_side, polar_push
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
@@ -57,7 +59,8 @@ class Scenario:
     stance_side: Side = "left"  # of step 0
     settle_time: float = SETTLE_TIME  # [s]
     duration: float | None = None  # [s] from reset
-    noise_seed: int = 0  # of sensor noise, where an environment has some
+    noise_seed: int = 0  # of the noise of `errors`
+    errors: ModelErrors = EXACT_MODEL  # what planner and control do not know
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -75,6 +78,8 @@ class Scenario:
             duration = require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True)
             object.__setattr__(self, "duration", duration)
         object.__setattr__(self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed))
+        if not isinstance(self.errors, ModelErrors):
+            raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].
@@ -100,11 +105,12 @@ class Scenario:
             settle_time=self.settle_time,
             duration=self.duration,
             noise_seed=self.noise_seed,
+            errors=self.errors.mirrored(),
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field."""
-        return {
+        """Plain JSON types, every field; `errors` is left out where there are none."""
+        values: dict[str, Any] = {
             "id": self.id,
             "pushes": [push.to_dict() for push in self.pushes],
             "command": self.command.to_dict(),
@@ -113,11 +119,12 @@ class Scenario:
             "duration": self.duration,
             "noise_seed": self.noise_seed,
         }
+        return values if self.errors == EXACT_MODEL else {**values, "errors": self.errors.to_dict()}
 
     @classmethod
     def from_dict(cls, data: object) -> Scenario:
         """Inverse of `to_dict`; fields other than the id may be left out."""
-        optional = {"pushes", "command", "stance_side", "settle_time", "duration", "noise_seed"}
+        optional = {"pushes", "command", "stance_side", "settle_time", "duration", "noise_seed", "errors"}
         values = dict(require_keys("scenario", data, {"id"}, optional))
         if not isinstance(values.get("pushes", []), list):
             raise InvalidValueError(f"scenario pushes must be a list, got {values['pushes']!r}")
@@ -125,6 +132,8 @@ class Scenario:
             values["pushes"] = tuple(Push.from_dict(push) for push in values["pushes"])
         if "command" in values:
             values["command"] = Command.from_dict(values["command"])
+        if "errors" in values:
+            values["errors"] = ModelErrors.from_dict(values["errors"])
         return cls(**values)
 
     def to_json(self) -> str:
@@ -149,7 +158,7 @@ class PushDistribution:
     """Scenarios with one push each, drawn from a Generator; used by `reset` without a scenario.
 
     Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
-    equal probability and a uniform speed up to its maximum.
+    equal probability and a uniform speed up to its maximum. Model errors come from `errors`.
     """
 
     impulse_min: float = 5.0  # [N s]
@@ -163,8 +172,13 @@ class PushDistribution:
     backward_speed: float = 0.25  # [m/s]
     sideways_speed: float = 0.2  # [m/s], to either side
     settle_time: float = SETTLE_TIME  # [s]
+    errors: ErrorRanges | None = None  # of the robot, drawn anew for every scenario
 
     def __post_init__(self) -> None:
+        if isinstance(self.errors, Mapping):  # of JSON
+            object.__setattr__(self, "errors", ErrorRanges.from_dict(self.errors))
+        if not isinstance(self.errors, ErrorRanges | None):
+            raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {self.errors!r}")
         require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
         require_number("PushDistribution.impulse_max [N s]", self.impulse_max, self.impulse_min)
         require_number("PushDistribution.direction_min [rad]", self.direction_min)
@@ -190,6 +204,7 @@ class PushDistribution:
         """Draw one scenario; always the same number of draws, so that episodes stay comparable."""
         u = rng.random(8)
         noise_seed = int(rng.integers(2**31))
+        errors = EXACT_MODEL if self.errors is None else self.errors.sample(rng)
         impulse = self.impulse_min + u[0] * (self.impulse_max - self.impulse_min)
         direction = self.direction_min + u[1] * (self.direction_max - self.direction_min)
         event = GaitEvent(self.first_step, "left" if u[2] < 0.5 else "right", float(u[3] * self.phase_max))
@@ -203,11 +218,13 @@ class PushDistribution:
             stance_side="left" if u[7] < 0.5 else "right",
             settle_time=self.settle_time,
             noise_seed=noise_seed,
+            errors=errors,
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return asdict(self)
+        """Plain JSON types; `errors` is left out where it is not given."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "errors"}
+        return values if self.errors is None else {**values, "errors": self.errors.to_dict()}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> PushDistribution:

@@ -3,6 +3,10 @@
 `mujoco.batch` steps many simulations in one call from Python, but between two of its calls lies a way through
 the interpreter, and every bound array costs something. The bindings name the addresses of their models and
 data and bring the C library, so a compiled loop can call it directly, as often as it likes.
+
+A simulation may have a model of its own, which its controller does not know. What the controller then takes
+for the robot's kinematics, mass matrix and bias is computed once more from the measured positions and
+velocities with the common model: `believe`.
 """
 
 # The arguments of an intrinsic are those of its signature, less the typing context.
@@ -25,6 +29,9 @@ from numba.extending import intrinsic
 from .biped_kinematics import Array, Ints
 
 MODEL, DATA, FIRST_FIELD = 0, 1, 2  # columns of `Handles.addresses`
+MEASURED = ("qpos", "qvel", "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
+STEP = ("mj_step2", "mj_step1")
+BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
 
 
 class Handles(NamedTuple):
@@ -32,7 +39,10 @@ class Handles(NamedTuple):
 
     addresses: Ints  # (n, 2 + fields) of the model, of its data, of every field in the data
     rows: Ints  # (fields, 2) address of the field's array over all simulations, bytes for each
-    calls: Ints  # (3,) addresses of mj_step2 and mj_step1, number of fields that go in
+    calls: Ints  # (9,) addresses of STEP, BELIEF and mj_rne; number of fields that go in, and of MEASURED
+    belief: (
+        Ints  # (3 + fields,) as a row of `addresses`: common model, a worker's own data; then its qfrc_bias
+    )
 
 
 class Simulations:
@@ -41,42 +51,74 @@ class Simulations:
     After every physics step all stages that depend on positions and velocities are current (mj_step1).
     """
 
-    def __init__(self, model: mujoco.MjModel, n: int, inputs: Sequence[str], outputs: Sequence[str]):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        n: int,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        workers: int = 1,
+    ):
         """Make the data.
 
         Args:
-            model: it is copied; not-a-number stays in the state, where MuJoCo would begin anew in silence.
+            model: common to all; it is copied, see `simulated`.
             n: number of simulations.
             inputs: fields of MjData (float64) copied from the arrays before each physics step.
             outputs: fields copied into the arrays after it.
+            workers: threads that call `believe`, worker w with `handles_of(w)`.
         """
-        self.model = copy.copy(model)
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
+        self.model = simulated(model)
+        self.models = [self.model] * n
         self.data = [mujoco.MjData(self.model) for _ in range(n)]
-        self._inputs, self._outputs = tuple(inputs), tuple(outputs)
-        names = (*self._inputs, *self._outputs)
+        self._belief = [mujoco.MjData(self.model) for _ in range(workers)]
+        measured = [name for name in MEASURED if name in outputs]
+        names = (*inputs, *measured, *(name for name in outputs if name not in measured))
         self.arrays: dict[str, Array] = {
             name: np.zeros((n, *getattr(self.data[0], name).shape)) for name in names
         }
-        arrays = list(self.arrays.values())
-        self.handles = Handles(
-            np.array([[self.model._address, data._address, *_field_addresses(data, names)]
-                      for data in self.data], dtype=np.int64),
+        own = [[self.model._address, data._address, *_fields(data, names)] for data in self.data]
+        arrays, calls = self.arrays.values(), _functions(*STEP, *BELIEF, "mj_rne")
+        self._common = (
+            np.array(own, dtype=np.int64),
             np.array([[array.ctypes.data, array[0].nbytes] for array in arrays], dtype=np.int64),
-            np.array([*_functions("mj_step2", "mj_step1"), len(self._inputs)], dtype=np.int64),
-        )  # fmt: skip
+            np.array([*calls, len(inputs), len(measured)], dtype=np.int64),
+        )
+        self._names = names
+        self.handles = self.handles_of(0)
+
+    def handles_of(self, worker: int) -> Handles:
+        """Handles for one of the threads; they differ in where it computes what is believed."""
+        data = self._belief[worker]
+        row = [self.model._address, data._address, *_fields(data, (*self._names, "qfrc_bias"))]
+        return Handles(*self._common, np.array(row, dtype=np.int64))
+
+    def use_model(self, k: int, model: mujoco.MjModel | None) -> None:
+        """Give simulation k a model of its own, with the sizes of the common one, or that again (None).
+
+        It has to be put into a state next.
+        """
+        self.models[k] = self.model if model is None else model
+        self.handles.addresses[k, MODEL] = self.models[k]._address
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Reset simulation k and put it into a state; its inputs become zero."""
-        data = self.data[k]
-        mujoco.mj_resetData(self.model, data)
+        model, data = self.models[k], self.data[k]
+        mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = qpos, qvel
-        mujoco.mj_step1(self.model, data)
+        mujoco.mj_step1(model, data)
         for name, array in self.arrays.items():
             array[k] = getattr(data, name)
 
 
-def _field_addresses(data: mujoco.MjData, names: Sequence[str]) -> list[int]:
+def simulated(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy in whose state not-a-number stays, where MuJoCo would begin anew in silence."""
+    model = copy.copy(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
+    return model
+
+
+def _fields(data: mujoco.MjData, names: Sequence[str]) -> list[int]:
     return [getattr(data, name).ctypes.data for name in names]
 
 
@@ -99,6 +141,19 @@ def _call_step(typingctx, function, model, data):
 
 
 @intrinsic
+def _call_rne(typingctx, function, model, data, result):
+    """Call void mj_rne(const mjModel*, mjData*, int with_acceleration = 0, double* result)."""
+
+    def codegen(context, builder, signature, args):
+        number, zero = args[1].type, ir.Constant(ir.IntType(32), 0)
+        kind = ir.FunctionType(ir.VoidType(), [number, number, zero.type, number]).as_pointer()
+        builder.call(builder.inttoptr(args[0], kind), [args[1], args[2], zero, args[3]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
 def _copy(typingctx, to, source, count):
     """Copy `count` bytes from one address to another."""
 
@@ -113,13 +168,45 @@ def _copy(typingctx, to, source, count):
 
 
 @njit(cache=True)
-def advance(handles: Handles, k: int) -> None:
-    """One physics step of simulation k: inputs into its data, mj_step2, mj_step1, outputs into the arrays."""
+def _copy_out(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
+    """Copy fields first..end-1 of the data whose addresses are `own` into the arrays of simulation k."""
+    rows = handles.rows
+    for f in range(first, end):
+        _copy(rows[f, 0] + k * rows[f, 1], own[FIRST_FIELD + f], rows[f, 1])
+
+
+@njit(cache=True)
+def advance_measured(handles: Handles, k: int) -> None:
+    """One physics step of simulation k of which only what is MEASURED gets into the arrays."""
     own, rows, calls = handles.addresses[k], handles.rows, handles.calls
-    inputs = calls[2]
+    inputs = calls[7]
     for f in range(inputs):
         _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
     _call_step(calls[0], own[MODEL], own[DATA])
     _call_step(calls[1], own[MODEL], own[DATA])
-    for f in range(inputs, rows.shape[0]):
-        _copy(rows[f, 0] + k * rows[f, 1], own[FIRST_FIELD + f], rows[f, 1])
+    _copy_out(handles, k, own, inputs, inputs + calls[8])
+
+
+@njit(cache=True)
+def advance(handles: Handles, k: int) -> None:
+    """One physics step of simulation k: inputs into its data, mj_step2, mj_step1, outputs into the arrays."""
+    advance_measured(handles, k)
+    done = handles.calls[7] + handles.calls[8]
+    _copy_out(handles, k, handles.addresses[k], done, handles.rows.shape[0])
+
+
+@njit(cache=True)
+def believe(handles: Handles, k: int) -> None:
+    """Write all outputs but the measured ones of simulation k as the common model has them.
+
+    They follow from the arrays of qpos and qvel, which must be among the outputs: kinematics, M and bias of
+    the stages of mj_step1 that need no contacts.
+    """
+    own, rows, calls = handles.belief, handles.rows, handles.calls
+    first = calls[7]
+    for f in range(first, first + 2):
+        _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
+    for c in range(2, 6):
+        _call_step(calls[c], own[MODEL], own[DATA])
+    _call_rne(calls[6], own[MODEL], own[DATA], own[FIRST_FIELD + rows.shape[0]])
+    _copy_out(handles, k, own, first + calls[8], rows.shape[0])

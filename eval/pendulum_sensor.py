@@ -50,6 +50,13 @@ class PendulumSensor:
     """
 
     def __init__(self, core: PendulumCore, scenarios: Sequence[Scenario], measurement: Measurement = EXACT):
+        """Set up.
+
+        Raises:
+            InvalidValueError: measurement errors on top of a scenario's own noise.
+        """
+        if measurement != EXACT and (noisy := [s.id for s in scenarios if s.errors.dcm_noise > 0]):
+            raise InvalidValueError(f"scenario {noisy[0]!r} has dcm_noise of its own beside {measurement}")
         self._core, self._measurement = core, measurement
         self._generators = [np.random.default_rng(np.random.SeedSequence(s.noise_seed)) for s in scenarios]
         self._noise = np.zeros((len(scenarios), BLOCK, 2))

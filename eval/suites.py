@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..envs.checks import require_keys
+from ..envs.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.push import GaitEvent, Push
 from ..envs.scenario import COMMAND_KINDS, PushDistribution, Scenario
 from .files import write_text
@@ -85,6 +86,31 @@ def load_suite(path: Path) -> Suite:
             "it was changed; remove the sha256 key to use it as a suite of your own"
         )
     return suite
+
+
+def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
+    """The same scenarios on robots that are off by `errors`, a suite of its own name and hash.
+
+    Scenarios keep their ids, so that outcomes pair with those of the robot without errors, and their noise
+    seeds. No errors give the suite itself.
+
+    Raises:
+        InvalidValueError: the suite has errors already.
+    """
+    if errors == EXACT_MODEL:
+        return suite
+    if taken := [scenario for scenario in suite.scenarios if scenario.errors != EXACT_MODEL]:
+        raise InvalidValueError(
+            f"suite {suite.name!r} has model errors already: scenario {taken[0].id!r} has "
+            f"{taken[0].errors.to_dict()}"
+        )
+    label = "+".join(f"{name}={_text(value)}" for name, value in errors.to_dict().items())
+    scenarios = tuple(replace(scenario, errors=errors) for scenario in suite.scenarios)
+    return Suite(f"{suite.name}+{label}", suite.version, scenarios)
+
+
+def _text(value: float | list[float]) -> str:
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def gf16_multiply(a: int, b: int) -> int:

@@ -1,10 +1,12 @@
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.model_errors import ModelErrors
 from push_recovery.eval.suites import (
     Suite,
     get_suite,
@@ -14,6 +16,7 @@ from push_recovery.eval.suites import (
     quick_suite,
     standard_suite,
     stratified_uniforms,
+    with_errors,
 )
 
 QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
@@ -120,3 +123,22 @@ def test_unknown_names_list_the_valid_ones(tmp_path):
         get_suite(str(tmp_path / "absent.json"))
     with pytest.raises(InvalidValueError, match="more than once"):
         Suite("twice", "1", quick_suite().scenarios[:1] * 2)
+
+
+def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
+    errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
+    off = with_errors(quick_suite(), errors)
+    assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
+    assert off.sha256 not in {QUICK_SHA256, with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
+    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
+        assert after == replace(before, errors=errors)
+        assert before.errors == ModelErrors()
+    assert with_errors(quick_suite(), ModelErrors()) is quick_suite()
+    with pytest.raises(InvalidValueError, match="has model errors already: scenario 'standard-0000' has"):
+        with_errors(off, errors)
+
+
+def test_a_suite_with_errors_survives_a_file(tmp_path):
+    off = with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
+    off.save(tmp_path / "off.json")
+    assert load_suite(tmp_path / "off.json") == off

@@ -1,0 +1,47 @@
+"""White noise from counters: a number depends on (seed, index, channel) and on nothing that was drawn before.
+
+The bits are those of SplitMix64's output function (Steele, Lea, Flood 2014), applied once for each of the
+three; normal numbers follow by Box and Muller (1958). So neither the order of robots, nor threads, nor what
+else is drawn changes any of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_S11, _S27, _S30, _S31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31)
+_ULP = 2.0**-53
+
+
+def counter_seed(seed: int) -> int:
+    """A non-negative integer of any size as the int64 that compiled loops take: its lowest 64 bits."""
+    low = seed & (2**64 - 1)
+    return low - 2**64 if low >= 2**63 else low
+
+
+@njit(cache=True)
+def scrambled(bits):  # pragma: no cover
+    """SplitMix64's bijection of 64 bits."""
+    bits = (bits ^ (bits >> _S30)) * _FIRST
+    bits = (bits ^ (bits >> _S27)) * _SECOND
+    return bits ^ (bits >> _S31)
+
+
+@njit(cache=True)
+def normal_pair(seed: int, index: int, channel: int) -> tuple[float, float]:  # pragma: no cover
+    """Two independent standard normal numbers of a seed, a moment and a channel (each within int64).
+
+    r = sqrt(-2 ln u), u in (0, 1], at the angle 2 pi v, v in [0, 1); |r| is at most 8.6.
+    """
+    bits = scrambled(np.uint64(seed) + _GOLDEN)
+    bits = scrambled(bits + _GOLDEN * np.uint64(index))
+    bits = scrambled(bits + _GOLDEN * np.uint64(channel))
+    first, second = scrambled(bits + _GOLDEN), scrambled(bits + _GOLDEN + _GOLDEN)
+    radius = math.sqrt(-2.0 * math.log((np.float64(first >> _S11) + 1.0) * _ULP))
+    angle = 2.0 * math.pi * np.float64(second >> _S11) * _ULP
+    return radius * math.cos(angle), radius * math.sin(angle)
