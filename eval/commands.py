@@ -116,25 +116,13 @@ def run_tune(args: argparse.Namespace) -> int:
 def run_bench(args: argparse.Namespace) -> int:
     """Measure and print."""
     from .bench import bench
-    from .tables import print_table
+    from .bench_tables import print_tables
 
     content = bench(args.env, args.seconds)
     if args.json:
         _print_json(content)
-        return 0
-    cells = [
-        (
-            key,
-            f"median {value['median']:.2f}, p99 {value['p99']:.2f}"
-            if isinstance(value, dict)
-            else f"{value:g}",
-        )
-        for key, value in content.items()
-        if not isinstance(value, str)
-    ]
-    print_table(
-        f"{args.env}: rtf = simulated seconds per wall second, times in microseconds", ("", "value"), cells
-    )
+    else:
+        print_tables(content)
     return 0
 
 

@@ -5,7 +5,16 @@ import pytest
 from push_recovery.controllers.policies import TwoStagePolicy, make_policy
 from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
 from push_recovery.eval import bench_batch
-from push_recovery.eval.bench_batch import PERIODS, WARM_UP, BatchTiming, batch_timings, walking_core
+from push_recovery.eval.bench_batch import (
+    PERIODS,
+    WARM_UP,
+    BatchTiming,
+    batch_timings,
+    memory_per_robot,
+    resident_mib,
+    time_control,
+    walking_core,
+)
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 
@@ -26,14 +35,56 @@ def test_every_timed_robot_is_pushed_and_stands_to_the_end():
 
 
 def test_the_keys_of_the_contract(monkeypatch):
-    monkeypatch.setattr(bench_batch, "ROBOTS", (1, 64))
+    monkeypatch.setattr(bench_batch, "ROBOTS", {1: (1,), 64: (1, 2), 256: (1,)})
+    monkeypatch.setattr(bench_batch, "QUICK", (1, 64))
     assert isinstance(POLICY, TwoStagePolicy)
     monkeypatch.setattr(
         bench_batch,
         "time_batch",
         lambda policy, n, threads: BatchTiming(n, threads, 10.0, 1.0 * n, 1.0, 0.01),
     )
-    content = batch_timings(POLICY)
+    content = batch_timings(POLICY, quick=True)
+    assert "rtf_256_robots_1_threads" not in content
+    assert "rtf_256_robots_1_threads" in batch_timings(POLICY)
     assert (content["vector_envs"], content["threads"]) == (64, 2)
     assert content["vector_env_rtf"] == content["rtf_64_robots_2_threads"] == pytest.approx(1e4 / 65.0)
     assert content["cost_over_physics_1_robots_1_threads"] == pytest.approx(0.2)
+
+
+def test_memory_counts_the_robots(monkeypatch):
+    seen = iter([100.0, 116.0])
+    monkeypatch.setattr(bench_batch, "resident_mib", lambda: next(seen))
+    monkeypatch.setattr(bench_batch, "MEMORY", 8)
+    assert memory_per_robot(POLICY) == {"memory_mib_per_robot": 2.0}
+    monkeypatch.setattr(bench_batch, "resident_mib", lambda: None)
+    assert memory_per_robot(POLICY) == {}
+
+
+def test_resident_memory_grows_with_what_is_used():
+    before = resident_mib()
+    if before is None:
+        pytest.skip("the system does not tell")
+    block = np.ones(64 * 2**17)  # 64 MiB
+    after = resident_mib()
+    assert after is not None
+    assert after - before == pytest.approx(block.nbytes / 2**20, abs=4.0)
+
+
+def test_control_is_what_the_core_adds_to_bare_physics(monkeypatch):
+    monkeypatch.setattr(bench_batch, "CALLS", 20)
+    content = time_control(POLICY)
+    assert content["raw_physics_rtf"] > 0.0
+    assert content["whole_body_us"]["median"] <= content["whole_body_us"]["p99"]
+
+
+def test_humanoid_runs_in_turn_with_the_bipeds(monkeypatch):
+    from push_recovery.eval import bench_humanoid
+
+    rates = iter([(10.0, 30.0), (30.0, 60.0), (20.0, 90.0)])
+    turn = [rate for pair in rates for rate in pair]
+    monkeypatch.setattr(bench_humanoid, "SLICES", 3)
+    monkeypatch.setattr(bench_humanoid, "_humanoid", lambda env: turn.pop(0))
+    monkeypatch.setattr(bench_humanoid, "_bipeds", lambda core, policy: turn.pop(0))
+    monkeypatch.setattr(bench_humanoid, "ROBOTS", 2)
+    content = bench_humanoid.humanoid_timings(POLICY)
+    assert content == {"humanoid_rtf": 20.0, "biped_rtf": 60.0, "over_humanoid": 3.0}
