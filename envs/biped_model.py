@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import threading
 from functools import lru_cache
 from importlib.resources import files
 
 import mujoco
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError
 from .biped_kinematics import LEG_DOF, Array, Ints
-from .leg_kinematics import HIP_DROP, HIP_OFFSET, leg_joints
+from .leg_kinematics import level_leg
 
 PHYSICS_DT = 0.002  # [s]
+MOVING_DOF = np.r_[0:3, LEG_DOF[0] : LEG_DOF[0] + 6, LEG_DOF[1] : LEG_DOF[1] + 6]  # of a posture
 LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
+CONVERGED = 1e-13  # error of the CoM of a posture [m]
+SUNK = (
+    1e-10  # soles of a posture lie this deep in the floor, or rounding would say which corners touch it [m]
+)
+FOLLOWS = 0.9  # how far the CoM moves, about, where the pelvis is shifted by 1 and the soles stay
 SOLES = ("left_sole", "right_sole")
 
 
@@ -35,8 +43,41 @@ def mass_matrix_index() -> Ints:
     return np.stack([rows, model.M_colind], axis=1).astype(np.int64)
 
 
+class _Scratch(threading.local):
+    """A simulation for `posture`, one a thread: making one takes several times as long as a posture."""
+
+    data: mujoco.MjData | None = None
+
+
+_scratch = _Scratch()
+
+
+@njit(cache=True)
+def _place(pelvis, soles, qpos):  # pragma: no cover
+    """Put the pelvis (3,) into qpos (21,) and the legs onto the soles (2, 3)."""
+    qpos[:3] = pelvis
+    for leg in range(2):
+        level_leg(pelvis, 1.0 - 2.0 * leg, soles[leg], qpos[LEG_QPOS[leg] : LEG_QPOS[leg] + 6])
+
+
+@njit(cache=True)
+def _correct(com, found, soles, pelvis, qpos):  # pragma: no cover
+    """Shift the pelvis (3,) where the CoM `found` (3,) is off `com` (3,); returns the error before [m]."""
+    error = 0.0
+    for i in range(3):
+        error = max(error, abs(com[i] - found[i]))
+    if not error < CONVERGED:
+        for i in range(3):
+            pelvis[i] += (com[i] - found[i]) / FOLLOWS
+        _place(pelvis, soles, qpos)
+    return error
+
+
 def posture(com: Array, com_velocity: Array, soles: NDArray[np.float64]) -> tuple[Array, Array]:
     """Joint coordinates and velocities of an upright robot on two soles at rest.
+
+    The CoM moves almost as the pelvis does, so shifting the pelvis by what the CoM is off converges, by a
+    factor of about 20 each time, and MuJoCo says where it is.
 
     Args:
         com: CoM in the world, (3,) [m].
@@ -46,32 +87,40 @@ def posture(com: Array, com_velocity: Array, soles: NDArray[np.float64]) -> tupl
     Returns:
         qpos (21,) and qvel (20,): pelvis and trunk upright and not turning, both soles at rest.
     """
-    model, data = biped_model(), mujoco.MjData(biped_model())
-    pelvis = np.array([com[0], com[1], com[2] - 0.06])
-    error = np.full(3, np.inf)
+    model = biped_model()
+    data = _scratch.data = _scratch.data or mujoco.MjData(model)
+    com, soles = (np.array(value, dtype=np.float64) for value in (com, soles))
+    soles[:, 2] -= SUNK
+    qpos, found, pelvis = data.qpos, data.subtree_com[0], com - [0.0, 0.0, 0.06]
+    qpos[3:9] = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    _place(pelvis, soles, qpos)
+    error = np.inf
     for _ in range(50):
-        data.qpos[:3], data.qpos[3:7], data.qpos[7:9] = pelvis, (1, 0, 0, 0), 0
-        for leg, side in enumerate((1.0, -1.0)):
-            hip = pelvis + np.array([0.0, side * HIP_OFFSET, -HIP_DROP])
-            joints = leg_joints(hip, np.eye(3), soles[leg], np.eye(3))
-            data.qpos[LEG_QPOS[leg] : LEG_QPOS[leg] + 6] = joints
-        mujoco.mj_fwdPosition(model, data)
-        error = com - data.subtree_com[0]
-        pelvis = pelvis + error
-        if np.abs(error).max() < 1e-13:
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        error = _correct(com, found, soles, pelvis, qpos)
+        if error < CONVERGED:
             break
-    reached = np.array([data.site(name).xpos for name in SOLES])
-    if max(np.abs(error).max(), np.abs(reached - soles).max()) > 1e-9:
+    reached = data.site_xpos[_sole_sites()]
+    if not max(error, np.abs(reached - soles).max()) <= 1e-9:
         raise InvalidValueError(f"no posture puts the CoM at {com.tolist()} m over soles {soles.tolist()}")
-    # qvel = J v, v the velocity of the pelvis: base rows are the identity, leg rows keep the soles at rest
-    J = np.zeros((model.nv, 3))
-    J[:3] = np.eye(3)
-    for leg in range(2):
-        sole = np.zeros((6, model.nv))
-        mujoco.mj_jacSite(model, data, sole[:3], sole[3:], model.site(SOLES[leg]).id)
-        joints = slice(LEG_DOF[leg], LEG_DOF[leg] + 6)
-        J[joints] = -np.linalg.solve(sole[:, joints], sole[:, :3])
-    com_jacobian = np.zeros((3, model.nv))
-    mujoco.mj_jacSubtreeCom(model, data, com_jacobian, 0)
-    velocity = J @ np.linalg.solve(com_jacobian @ J, np.asarray(com_velocity, dtype=np.float64))
-    return data.qpos.copy(), velocity
+    return qpos.copy(), _velocity(model, data, com_velocity)
+
+
+@lru_cache(maxsize=1)
+def _sole_sites() -> list[int]:
+    return [biped_model().site(name).id for name in SOLES]
+
+
+def _velocity(model: mujoco.MjModel, data: mujoco.MjData, com_velocity: Array) -> Array:
+    """Joint velocities (20,) for a velocity of the CoM; pelvis and trunk do not turn, the soles rest.
+
+    The rows below are CoM, left sole and right sole; the unknowns the pelvis' velocity and the legs' twelve.
+    """
+    rows, wanted, velocity = np.zeros((15, model.nv)), np.zeros(15), np.zeros(model.nv)
+    mujoco.mj_jacSubtreeCom(model, data, rows[:3], 0)
+    for row, site in zip((3, 9), _sole_sites(), strict=True):
+        mujoco.mj_jacSite(model, data, rows[row : row + 3], rows[row + 3 : row + 6], site)
+    wanted[:3] = com_velocity
+    velocity[MOVING_DOF] = np.linalg.solve(rows[:, MOVING_DOF], wanted)
+    return velocity

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 THIGH = 0.36  # hip to knee [m]
@@ -36,20 +37,43 @@ def leg_joints(
     Returns:
         Hip yaw, roll, pitch, knee, ankle pitch, ankle roll, (6,) [rad]; out of reach, a straight leg.
     """
-    ankle = sole + foot[:, 2] * ANKLE_HEIGHT
-    to_hip = foot.T @ (hip - ankle)
-    distance = min(float(np.linalg.norm(to_hip)), THIGH + SHANK)
-    knee = math.pi - math.acos(max(-1.0, min(1.0, (THIGH**2 + SHANK**2 - distance**2) / (2 * THIGH * SHANK))))
-    ankle_roll = math.atan2(to_hip[1], to_hip[2])
-    lean = math.atan2(to_hip[0], math.hypot(to_hip[1], to_hip[2]))
-    thigh_share = math.asin(max(-1.0, min(1.0, THIGH * math.sin(knee) / distance)))
-    ankle_pitch = -lean - thigh_share
+    x, y, z = foot.T @ (hip - sole - foot[:, 2] * ANKLE_HEIGHT)
+    knee, pitch, roll = ankle_joints(x, y, z)
     # foot = pelvis Rz(yaw) Rx(roll) Ry(pitch + knee + ankle_pitch) Rx(ankle_roll)
-    hips = pelvis.T @ foot @ _rot_x(-ankle_roll) @ _rot_y(-knee - ankle_pitch)
-    yaw = math.atan2(-hips[0, 1], hips[1, 1])
-    roll = math.asin(max(-1.0, min(1.0, hips[2, 1])))
-    pitch = math.atan2(-hips[2, 0], hips[2, 2])
-    return np.array([yaw, roll, pitch, knee, ankle_pitch, ankle_roll])
+    hips = pelvis.T @ foot @ _rot_x(-roll) @ _rot_y(-knee - pitch)
+    hip_roll = math.asin(max(-1.0, min(1.0, hips[2, 1])))
+    yaw, hip_pitch = math.atan2(-hips[0, 1], hips[1, 1]), math.atan2(-hips[2, 0], hips[2, 2])
+    return np.array([yaw, hip_roll, hip_pitch, knee, pitch, roll])
+
+
+@njit(cache=True)
+def ankle_joints(x, y, z):  # pragma: no cover
+    """Knee, ankle pitch and ankle roll [rad] that put the hip at (x, y, z) [m], seen from foot and ankle."""
+    distance = min(math.sqrt(x * x + y * y + z * z), THIGH + SHANK)
+    cosine = (THIGH**2 + SHANK**2 - distance**2) / (2 * THIGH * SHANK)
+    knee = math.pi - math.acos(max(-1.0, min(1.0, cosine)))
+    lean = math.atan2(x, math.hypot(y, z))
+    thigh_share = math.asin(max(-1.0, min(1.0, THIGH * math.sin(knee) / distance)))
+    return knee, -lean - thigh_share, math.atan2(y, z)
+
+
+@njit(cache=True)
+def level_leg(pelvis, side, sole, out):  # pragma: no cover
+    """Write `leg_joints` (6,) of a level foot at heading 0 under an upright pelvis; hips need no yaw then.
+
+    Args:
+        pelvis: origin of the pelvis, (3,) [m].
+        side: 1 for the left leg, -1 for the right one.
+        sole: centre of the sole, (3,) [m].
+        out: written.
+    """
+    knee, pitch, roll = ankle_joints(
+        pelvis[0] - sole[0],
+        pelvis[1] + side * HIP_OFFSET - sole[1],
+        pelvis[2] - HIP_DROP - sole[2] - ANKLE_HEIGHT,
+    )
+    out[0], out[1], out[2] = 0.0, -roll, -knee - pitch
+    out[3], out[4], out[5] = knee, pitch, roll
 
 
 def _rot_x(angle: float) -> NDArray[np.float64]:

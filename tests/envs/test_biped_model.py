@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import mujoco
 import numpy as np
 import pytest
@@ -147,6 +149,31 @@ def test_posture_has_the_com_asked_for_over_soles_at_rest():
         for body in ("pelvis", "trunk"):
             np.testing.assert_allclose(data.body(body).xmat.reshape(3, 3), np.eye(3), atol=1e-12)
             np.testing.assert_allclose(data.body(body).cvel[:3], 0.0, atol=1e-12)
+
+
+def draw_posture(rng):
+    soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    soles[:, :2] += rng.uniform(-0.1, 0.1, (2, 2))
+    return np.array([0.0, 0.0, 0.78]) + rng.uniform(-0.03, 0.03, 3), rng.normal(0.0, 0.5, 3), soles
+
+
+def test_all_corners_of_both_soles_touch_the_floor():
+    model, rng = biped_model(), np.random.default_rng(2)
+    data, floor = mujoco.MjData(model), model.geom("floor").id
+    for _ in range(50):
+        data.qpos[:], data.qvel[:] = posture(*draw_posture(rng))
+        mujoco.mj_forward(model, data)
+        assert (data.contact.geom == floor).any(axis=1).sum() == 8
+
+
+def test_posture_knows_nothing_of_the_postures_before_or_of_other_threads():
+    cases = [draw_posture(np.random.default_rng(seed)) for seed in range(40)]
+    alone = [posture(*case) for case in cases]
+    with ThreadPoolExecutor(4) as pool:
+        shared = list(pool.map(lambda case: posture(*case), reversed(cases)))
+    for a, b in zip(alone, reversed(shared), strict=True):
+        assert a[0].tobytes() == b[0].tobytes()
+        assert a[1].tobytes() == b[1].tobytes()
 
 
 def test_posture_out_of_reach_is_refused():

@@ -3,7 +3,15 @@ import numpy as np
 import pytest
 from push_recovery.envs.biped_kinematics import ANKLE_HEIGHT as KINEMATICS_ANKLE_HEIGHT
 from push_recovery.envs.biped_model import LEG_QPOS, SOLES, biped_model
-from push_recovery.envs.leg_kinematics import ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET, SHANK, THIGH, leg_joints
+from push_recovery.envs.leg_kinematics import (
+    ANKLE_HEIGHT,
+    HIP_DROP,
+    HIP_OFFSET,
+    SHANK,
+    THIGH,
+    leg_joints,
+    level_leg,
+)
 
 SIDES = ("left", "right")
 
@@ -105,3 +113,14 @@ def test_mirrored_legs_have_mirrored_angles():
     args = (hip(data, 0), pelvis_pose(data)[1], *sole_pose(data, 0))
     mirrored = leg_joints(flip @ args[0], flip @ args[1] @ flip, flip @ args[2], flip @ args[3] @ flip)
     np.testing.assert_allclose(mirrored, leg_joints(*args) * [-1, -1, 1, 1, 1, -1], atol=1e-9)
+
+
+def test_a_level_foot_under_an_upright_pelvis_is_a_case_of_any_pose():
+    rng = np.random.default_rng(4)
+    for side in (1.0, -1.0):
+        for _ in range(50):
+            pelvis, joints = rng.uniform(-0.05, 0.05, 3) + [0.0, 0.0, 0.75], np.empty(6)
+            sole = rng.uniform(-0.1, 0.1, 3) + [0.0, side * 0.1, 0.0]
+            level_leg(pelvis, side, sole, joints)
+            hip = pelvis + [0.0, side * HIP_OFFSET, -HIP_DROP]
+            np.testing.assert_allclose(joints, leg_joints(hip, np.eye(3), sole, np.eye(3)), atol=1e-12)
