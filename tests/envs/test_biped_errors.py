@@ -197,7 +197,6 @@ def test_torques_act_late_by_whole_physics_steps(biped_core, begin, steps):
     late = [asked[0]] * steps + asked[:-steps]
     np.testing.assert_array_equal(acted, late)
     prompt = biped_core()
-    prompt.after_physics_step = lambda: None
     begin(prompt, 0, Scenario("a"))
     first = []
     prompt.after_physics_step = lambda: first.append(prompt.simulations.data[0].ctrl.copy())
