@@ -1,33 +1,31 @@
 """Gait state machine of n bipeds: touchdown, swing foot, CoM task, pushes; compiled, every physics step."""
 
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.numpy_support import carray
 
 from ..controllers.swing_foot import swing_update
-from .biped_kinematics import (
-    ANKLE_HEIGHT,
-    LEG_JOINT,
-    PELVIS,
-    TRUNK,
-    Array,
-    Ints,
-    Physics,
-    com_velocity,
-    cross_into,
-    sole_position,
-)
+from .biped_kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, TRUNK, Array, Ints, Physics, sole_position
+from .mass_matrix import com_velocity
 from .push import mean_force, resolve_starts
 from .push_batch import Pushes
+from .stack_array import stack_floats
+from .vector_3 import Vector, cross, to_world, vector_at, vector_of
 from .whole_body import Gains, Task, whole_body_torque
 from .wrench_bounds import Bounds
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
+Point = tuple[float, float]  # on the floor, world axes [m]
 PUSHED_BODY = (PELVIS, TRUNK)  # in the order of push.BODIES
 
 
@@ -66,7 +64,7 @@ class GaitSettings(NamedTuple):
     height_time: float = 0.05  # time constant of the height reference [s]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def side_sign(stance: int) -> float:
     """Sign in world y of the canonical y, which points from the stance foot to the swing side."""
     return -1.0 if stance == 0 else 1.0
@@ -84,20 +82,20 @@ def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, pre
         previous[i] = action[i]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     """Exchange the feet; what is held of the plan is mirrored into the new frame, its CoP centred."""
     old = gait.stance[k]
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
     gait.elapsed[k] = 0.0
-    gait.swing[k, :3] = sole_position(phys, k, old)
-    gait.swing[k, 3:] = 0.0
+    gait.swing[k] = 0.0
+    gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.plan[k, 3:5] = 0.0
     gait.plan[k, 6] = -gait.plan[k, 6]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) -> bool:
     """Touchdown of the swing foot: loaded near T, or loaded heavily late in the step."""
     if elapsed >= duration - s.early:
@@ -105,113 +103,91 @@ def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) ->
     return elapsed > s.forced_phase * duration and load > s.forced_load
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def reach_height(
-    phys: Physics, k: int, stance: int, sole: Array, target: Array, travel: Array, s: GaitSettings
-) -> float:
-    """CoM height [m] at which both legs reach their soles at touchdown; moves the target within reach.
+    phys: Physics, k: int, stance: int, sole: Vector, target: Point, travel: Point, s: GaitSettings
+) -> tuple[float, Point]:
+    """CoM height [m] at which both legs reach their soles at touchdown, and the target, moved within reach.
 
     A leg of length r whose hip is d beside its ankle lets the hip be sqrt(r^2 - d^2) above it.
     """
-    height = s.com_height
+    height, reach = s.com_height, s.reach**2
     for leg in range(2):
-        hip = phys.xanchor[k, LEG_JOINT[leg]]
-        above = hip[2] - phys.com[k, 0, 2] - ANKLE_HEIGHT  # of the hip over the CoM, less the ankle's
-        lowest = s.com_height - s.height_drop + above
-        farthest = np.sqrt(max(s.reach**2 - lowest**2, 0.0))
-        for moment in range(2):
-            if leg == stance:
-                dx = sole[0] - hip[0] - moment * travel[0]
-                dy = sole[1] - hip[1] - moment * travel[1]
-            elif moment == 1:
-                dx = target[0] - hip[0] - travel[0]
-                dy = target[1] - hip[1] - travel[1]
-            else:
-                continue
-            d = np.hypot(dx, dy)
-            if d > farthest:
-                if leg != stance:
-                    target[0] -= dx * (1.0 - farthest / d)
-                    target[1] -= dy * (1.0 - farthest / d)
-                d = farthest
-            height = min(height, np.sqrt(s.reach**2 - d**2) - above)
-    return max(height, s.com_height - s.height_drop)
+        hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, LEG_JOINT[leg])
+        above = hip_z - phys.com[k, 0, 2] - ANKLE_HEIGHT  # of the hip over the CoM, less the ankle's
+        farthest = max(reach - (s.com_height - s.height_drop + above) ** 2, 0.0)
+        foot_x, foot_y = (sole[0], sole[1]) if leg == stance else target
+        dx, dy = foot_x - hip_x - travel[0], foot_y - hip_y - travel[1]
+        aside = dx * dx + dy * dy
+        if leg != stance and aside > farthest:
+            excess = 1.0 - math.sqrt(farthest / aside)
+            target = target[0] - dx * excess, target[1] - dy * excess
+        elif leg == stance:
+            aside = max(aside, (sole[0] - hip_x) ** 2 + (sole[1] - hip_y) ** 2)  # now
+        height = min(height, math.sqrt(reach - min(aside, farthest)) - above)
+    return max(height, s.com_height - s.height_drop), target
 
 
-@njit(cache=True)
-def walk(
-    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, index: Ints, dt: float,
-    torque: Array,
-) -> None:  # fmt: skip
+@njit(cache=True, forceinline=True)
+def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> None:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot."""
     stance, plan = gait.stance[k], gait.plan[k]
     sign = side_sign(stance)
-    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-    sole = sole_position(phys, k, stance)
-    com, velocity = phys.com[k, 0], com_velocity(phys, k, index)
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
     # acceleration = omega^2 (com - cmp), eq. 4
     dx, dy = com[0] - sole[0], com[1] - sole[1]
     lever_x = cos * dx + sin * dy - plan[3] - s.cmp_gain * plan[5]
     lever_y = -sin * dx + cos * dy - sign * (plan[4] + s.cmp_gain * plan[6])
-    lever = np.array([cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y])
-    target, travel = np.empty(2), np.empty(2)
+    lever_x, lever_y = cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y
     width = sign * plan[1]
-    target[0] = sole[0] + cos * plan[0] - sin * width
-    target[1] = sole[1] + sin * plan[0] + cos * width
+    target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width
     # travel of the CoM until touchdown, were the CMP to stay
-    remaining = max(plan[2] - gait.elapsed[k], 0.0)
-    rise, run = np.cosh(s.omega * remaining) - 1.0, np.sinh(s.omega * remaining) / s.omega
-    for i in range(2):
-        travel[i] = lever[i] * rise + velocity[i] * run
-    height = reach_height(phys, k, stance, sole, target, travel, s)
+    growth = math.exp(s.omega * max(plan[2] - gait.elapsed[k], 0.0))
+    rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
+    travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
+    height, target = reach_height(phys, k, stance, sole, target, travel, s)
     gait.height[k] += (height - gait.height[k]) * min(dt / s.height_time, 1.0)
     swing_update(
         gait.swing[k], target[0], target[1], gait.elapsed[k], plan[2] + s.landing_delay, dt, s.apex, s.descent
     )
-    waist = np.array([plan[5], -sign * plan[6]])
-    task = Task(stance, s.omega**2 * lever, gait.height[k], gait.heading[k], gait.swing[k], waist)
-    gait.wrench[k] = whole_body_torque(phys, k, task, velocity[2], gains, bounds, index, torque)
+    acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
+    waist = plan[5], -sign * plan[6]
+    task = Task(stance, acceleration, gait.height[k], (cos, sin), gait.swing[k], waist)
+    whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
 
 
-@njit(cache=True)
-def apply_pushes(
-    phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float, force: Array, torque: Array
-) -> None:
+@njit(cache=True, forceinline=True)
+def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -> None:
     """Write the mean push over the coming physics step into the external forces of one robot."""
-    now = gait.time[k]
+    now, mean = gait.time[k], carray(stack_floats(3), (3,))
     resolve_starts(
         pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - gait.elapsed[k],
         gait.plan[k, 2], now, now + dt,
     )  # fmt: skip
     for body in PUSHED_BODY:
-        phys.xfrc[k, body] = 0.0
-    arm = np.empty(3)
+        for a in range(6):
+            phys.xfrc[k, body, a] = 0.0
     for i in range(pushes.start.shape[1]):
-        if mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, force):
-            body = PUSHED_BODY[pushes.body[k, i]]
-            R = phys.xmat[k, body]
-            for a in range(3):
-                arm[a] = 0.0
-                for b in range(3):
-                    arm[a] += R[3 * a + b] * pushes.offset[k, i, b]
-            cross_into(arm, force, torque)
+        if mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, mean):
+            body, force = PUSHED_BODY[pushes.body[k, i]], vector_of(mean, 0)
+            torque = cross(to_world(phys.xmat, k, body, vector_at(pushes.offset, k, i)), force)
             for a in range(3):
                 phys.xfrc[k, body, a] += force[a]
                 phys.xfrc[k, body, 3 + a] += torque[a]
                 pushes.delivered[k, i, a] += force[a] * dt
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def control(
     phys: Physics, gait: Gait, k: int, pushes: Pushes, s: GaitSettings, gains: Gains, bounds: Bounds,
     index: Ints, dt: float,
 ) -> None:  # fmt: skip
     """One physics step's torques and pushes of one robot: writes phys.ctrl and phys.xfrc."""
-    force, moment = np.empty(3), np.empty(3)
     if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
         touch_down(phys, gait, k)
-    walk(phys, gait, k, s, gains, bounds, index, dt, phys.ctrl[k])
-    apply_pushes(phys, gait, k, pushes, dt, force, moment)
+    walk(phys, gait, k, s, gains, bounds, dt)
+    apply_pushes(phys, gait, k, pushes, dt)
     gait.elapsed[k] += dt
     gait.time[k] += dt
 

@@ -1,12 +1,15 @@
-"""Live arrays of n simulated bipeds, and the motion of their soles."""
+"""Live arrays of n simulated bipeds; motion of pelvis, soles and CoM."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from .vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -18,6 +21,7 @@ WAIST_JOINT, WAIST_DOF = 1, 6
 PELVIS, TRUNK = 1, 2  # bodies
 FOOT_BODY = (5, 8)
 ANKLE_HEIGHT = 0.06  # ankle above the sole [m]
+Heading = tuple[float, float]  # cosine and sine of a heading
 
 
 class Physics(NamedTuple):
@@ -38,75 +42,65 @@ class Physics(NamedTuple):
 
 
 class SoleMotion(NamedTuple):
-    """Where a sole is and how its leg moves it; twists have the linear part first."""
+    """Where a sole is and how it moves, in world axes."""
 
-    position: Array  # (3,) [m]
-    jacobian: Array  # (6, 6) of the six leg joints
-    twist: Array  # (6,) [m/s, rad/s]
-    drift: Array  # (6,) Jdot qd [m/s^2, rad/s^2]
-
-
-@njit(cache=True)
-def cross_into(a: Array, b: Array, out: Array) -> None:
-    """Write a x b into out, (3,)."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+    position: Vector  # [m]
+    velocity: Vector  # [m/s]
+    omega: Vector  # [rad/s]
+    drift: Vector  # acceleration at qdd = 0, linear part of Jdot qd [m/s^2]
+    turn_drift: Vector  # angular part of it [rad/s^2]
 
 
-@njit(cache=True)
-def base_angular_velocity(phys: Physics, k: int) -> Array:
-    """Angular velocity of the pelvis in world axes, (3,) [rad/s]."""
-    out = np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            out[i] += phys.xmat[k, PELVIS, 3 * i + j] * phys.qvel[k, 3 + j]
-    return out
+@njit(cache=True, forceinline=True)
+def base_angular_velocity(phys: Physics, k: int) -> Vector:
+    """Angular velocity of the pelvis in world axes [rad/s]."""
+    return to_world(phys.xmat, k, PELVIS, (phys.qvel[k, 3], phys.qvel[k, 4], phys.qvel[k, 5]))
 
 
-@njit(cache=True)
-def sole_position(phys: Physics, k: int, leg: int) -> Array:
-    """Centre of a sole in the world, (3,) [m]."""
+@njit(cache=True, forceinline=True)
+def sole_position(phys: Physics, k: int, leg: int) -> Vector:
+    """Centre of a sole in the world [m]."""
     body = FOOT_BODY[leg]
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = phys.xpos[k, body, i] - ANKLE_HEIGHT * phys.xmat[k, body, 3 * i + 2]
-    return out
+    return (
+        phys.xpos[k, body, 0] - ANKLE_HEIGHT * phys.xmat[k, body, 2],
+        phys.xpos[k, body, 1] - ANKLE_HEIGHT * phys.xmat[k, body, 5],
+        phys.xpos[k, body, 2] - ANKLE_HEIGHT * phys.xmat[k, body, 8],
+    )
 
 
-@njit(cache=True)
-def sole_motion(phys: Physics, k: int, leg: int, base_omega: Array) -> SoleMotion:
-    """Position, Jacobian, twist and drift of a sole by one pass from the pelvis down the leg."""
-    point = sole_position(phys, k, leg)
-    J = np.empty((6, 6))
-    twist, drift = np.zeros(6), np.zeros(6)
-    twist[:3] = phys.qvel[k, :3]
-    twist[3:] = base_omega
-    velocity, omega, acc, alpha = twist[:3], twist[3:], drift[:3], drift[3:]
-    d, wd, term = np.empty(3), np.empty(3), np.empty(3)
+@njit(cache=True, forceinline=True)
+def sole_motion(phys: Physics, k: int, leg: int, omega: Vector) -> SoleMotion:
+    """Position, twist and drift of a sole by one pass from the pelvis, turning at omega, down the leg.
+
+    A point d further along: velocity += omega x d, acceleration += alpha x d + omega x (omega x d); a joint:
+    alpha += omega x axis rate, omega += axis rate.
+    """
+    joint, dof = LEG_JOINT[leg], LEG_DOF[leg]
+    point, sole = vector_at(phys.xpos, k, PELVIS), sole_position(phys, k, leg)
+    velocity, drift, alpha = (phys.qvel[k, 0], phys.qvel[k, 1], phys.qvel[k, 2]), ZERO, ZERO
     for j in range(7):
-        for i in range(3):
-            end = phys.xanchor[k, LEG_JOINT[leg] + j, i] if j < 6 else point[i]
-            start = phys.xanchor[k, LEG_JOINT[leg] + j - 1, i] if j > 0 else phys.xpos[k, PELVIS, i]
-            d[i] = end - start
-        cross_into(omega, d, wd)
-        cross_into(alpha, d, term)
-        acc += term
-        cross_into(omega, wd, term)
-        acc += term
-        velocity += wd
+        if (
+            j == 0 or j == 3 or j == 4 or j == 6
+        ):  # the three hip axes meet in a point, the two of the ankle too
+            end = vector_at(phys.xanchor, k, joint + j) if j < 6 else sole
+            d = subtract(end, point)
+            turn = cross(omega, d)
+            velocity = add(velocity, turn)
+            drift = add(drift, add(cross(alpha, d), cross(omega, turn)))
+            point = end
         if j < 6:
-            axis = phys.xaxis[k, LEG_JOINT[leg] + j]
-            rate = phys.qvel[k, LEG_DOF[leg] + j]
-            cross_into(omega, axis, term)
-            for i in range(3):
-                alpha[i] += term[i] * rate
-                omega[i] += axis[i] * rate
-                J[3 + i, j] = axis[i]
-                d[i] = point[i] - phys.xanchor[k, LEG_JOINT[leg] + j, i]
-            cross_into(axis, d, term)
-            J[:3, j] = term
-    return SoleMotion(point, J, twist, drift)
+            spin = scaled(vector_at(phys.xaxis, k, joint + j), phys.qvel[k, dof + j])
+            alpha = add(alpha, cross(omega, spin))
+            omega = add(omega, spin)
+    return SoleMotion(sole, velocity, omega, drift, alpha)
+
+
+@njit(cache=True, forceinline=True)
+def upright_error(xmat: Array, k: int, body: int, facing: Heading) -> Vector:
+    """Rotation that turns a body's axes upright and to the heading [rad], small angles."""
+    cos, sin = facing
+    x, y = xmat[k, body, 0], xmat[k, body, 3]
+    return xmat[k, body, 5], -xmat[k, body, 2], math.atan2(sin * x - cos * y, cos * x + sin * y)
 
 
 @njit(cache=True)
@@ -123,12 +117,3 @@ def com_velocity(phys: Physics, k: int, index: Ints) -> Array:
         elif j < 3:
             out[j] += phys.mass_matrix[k, e] * phys.qvel[k, i]
     return out / mass
-
-
-@njit(cache=True)
-def upright_error(R: Array, heading: float, out: Array) -> None:
-    """Write the rotation that turns the axes R (9,) upright and to the heading, (3,) [rad], small angles."""
-    out[0] = R[5]
-    out[1] = -R[2]
-    yaw = np.arctan2(R[3], R[0])
-    out[2] = np.arctan2(np.sin(heading - yaw), np.cos(heading - yaw))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from ..controllers.capturability import capture_margin_kernel
@@ -18,10 +18,11 @@ from .biped_kinematics import (
     Ints,
     Physics,
     base_angular_velocity,
-    com_velocity,
     sole_motion,
     sole_position,
 )
+from .mass_matrix import com_velocity
+from .vector_3 import Vector, add, scaled, subtract, vector_at
 
 
 class Contacts(NamedTuple):
@@ -33,7 +34,28 @@ class Contacts(NamedTuple):
     velocity: Array  # (n, 3) of the CoM at the last observation [m/s]
 
 
-@njit(cache=True)
+class Frame(NamedTuple):
+    """The canonical frame: x along the heading, y from the stance foot to the swing side."""
+
+    cos: float
+    sin: float
+    sign: float  # of its y in a frame turned to the heading
+
+
+@njit(cache=True, forceinline=True)
+def canonical(frame: Frame, x: float, y: float) -> tuple[float, float]:
+    """A horizontal world vector in the canonical frame."""
+    return frame.cos * x + frame.sin * y, frame.sign * (-frame.sin * x + frame.cos * y)
+
+
+@njit(cache=True, forceinline=True)
+def in_world(frame: Frame, x: float, y: float) -> tuple[float, float]:
+    """A horizontal vector of the canonical frame in the world."""
+    y *= frame.sign
+    return frame.cos * x - frame.sin * y, frame.sin * x + frame.cos * y
+
+
+@njit(cache=True, forceinline=True)
 def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
     """Add the contact forces of the physics step that robot k has just made.
 
@@ -45,9 +67,9 @@ def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
     contacts.time[k] += dt
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def write_push_estimate(
-    contacts: Contacts, gait: Gait, k: int, s: GaitSettings, velocity: Array, o: Array
+    contacts: Contacts, k: int, s: GaitSettings, frame: Frame, velocity: Vector, o: Array
 ) -> None:
     """Mean external force over m omega^2 since the last observation (34-35) of one robot, canonical frame.
 
@@ -60,69 +82,73 @@ def write_push_estimate(
         scale = 1.0 / (s.mass * s.omega**2 * span)
         x = scale * (s.mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
         y = scale * (s.mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
-        cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-        o[34], o[35] = cos * x + sin * y, side_sign(gait.stance[k]) * (-sin * x + cos * y)
-    contacts.impulse[k] = 0.0
-    contacts.time[k] = 0.0
-    contacts.velocity[k] = velocity
+        o[34], o[35] = canonical(frame, x, y)
+    contacts.impulse[k, 0] = contacts.impulse[k, 1] = contacts.time[k] = 0.0
+    for i in range(3):
+        contacts.velocity[k, i] = velocity[i]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def write_motion(
-    phys: Physics, gait: Gait, k: int, s: GaitSettings, velocity: Array, o: Array, omega: Array
+    phys: Physics,
+    gait: Gait,
+    k: int,
+    s: GaitSettings,
+    frame: Frame,
+    velocity: Vector,
+    omega: Vector,
+    o: Array,
 ) -> None:
     """DCM, CoM and swing sole (observation 1-14) of one robot, canonical frame."""
     stance = gait.stance[k]
-    sign = side_sign(stance)
-    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
     sole, foot = sole_position(phys, k, stance), sole_motion(phys, k, 1 - stance, omega)
-    com = phys.com[k, 0]
-    dx, dy = com[0] - sole[0], com[1] - sole[1]
-    o[3], o[4] = cos * dx + sin * dy, sign * (-sin * dx + cos * dy)
-    o[5], o[6] = cos * velocity[0] + sin * velocity[1], sign * (-sin * velocity[0] + cos * velocity[1])
+    com = subtract(vector_at(phys.com, k, 0), sole)
+    o[3], o[4] = canonical(frame, com[0], com[1])
+    o[5], o[6] = canonical(frame, velocity[0], velocity[1])
     o[1], o[2] = o[3] + o[5] / s.omega, o[4] + o[6] / s.omega
-    o[7], o[8] = com[2] - sole[2] - s.com_height, velocity[2]
-    p, v = foot.position, foot.twist
-    dx, dy = p[0] - sole[0], p[1] - sole[1]
-    o[9], o[10], o[11] = cos * dx + sin * dy, sign * (-sin * dx + cos * dy), p[2]
-    o[12], o[13], o[14] = cos * v[0] + sin * v[1], sign * (-sin * v[0] + cos * v[1]), v[2]
+    o[7], o[8] = com[2] - s.com_height, velocity[2]
+    place = subtract(foot.position, sole)
+    o[9], o[10] = canonical(frame, place[0], place[1])
+    o[12], o[13] = canonical(frame, foot.velocity[0], foot.velocity[1])
+    o[11], o[14] = foot.position[2], foot.velocity[2]
 
 
-@njit(cache=True)
-def write_posture(phys: Physics, gait: Gait, k: int, o: Array, omega: Array) -> None:
+@njit(cache=True, forceinline=True)
+def lean(phys: Physics, k: int, body: int, frame: Frame) -> tuple[float, float]:
+    """Lean of a body forwards and to the swing side [rad]."""
+    x, y = canonical(frame, phys.xmat[k, body, 2], phys.xmat[k, body, 5])
+    return math.atan2(x, phys.xmat[k, body, 8]), math.atan2(y, phys.xmat[k, body, 8])
+
+
+@njit(cache=True, forceinline=True)
+def write_posture(phys: Physics, gait: Gait, k: int, frame: Frame, omega: Vector, o: Array) -> None:
     """Lean of trunk and pelvis, heading and contacts (observation 15-24) of one robot, canonical frame."""
-    sign = side_sign(gait.stance[k])
-    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-    trunk_omega = omega.copy()
+    o[15], o[16] = lean(phys, k, TRUNK, frame)
+    trunk_omega = omega
     for j in range(2):
-        for i in range(3):
-            trunk_omega[i] += phys.xaxis[k, WAIST_JOINT + j, i] * phys.qvel[k, WAIST_DOF + j]
-    for b in range(2):
-        R = phys.xmat[k, TRUNK] if b == 0 else phys.xmat[k, PELVIS]
-        o[15 + 4 * b] = np.arctan2(cos * R[2] + sin * R[5], R[8])
-        o[16 + 4 * b] = sign * np.arctan2(-sin * R[2] + cos * R[5], R[8])
-    o[17] = -sin * trunk_omega[0] + cos * trunk_omega[1]
-    o[18] = -sign * (cos * trunk_omega[0] + sin * trunk_omega[1])
-    yaw = np.arctan2(phys.xmat[k, PELVIS, 3], phys.xmat[k, PELVIS, 0]) - gait.heading[k]
-    o[21] = sign * np.arctan2(np.sin(yaw), np.cos(yaw))
-    o[22] = sign * omega[2]
-    o[23] = 1.0 if phys.load[k, gait.stance[k]] > 1.0 else 0.0
-    o[24] = 1.0 if phys.load[k, 1 - gait.stance[k]] > 1.0 else 0.0
+        axis, rate = vector_at(phys.xaxis, k, WAIST_JOINT + j), phys.qvel[k, WAIST_DOF + j]
+        trunk_omega = add(trunk_omega, scaled(axis, rate))
+    o[17], o[18] = canonical(frame, trunk_omega[1], -trunk_omega[0])  # of the top, 1 m up: omega x z
+    o[19], o[20] = lean(phys, k, PELVIS, frame)
+    x, y = canonical(frame, phys.xmat[k, PELVIS, 0], phys.xmat[k, PELVIS, 3])
+    o[21], o[22] = math.atan2(y, x), frame.sign * omega[2]
+    stance = gait.stance[k]
+    o[23] = 1.0 if phys.load[k, stance] > 1.0 else 0.0
+    o[24] = 1.0 if phys.load[k, 1 - stance] > 1.0 else 0.0
 
 
-@njit(cache=True)
-def write_world(phys: Physics, gait: Gait, k: int, s: GaitSettings, o: Array, world: Array) -> None:
+@njit(cache=True, forceinline=True)
+def write_world(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, frame: Frame, o: Array, world: Array
+) -> None:
     """DCM, CoP and CMP of one robot in the world, (6,) [m]; the CoP is the one asked of the stance sole."""
-    sign = side_sign(gait.stance[k])
-    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-    sole, wrench = sole_position(phys, k, gait.stance[k]), gait.wrench[k]
-    vertical = max(wrench[2], 1.0)
-    dcm_x, dcm_y = o[1], sign * o[2]
-    shift_x, shift_y = s.cmp_gain * gait.plan[k, 5], sign * s.cmp_gain * gait.plan[k, 6]
-    world[0], world[1] = sole[0] + cos * dcm_x - sin * dcm_y, sole[1] + sin * dcm_x + cos * dcm_y
-    world[2], world[3] = sole[0] - wrench[4] / vertical, sole[1] + wrench[3] / vertical
-    world[4] = world[2] + cos * shift_x - sin * shift_y
-    world[5] = world[3] + sin * shift_x + cos * shift_y
+    sole, vertical = sole_position(phys, k, gait.stance[k]), max(gait.wrench[k, 2], 1.0)
+    dcm_x, dcm_y = in_world(frame, o[1], o[2])
+    shift_x, shift_y = in_world(frame, s.cmp_gain * gait.plan[k, 5], s.cmp_gain * gait.plan[k, 6])
+    world[0], world[1] = sole[0] + dcm_x, sole[1] + dcm_y
+    world[2] = sole[0] - gait.wrench[k, 4] / vertical
+    world[3] = sole[1] + gait.wrench[k, 3] / vertical
+    world[4], world[5] = world[2] + shift_x, world[3] + shift_y
 
 
 @njit(cache=True)
@@ -131,15 +157,15 @@ def observe(
     previous: Array, capture: Array, o: Array, world: Array,
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
-    omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k, index)
+    heading = gait.heading[k]
+    frame = Frame(math.cos(heading), math.sin(heading), side_sign(gait.stance[k]))
+    omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k)
     o[0] = gait.elapsed[k]
-    write_motion(phys, gait, k, s, velocity, o, omega)
-    write_posture(phys, gait, k, o, omega)
-    sign = side_sign(gait.stance[k])
-    cos, sin = np.cos(gait.heading[k]), np.sin(gait.heading[k])
-    o[25] = cos * command[0] + sin * command[1]
-    o[26] = sign * (-sin * command[0] + cos * command[1])
-    o[27:34] = previous
-    write_push_estimate(contacts, gait, k, s, velocity, o)
-    write_world(phys, gait, k, s, o, world)
+    write_motion(phys, gait, k, s, frame, velocity, omega, o)
+    write_posture(phys, gait, k, frame, omega, o)
+    o[25], o[26] = canonical(frame, command[0], command[1])
+    for i in range(previous.shape[0]):
+        o[27 + i] = previous[i]
+    write_push_estimate(contacts, k, s, frame, velocity, o)
+    write_world(phys, gait, k, s, frame, o, world)
     return capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)

@@ -4,11 +4,15 @@ The accelerations of stance foot, swing foot, waist, pelvis and CoM determine al
 
     M(q) qdd + h(q, qd) = S' tau + J_s' w,      J_i qdd = a_i - Jdot_i qd   for both feet,
 
-so nothing is left to optimise as long as no bound is met. With the base acceleration x = (a, alpha) as the
-unknown, qdd = c + D x, and the contact wrench at the stance sole, w = w0 + W x, follows from the six rows of
-the base. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's momentum.
-Where a torque, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the least
-deviation from the tasks that keeps it.
+so nothing is left to optimise as long as no bound is met. Waist and turning of the pelvis are given. With the
+linear acceleration a of the pelvis as the unknown, each leg follows as J_i^-1 (.. - a), and a from the CoM:
+the first three rows of M qdd + h are the force m (acc + g) on it. The other rows give the moment at the sole
+and the torques. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's
+momentum. Where a torque, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the
+least deviation from the tasks that keeps it.
+
+A function that runs every physics step is put into its caller (forceinline): the arrays of n robots are a few
+hundred words, which a call would pass on and count the references of.
 """
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -16,9 +20,9 @@ deviation from the tasks that keeps it.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 from numba.np.numpy_support import carray
 
@@ -31,17 +35,33 @@ from .biped_kinematics import (
     PELVIS,
     WAIST_DOF,
     Array,
-    Ints,
+    Heading,
     Physics,
     SoleMotion,
     base_angular_velocity,
-    cross_into,
     sole_motion,
     upright_error,
 )
-from .small_matrix import cholesky_solve, gauss_solve
+from .deviation import Legs
+from .leg_motion import LegInverses, subtract_leg_torques, write_leg_inverse
+from .mass_matrix import BASE, com_compliance, turning_momentum, write_generalised_force
 from .stack_array import stack_floats
-from .wrench_bounds import Bounds, TaskMaps, keep_bounds, within_bounds
+from .vector_3 import (
+    ZERO,
+    Vector,
+    add,
+    cross,
+    dot,
+    rows_times,
+    scaled,
+    subtract,
+    to_body,
+    to_world,
+    vector_at,
+    vector_in,
+    vector_of,
+)
+from .wrench_bounds import Bounds, keep_bounds, within_bounds
 
 
 class Gains(NamedTuple):
@@ -67,202 +87,142 @@ class Task(NamedTuple):
     """What one robot shall do now, in world axes."""
 
     stance: int  # 0 left, 1 right
-    com_acceleration: Array  # (2,) [m/s^2]
+    com_acceleration: tuple[float, float]  # [m/s^2]
     height: float  # of the CoM above the stance sole [m]
-    heading: float  # [rad]
+    facing: Heading  # cosine and sine of the heading
     swing: Array  # (9,) position, velocity, acceleration of the swing sole
-    waist: Array  # (2,) acceleration of the waist's pitch and roll joints [rad/s^2]
+    waist: tuple[float, float]  # acceleration of the waist's pitch and roll joints [rad/s^2]
 
 
-@njit(cache=True)
-def dense_mass_matrix(phys: Physics, k: int, index: Ints, M: Array) -> None:
-    """Write M(q), (20, 20), from the sparse entries."""
-    M[:] = 0.0
-    for e in range(index.shape[0]):
-        i, j = index[e, 0], index[e, 1]
-        M[i, j] = phys.mass_matrix[k, e]
-        M[j, i] = phys.mass_matrix[k, e]
+@njit(cache=True, forceinline=True)
+def stance_acceleration(
+    phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains
+) -> tuple[Vector, Vector]:
+    """Linear and angular acceleration that keep the stance foot still and level."""
+    error = upright_error(phys.xmat, k, FOOT_BODY[task.stance], task.facing)
+    level = gains.stance_kp * error[0], gains.stance_kp * error[1], 0.0
+    return scaled(foot.velocity, -gains.stance_kd), subtract(level, scaled(foot.omega, gains.stance_kd))
 
 
-@njit(cache=True)
-def stance_acceleration(phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains) -> Array:
-    """Acceleration (6,) that keeps the stance foot still and level."""
-    error = np.empty(3)
-    upright_error(phys.xmat[k, FOOT_BODY[task.stance]], task.heading, error)
-    out = -gains.stance_kd * foot.twist
-    out[3] += gains.stance_kp * error[0]
-    out[4] += gains.stance_kp * error[1]
-    return out
-
-
-@njit(cache=True)
-def swing_acceleration(phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains) -> Array:
-    """Acceleration (6,) that follows the swing reference with a level sole along the heading."""
-    error = np.empty(3)
-    upright_error(phys.xmat[k, FOOT_BODY[1 - task.stance]], task.heading, error)
-    out = np.empty(6)
-    for i in range(3):
-        out[i] = task.swing[6 + i] + gains.swing_kp * (task.swing[i] - foot.position[i])
-        out[i] += gains.swing_kd * (task.swing[3 + i] - foot.twist[i])
-        out[3 + i] = gains.swing_turn_kp * error[i] - gains.swing_turn_kd * foot.twist[3 + i]
-    size = np.sqrt(out[0] ** 2 + out[1] ** 2)
+@njit(cache=True, forceinline=True)
+def swing_acceleration(
+    phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains
+) -> tuple[Vector, Vector]:
+    """Linear and angular acceleration that follow the swing reference, sole level and along the heading."""
+    error = subtract(vector_of(task.swing, 0), foot.position)
+    rate = subtract(vector_of(task.swing, 3), foot.velocity)
+    asked = add(vector_of(task.swing, 6), add(scaled(error, gains.swing_kp), scaled(rate, gains.swing_kd)))
+    size = math.sqrt(asked[0] ** 2 + asked[1] ** 2)
     if size > gains.swing_max:
-        out[0] *= gains.swing_max / size
-        out[1] *= gains.swing_max / size
-    return out
+        asked = asked[0] * gains.swing_max / size, asked[1] * gains.swing_max / size, asked[2]
+    error = upright_error(phys.xmat, k, FOOT_BODY[1 - task.stance], task.facing)
+    return asked, subtract(scaled(error, gains.swing_turn_kp), scaled(foot.omega, gains.swing_turn_kd))
 
 
-@njit(cache=True)
-def base_angular_acceleration(phys: Physics, k: int, omega: Array, task: Task, gains: Gains) -> Array:
-    """Angular acceleration (3,) that keeps the pelvis upright and along the heading."""
-    out = np.empty(3)
-    upright_error(phys.xmat[k, PELVIS], task.heading, out)
-    for i in range(2):
-        out[i] = gains.pelvis_kp * out[i] - gains.pelvis_kd * omega[i]
-    out[2] = gains.heading_kp * out[2] - gains.heading_kd * omega[2]
-    return out
+@njit(cache=True, forceinline=True)
+def base_angular_acceleration(phys: Physics, k: int, omega: Vector, task: Task, gains: Gains) -> Vector:
+    """Angular acceleration that keeps the pelvis upright and along the heading."""
+    x, y, z = upright_error(phys.xmat, k, PELVIS, task.facing)
+    return (
+        gains.pelvis_kp * x - gains.pelvis_kd * omega[0],
+        gains.pelvis_kp * y - gains.pelvis_kd * omega[1],
+        gains.heading_kp * z - gains.heading_kd * omega[2],
+    )
 
 
-@njit(cache=True)
-def add_leg_rows(
-    foot: SoleMotion, asked: Array, base: Array, dof: int, damping: float, map_: Array, inverse: Array
-) -> None:
-    """Rows of [D | c] (20, 7) for a leg: J_leg qdd_leg = asked - drift - B x, by the damped inverse.
+@njit(cache=True, forceinline=True)
+def com_force(phys: Physics, k: int, task: Task, sole: Vector, climb: float, gains: Gains) -> Vector:
+    """Force on the CoM, m (acceleration + g) [N]."""
+    mass, height = phys.mass_matrix[k, 0], phys.com[k, 0, 2] - sole[2]
+    lift = gains.height_kp * (task.height - height) - gains.height_kd * climb
+    return task.com_acceleration[0] * mass, task.com_acceleration[1] * mass, (GRAVITY + lift) * mass
 
-    B maps the base acceleration x to the sole: linear a + alpha x d, angular alpha, d = sole - base.
-    Writes the damped inverse (J'J + damping I)^-1 J', (6, 6), too.
+
+@njit(cache=True, forceinline=True)
+def write_tasks(
+    phys: Physics, k: int, task: Task, gains: Gains, inverses: LegInverses, qdd: Array
+) -> tuple[Vector, Vector]:
+    """Write qdd (20,) of all tasks but the CoM's, the pelvis turning in place, and the legs' inverses.
+
+    Returns the positions of the left and the right sole.
     """
-    J = foot.jacobian
-    A, rhs = carray(stack_floats(36), (6, 6)), carray(stack_floats(42), (6, 7))
-    A[:], rhs[:] = 0.0, 0.0
-    for i in range(6):
-        rhs[i, i] = -1.0
-        rhs[i, 6] = asked[i] - foot.drift[i]
-    d0, d1, d2 = foot.position[0] - base[0], foot.position[1] - base[1], foot.position[2] - base[2]
-    rhs[0, 4], rhs[0, 5] = -d2, d1
-    rhs[1, 3], rhs[1, 5] = d2, -d0
-    rhs[2, 3], rhs[2, 4] = -d1, d0
-    for i in range(6):
-        for r in range(6):
-            inverse[i, r] = J[r, i]
-            for c in range(i + 1):
-                A[i, c] += J[r, i] * J[r, c]
-        A[i, i] += damping
-    cholesky_solve(A, inverse)
-    for i in range(6):
-        for c in range(7):
-            for r in range(6):
-                map_[dof + i, c] += inverse[i, r] * rhs[r, c]
+    omega, base = base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
+    alpha = base_angular_acceleration(phys, k, omega, task, gains)
+    qdd[0], qdd[1], qdd[2] = ZERO
+    qdd[3], qdd[4], qdd[5] = to_body(phys.xmat, k, PELVIS, alpha)
+    qdd[WAIST_DOF], qdd[WAIST_DOF + 1] = task.waist[0], task.waist[1]
+    left, right = base, base
+    for leg in range(2):
+        foot = sole_motion(phys, k, leg, omega)
+        left, right = right, foot.position
+        if leg == task.stance:
+            linear, angular = stance_acceleration(phys, k, foot, task, gains)
+        else:
+            linear, angular = swing_acceleration(phys, k, foot, task, gains)
+        carried = cross(alpha, subtract(foot.position, base))
+        linear = subtract(linear, add(foot.drift, carried))
+        angular = subtract(angular, add(foot.turn_drift, alpha))
+        write_leg_inverse(phys, k, leg, foot.position, gains.damping, inverses)
+        for i in range(6):
+            rate = dot(vector_at(inverses.velocity, leg, i), linear)
+            qdd[LEG_DOF[leg] + i] = rate + dot(vector_at(inverses.omega, leg, i), angular)
+    return left, right
 
 
-@njit(cache=True)
-def wrench_map(phys: Physics, k: int, M: Array, map_: Array, sole: Array, out: Array) -> None:
-    """[W | w0] (6, 7): force and moment about the stance sole as a function of the base acceleration."""
-    base = carray(stack_floats(42), (6, 7))
-    base[:] = 0.0
-    for i in range(6):
-        base[i, 6] = phys.bias[k, i]
-        for j in range(NV):
-            m = M[i, j]
-            if m != 0.0:
-                for c in range(7):
-                    base[i, c] += m * map_[j, c]
-    R = phys.xmat[k, PELVIS]
-    arm, force = carray(stack_floats(3), (3,)), carray(stack_floats(3), (3,))
-    moment = carray(stack_floats(3), (3,))
+@njit(cache=True, forceinline=True)
+def accelerate_pelvis(a: Vector, inverses: LegInverses, qdd: Array) -> None:
+    """Give the pelvis the acceleration a, the soles keeping theirs: qdd_leg -= J^-1 (a, 0)."""
+    qdd[0], qdd[1], qdd[2] = a
+    for leg in range(2):
+        for i in range(6):
+            qdd[LEG_DOF[leg] + i] -= dot(vector_at(inverses.velocity, leg, i), a)
+
+
+@njit(cache=True, forceinline=True)
+def write_wrench(phys: Physics, k: int, sole: Vector, total: Array, wrench: Array) -> None:
+    """Write the wrench (6,) at the stance sole that the base's rows of M qdd + h, total (20,), ask for."""
+    force, arm = vector_of(total, 0), subtract(vector_at(phys.xpos, k, PELVIS), sole)
+    moment = add(cross(arm, force), to_world(phys.xmat, k, PELVIS, vector_of(total, 3)))
     for i in range(3):
-        arm[i] = phys.xpos[k, PELVIS, i] - sole[i]
-    for c in range(7):
-        for i in range(3):
-            force[i] = base[i, c]
-        cross_into(arm, force, moment)
-        for i in range(3):
-            out[i, c] = force[i]
-            out[3 + i, c] = (
-                moment[i] + R[3 * i] * base[3, c] + R[3 * i + 1] * base[4, c] + R[3 * i + 2] * base[5, c]
-            )
+        wrench[i], wrench[3 + i] = force[i], moment[i]
 
 
-@njit(cache=True)
-def base_equations(W: Array, force: Array, alpha: Array, A: Array, b: Array) -> None:
-    """Write A x = b for the base acceleration x: rows 0-2 the CoM's force, rows 3-5 the pelvis' turning."""
-    A[:] = 0.0
-    for i in range(3):
-        for c in range(6):
-            A[i, c] = W[i, c]
-        A[3 + i, 3 + i] = 1.0
-        b[i, 0] = force[i] - W[i, 6]
-        b[3 + i, 0] = alpha[i]
+@njit(cache=True, forceinline=True)
+def forward_axis(phys: Physics, k: int, body: int) -> Heading:
+    """Horizontal direction of a body's x axis."""
+    x, y = phys.xmat[k, body, 0], phys.xmat[k, body, 3]
+    norm = math.sqrt(x * x + y * y)
+    return x / norm, y / norm
 
 
-@njit(cache=True)
-def joint_torque(
-    phys: Physics, k: int, M: Array, qdd: Array, foot: SoleMotion, dof: int, wrench: Array, out: Array
-) -> None:
-    """Tau = M qdd + h - J_s' w for the actuated rows, (14,)."""
-    for i in range(NU):
-        out[i] = phys.bias[k, 6 + i]
-        for j in range(NV):
-            out[i] += M[6 + i, j] * qdd[j]
-    for i in range(6):
-        for r in range(6):
-            out[dof - 6 + i] -= foot.jacobian[r, i] * wrench[r]
-
-
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def whole_body_torque(
-    phys: Physics, k: int, task: Task, climb: float, gains: Gains, bounds: Bounds, index: Ints, torque: Array
-) -> Array:
-    """Write the joint torques (14,) [N m] of robot k; returns the wrench (6,) they ask of the stance sole.
+    phys: Physics,
+    k: int,
+    task: Task,
+    climb: float,
+    gains: Gains,
+    bounds: Bounds,
+    wrench: Array,
+    torque: Array,
+) -> None:
+    """Write the joint torques (14,) [N m] of robot k and the wrench (6,) they ask of the stance sole.
 
     `climb` is the vertical velocity of its CoM [m/s].
     """
-    M, map_ = carray(stack_floats(400), (NV, NV)), carray(stack_floats(140), (NV, 7))
-    inverse, W = carray(stack_floats(36), (6, 6)), carray(stack_floats(42), (6, 7))
-    A, b = carray(stack_floats(36), (6, 6)), carray(stack_floats(6), (6, 1))
-    qdd, force = carray(stack_floats(20), (NV,)), carray(stack_floats(3), (3,))
-    axes, arm = carray(stack_floats(4), (2, 2)), carray(stack_floats(3), (3,))
-    dense_mass_matrix(phys, k, index, M)
-    omega = base_angular_velocity(phys, k)
-    stance = sole_motion(phys, k, task.stance, omega)
-    swing = sole_motion(phys, k, 1 - task.stance, omega)
-    map_[:] = 0.0  # qdd = map_ (x, 1)
-    for i in range(3):
-        map_[i, i] = 1.0
-        for j in range(3):
-            map_[3 + i, 3 + j] = phys.xmat[k, PELVIS, 3 * j + i]
-    map_[WAIST_DOF, 6], map_[WAIST_DOF + 1, 6] = task.waist[0], task.waist[1]
-    base = phys.xpos[k, PELVIS]
-    stance_dof, swing_dof = LEG_DOF[task.stance], LEG_DOF[1 - task.stance]
-    asked = stance_acceleration(phys, k, stance, task, gains)
-    add_leg_rows(stance, asked, base, stance_dof, gains.damping, map_, inverse)
-    asked = swing_acceleration(phys, k, swing, task, gains)
-    add_leg_rows(swing, asked, base, swing_dof, gains.damping, map_, inverse)
-    wrench_map(phys, k, M, map_, stance.position, W)
-
-    mass = M[0, 0]
-    height = phys.com[k, 0, 2] - stance.position[2]
-    lift = gains.height_kp * (task.height - height) - gains.height_kd * climb
-    force[0], force[1] = task.com_acceleration[0] * mass, task.com_acceleration[1] * mass
-    force[2] = (GRAVITY + lift) * mass
-    alpha = base_angular_acceleration(phys, k, omega, task, gains)
-    base_equations(W, force, alpha, A, b)
-    gauss_solve(A, b)
-    qdd[:], wrench = map_[:, 6], W[:, 6].copy()
-    for c in range(6):
-        for j in range(NV):
-            qdd[j] += map_[j, c] * b[c, 0]
-        for i in range(6):
-            wrench[i] += W[i, c] * b[c, 0]
-    joint_torque(phys, k, M, qdd, stance, stance_dof, wrench, torque)
-
-    R = phys.xmat[k, FOOT_BODY[task.stance]]
-    norm = np.hypot(R[0], R[3])
-    axes[0, 0], axes[0, 1] = R[0] / norm, R[3] / norm
-    axes[1, 0], axes[1, 1] = -axes[0, 1], axes[0, 0]
-    if not within_bounds(wrench, torque, axes, bounds):
-        maps = TaskMaps(M, map_, W, inverse, stance.jacobian, stance_dof, swing_dof)
-        for i in range(3):
-            arm[i] = base[i] - stance.position[i]
-        keep_bounds(maps, phys.xmat[k, PELVIS], arm, axes, bounds, wrench, torque)
-    return wrench
+    qdd, total = carray(stack_floats(20), (NV,)), carray(stack_floats(20), (NV,))
+    inverses = LegInverses(carray(stack_floats(36), (2, 6, 3)), carray(stack_floats(36), (2, 6, 3)))
+    left, right = write_tasks(phys, k, task, gains, inverses, qdd)
+    sole = left if task.stance == 0 else right
+    force = com_force(phys, k, task, sole, climb, gains)
+    rows = com_compliance(phys, k, inverses)
+    missing = subtract(force, add(vector_in(phys.bias, k, 0), turning_momentum(phys, k, qdd)))
+    accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
+    write_generalised_force(phys, k, qdd, total)
+    write_wrench(phys, k, sole, total, wrench)
+    for i in range(NU):
+        torque[i] = total[BASE + i]
+    subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
+    axis = forward_axis(phys, k, FOOT_BODY[task.stance])
+    if not within_bounds(wrench, torque, axis, bounds):
+        keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)

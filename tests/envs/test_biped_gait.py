@@ -123,10 +123,10 @@ def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
     com = data.subtree_com[0]
     heights = []
     for length in (0.0, 0.3, 0.5, 1.0):
-        target, travel = np.array([sole[0] + length, sole[1] - 0.2]), np.array([0.5 * length, 0.0])
-        height = reach_height(core.physics, 0, 0, sole, target, travel, s)
+        target, travel = (sole[0] + length, sole[1] - 0.2), (0.5 * length, 0.0)
+        height, target = reach_height(core.physics, 0, 0, sole, target, travel, s)
         above = height + hips[1, 2] - com[2] - 0.06
-        aside = np.hypot(*(target - hips[1, :2] - travel))
+        aside = np.hypot(*(np.array(target) - hips[1, :2] - travel))
         assert np.hypot(above, aside) <= s.reach + 1e-9
         assert s.com_height - s.height_drop <= height <= s.com_height
         heights.append(height)

@@ -10,11 +10,13 @@ from push_recovery.envs.biped_kinematics import (
     NV,
     PELVIS,
     WAIST_DOF,
+    SoleMotion,
     base_angular_velocity,
-    com_velocity,
     sole_motion,
 )
-from push_recovery.envs.biped_model import SOLES, biped_model, mass_matrix_index
+from push_recovery.envs.biped_model import SOLES, biped_model
+from push_recovery.envs.deviation import TASKS
+from push_recovery.envs.mass_matrix import com_velocity
 from push_recovery.envs.whole_body import (
     Gains,
     Task,
@@ -23,9 +25,9 @@ from push_recovery.envs.whole_body import (
     swing_acceleration,
     whole_body_torque,
 )
-from push_recovery.envs.wrench_bounds import TASKS, Bounds, BoundSettings, make_bounds
+from push_recovery.envs.wrench_bounds import Bounds, BoundSettings, make_bounds
 
-MODEL, INDEX = biped_model(), mass_matrix_index()
+MODEL = biped_model()
 GAINS = Gains(damping=0.0)  # exact leg inverse
 TORQUE_MAX = MODEL.actuator_forcerange[:, 1].copy()
 LOOSE, _LOOSE_MEMORY = make_bounds(
@@ -39,16 +41,24 @@ def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) 
     swing = np.zeros(9)
     foot = sole_motion(core.physics, 0, 1 - stance, base_angular_velocity(core.physics, 0))
     swing[:3] = foot.position + rng.normal(0.0, 0.005, 3)
-    swing[3:6] = foot.twist[:3] + rng.normal(0.0, 0.05, 3)
+    swing[3:6] = foot.velocity + rng.normal(0.0, 0.05, 3)
     swing[6:] = rng.normal(0.0, 2.0 * size, 3)
     com, waist = rng.normal(0.0, size, 2), rng.normal(0.0, 4.0 * size, 2)
-    return Task(stance, com, 0.8, float(rng.normal(0.0, 0.05)), swing, waist)
+    heading = rng.normal(0.0, 0.05)
+    facing = float(np.cos(heading)), float(np.sin(heading))
+    return Task(stance, tuple(com), 0.8, facing, swing, tuple(waist))
 
 
 def torques(core, task: Task, gains: Gains, bounds: Bounds, out: np.ndarray) -> np.ndarray:
     """Write the torques (14,) of the core's robot; returns the wrench (6,)."""
-    climb = com_velocity(core.physics, 0, INDEX)[2]
-    return whole_body_torque(core.physics, 0, task, climb, gains, bounds, INDEX, out)
+    climb, wrench = com_velocity(core.physics, 0)[2], np.empty(6)
+    whole_body_torque(core.physics, 0, task, climb, gains, bounds, wrench, out)
+    return wrench
+
+
+def drift(foot: SoleMotion) -> np.ndarray:
+    """Jdot qd of a sole, linear and angular part, (2, 3)."""
+    return np.array([foot.drift, foot.turn_drift])
 
 
 def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +68,7 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
     M, A, b = np.zeros((NV, NV)), np.zeros((TASKS + 6, NV)), np.empty(TASKS + 6)
     mujoco.mj_fullM(MODEL, data, M)
     height = data.subtree_com[0, 2] - stance.position[2]
-    climb = GAINS.height_kp * (task.height - height) - GAINS.height_kd * com_velocity(phys, 0, INDEX)[2]
+    climb = GAINS.height_kp * (task.height - height) - GAINS.height_kd * com_velocity(phys, 0)[2]
     A[:3], b[:3] = M[:3] / BIPED.mass, [*task.com_acceleration, GRAVITY + climb]
     b[:3] -= data.qfrc_bias[:3] / BIPED.mass
     A[3:6, 3:6] = data.xmat[PELVIS].reshape(3, 3)
@@ -66,10 +76,12 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
     jacobians = [np.zeros((6, NV)), np.zeros((6, NV))]
     for J, leg in zip(jacobians, (task.stance, 1 - task.stance), strict=True):
         mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
-    A[6:12], b[6:12] = jacobians[1], swing_acceleration(phys, 0, swing, task, GAINS) - swing.drift
+    A[6:12] = jacobians[1]
+    b[6:12] = np.subtract(swing_acceleration(phys, 0, swing, task, GAINS), drift(swing)).ravel()
     A[12, WAIST_DOF] = A[13, WAIST_DOF + 1] = 1.0
     b[12:14] = task.waist
-    A[14:], b[14:] = jacobians[0], stance_acceleration(phys, 0, stance, task, GAINS) - stance.drift
+    A[14:] = jacobians[0]
+    b[14:] = np.subtract(stance_acceleration(phys, 0, stance, task, GAINS), drift(stance)).ravel()
     return A, b
 
 
