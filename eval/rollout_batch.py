@@ -110,16 +110,19 @@ class _Slots:
         self._begun = np.zeros(episodes.n, np.bool_)
         self._total = np.zeros(episodes.n)  # reward
         self._ends: dict[int, tuple[bool, float, dict[str, Any]]] = {}  # slot -> fell, time [s], info
+        self._live: Ints | None = None  # found when asked for
         self.steps = np.zeros(episodes.n, np.int64)
 
     @property
     def live(self) -> Ints:
         """Slots in which an episode runs."""
-        return np.flatnonzero([scenario is not None for scenario in self._scenarios])
+        if self._live is None:
+            self._live = np.flatnonzero([scenario is not None for scenario in self._scenarios])
+        return self._live
 
     def fill(self, k: int, scenario: Scenario | None) -> None:
         """Begin a scenario in slot k, or leave the slot empty."""
-        self._scenarios[k] = scenario
+        self._scenarios[k], self._live = scenario, None
         self._total[k], self.steps[k] = 0.0, 0
         if scenario is not None:
             self._episodes.begin(k, scenario)
@@ -142,9 +145,10 @@ class _Slots:
             period = self._episodes.step(self._actions)
             reward[left] += period.reward.total[left]
             over = (period.failed | period.truncated)[left]
-            for k in left[over].tolist():
-                self._end(k, bool(period.failed[k]))
-            left, held = left[~over], held[~over]
+            if over.any():
+                for k in left[over].tolist():
+                    self._end(k, bool(period.failed[k]))
+                left, held = left[~over], held[~over]
             if not len(left):
                 break
         self._total[rows] += reward[rows]
