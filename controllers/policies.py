@@ -14,6 +14,7 @@ from .config import PAPER_WEIGHTS, PlannerConfig, preset_config
 from .cop_planner import STATUS
 from .cop_rule import CompiledRule, make_cop_rule
 from .errors import InvalidValueError, UnknownNameError
+from .first_compile import announce_compilation
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import NominalGait
 from .observation import OBSERVATION_SIZE
@@ -127,6 +128,7 @@ class TwoStagePolicy:
             threads: that plan a batch of 512 observations or more in the default form; the actions do not
                 depend on them.
         """
+        announce_compilation()
         self.robot = RobotModel() if robot is None else robot
         self.limits = GaitLimits.of(self.robot) if limits is None else limits
         self.config = preset_config("default") if config is None else config

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..controllers.config import PRESETS, preset_config
 from ..controllers.errors import InvalidValueError
+from ..controllers.first_compile import announce_compilation
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import NominalGait, nominal_gait
 from ..controllers.robot import RobotModel
@@ -44,8 +45,9 @@ class Period(NamedTuple):
 class GaitEpisodes(ABC):
     """Episodes of n robots of one kind; none depends on the others. A subclass brings the physics as `core`.
 
-    The core offers arrays of length n: `observation`, `command`, `previous_action`, `margin` and `pushes`;
-    `reset(k, scenario, start, gait, action)`; `step(gaits, actions)`; and what the abstract methods ask for.
+    The core offers arrays of length n: `observation`, `truth` (the same without noise), `command`,
+    `previous_action`, `margin` and `pushes`; `reset(k, scenario, start, gait, action)`;
+    `step(gaits, actions)`; and what the abstract methods ask for.
     """
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
@@ -71,6 +73,7 @@ class GaitEpisodes(ABC):
                 f"preset {preset!r} walks with double support of {config.double_support} s, which this robot "
                 f"does not know; choose from: {', '.join(valid)}"
             )
+        announce_compilation()
         self.n, self.robot, self.limits, self.preset = int(n), robot, limits, preset
         self.control_hz = control_hz
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
@@ -139,9 +142,8 @@ class GaitEpisodes(ABC):
     def _bind(self) -> None:
         """Write the address table anew."""
         core, motion, episodes = self.core, self.motion(), self._episodes
-        seen = getattr(core, "truth", core.observation)  # a core whose observations are noisy has both
         self.robots = Robots(
-            *motion, self.failure(), seen, core.margin, core.command, core.previous_action,
+            *motion, self.failure(), core.truth, core.margin, core.command, core.previous_action,
             core.pushes.start, core.pushes.duration,
         )  # fmt: skip
         self._table = period_table(self.robots, episodes, self.monitor.state)

@@ -43,7 +43,7 @@ class Robots(NamedTuple):
     time: Array
     side: Ints
     failure: Ints  # (n,) why they have fallen, 0: they have not
-    observation: Array  # (n, 36)
+    observation: Array  # (n, 36), without noise
     margin: Array  # (n,) capture margin [m]
     command: Array  # (n, 2) velocity in the heading frame [m/s]
     action: Array  # (n, 7) in force in the period
