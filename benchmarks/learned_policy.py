@@ -14,8 +14,9 @@ from pathlib import Path
 import gymnasium as gym
 from push_recovery.controllers.network_policy import NetworkPolicy
 from push_recovery.envs.scenario import Scenario
-from push_recovery.eval.rollout import rollout
+from push_recovery.eval.rollout_batch import rollout_all
 from push_recovery.eval.suites import get_suite
+from push_recovery.eval.workers import SLOTS
 from push_recovery.training.builders import make_env, make_plain_env
 from push_recovery.training.settings import TrainingSettings
 from stable_baselines3 import PPO
@@ -45,7 +46,7 @@ def main() -> None:
     venv = DummyVecEnv([lambda: make_env(settings)])
     normalise = VecNormalize.load(str(args.run / "sb3" / "vecnormalize.pkl"), venv)
     scenarios = get_suite(args.suite).scenarios
-    mine = [rollout(plain, learned, scenario, "file").recovered for scenario in scenarios]
+    mine = [outcome.recovered for outcome in rollout_all(plain, learned, scenarios, "file", SLOTS)]
     theirs = [sb3_recovers(wrapped, model, normalise, scenario) for scenario in scenarios]
     count = len(scenarios)
     print(f"policy file, numpy: {sum(mine)}/{count} recovered, rate {sum(mine) / count:.4f}")

@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 from .bench_keys import KEYS
+from .bench_solvers import MODULES
 from .tables import print_table
 
 ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
@@ -44,7 +45,9 @@ def solver_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
         if f"stage_2_{match[1]}_error_m" in content:
             first, second = (number(content[f"stage_{stage}_{match[1]}_us"]) for stage in (1, 2))
             cells.append((match[1], first, second, f"{content[f'stage_2_{match[1]}_error_m']:.0e} m"))
-    return [*cells, *((name, "not installed", "not installed", "-") for name in content["solvers_missing"])]
+    for name in content["solvers_missing"]:
+        cells.append((name, "not installed", f"pip install {MODULES[name]}", "-"))
+    return cells
 
 
 def print_tables(content: dict[str, Any]) -> None:

@@ -44,7 +44,7 @@ CONTENT = {
     "env": "E", "single_env_rtf": 60.1234, "threads": 2, "stage_1_us": {"median": 1.0, "p99": 2.0},
     "stage_2_us": {"median": 3.0, "p99": 4.0}, "period_us_16_robots_2_threads": 59.6,
     "rtf_16_robots_2_threads": 167.8, "cost_over_physics_16_robots_2_threads": 1.618,
-    "solvers_missing": ["quadprog"], "stage_1_daqp_us": {"median": 5.0, "p99": 6.0},
+    "solvers_missing": ["proxqp"], "stage_1_daqp_us": {"median": 5.0, "p99": 6.0},
     "stage_2_daqp_us": {"median": 7.0, "p99": 8.0}, "stage_2_daqp_error_m": 2e-15,
     "stage_2_daqp_c_us": {"median": 6.0, "p99": 7.0}, "stage_1_batch_us": 0.25,
 }  # fmt: skip
@@ -55,7 +55,7 @@ def test_tables():
     assert solver_cells(CONTENT) == [
         ("this planner", "1.00 (p99 2.00)", "3.00 (p99 4.00)", "-"),
         ("daqp", "5.00 (p99 6.00)", "7.00 (p99 8.00)", "2e-15 m"),
-        ("quadprog", "not installed", "not installed", "-"),
+        ("proxqp", "not installed", "pip install proxsuite", "-"),
     ]
     cells = {key: value for key, value, _ in key_cells(CONTENT)}
     assert cells["single_env_rtf"] == "60.1"
