@@ -7,11 +7,13 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 
 pytest.importorskip("stable_baselines3")
+from push_recovery.controllers.network_policy import NetworkPolicy
 from push_recovery.envs.scenario import PushDistribution
 from push_recovery.training import gated_rollout
 from push_recovery.training.builders import make_ppo, make_vec_env
+from push_recovery.training.checkpoint import load_checkpoint
 from push_recovery.training.gated_ppo import GatedPPO, GateNormalize
-from push_recovery.training.ppo import train
+from push_recovery.training.ppo import resume, train
 from push_recovery.training.settings import TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
@@ -97,6 +99,19 @@ def test_equal_seeds_give_equal_weights(tmp_path):
     first, second = (train(SETTINGS, tmp_path / name).policy.read_bytes() for name in "ab")
     assert first == second
     assert train(dataclasses.replace(SETTINGS, seed=1), tmp_path / "c").policy.read_bytes() != first
+
+
+def test_an_interrupted_run_goes_on_to_its_end(tmp_path):
+    def stop(timesteps, recovered):
+        if timesteps >= 128:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(SETTINGS, tmp_path / "run", stop)
+    assert load_checkpoint(tmp_path / "run").timesteps == 128
+    result = resume(tmp_path / "run")
+    assert result.timesteps == 256
+    assert NetworkPolicy.load(result.policy).description.residual.gate == SETTINGS.gate  # type: ignore[union-attr]
 
 
 def test_pushes_that_never_open_the_gate_are_refused(monkeypatch):
