@@ -277,7 +277,7 @@ class PendulumCore:
         self.command[k] = scenario.command.vx, scenario.command.vy
         self.previous_action[k] = action
         self.pushes = assign_pushes(self.pushes, k, scenario)
-        self._look()
+        self._look(k, k + 1)
 
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) in [-1, 1] mean now, see `gaits_of_actions`."""
@@ -289,9 +289,11 @@ class PendulumCore:
         self.previous_action[:] = actions
         advance(self.state, self.pushes, self.errors, self.dt, self.physics)
         self.errors.period[self.state.failure == 0] += 1
-        self._look()
+        self._look(0, self.n)
 
-    def _look(self) -> None:
-        observe(self.state, self.command, self.previous_action, self.physics, self.truth)
-        check_failures(self.state, self.truth, self.physics.double_support, self.capture, self.margin)
-        show(self.state, self.errors, self.physics, self.dt, self.truth, self.observation)
+    def _look(self, first: int, end: int) -> None:
+        """Observe pendulums first..end-1."""
+        state, p = self.state, self.physics
+        observe(state, self.command, self.previous_action, p, self.truth, first, end)
+        check_failures(state, self.truth, p.double_support, self.capture, self.margin, first, end)
+        show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)

@@ -110,15 +110,15 @@ def begin_cycle(s, e, k, dt, p):  # pragma: no cover
 
 
 @njit(cache=True)
-def show(s, e, p, dt, truth, seen):  # pragma: no cover
-    """Write what policies see of n pendulums (n, 36) from their observations without noise (n, 36).
+def show(s, e, p, dt, truth, seen, first, end):  # pragma: no cover
+    """Write what policies see of pendulums first..end-1, (n, 36), from observations without noise (n, 36).
 
     The push estimate is that of an observer who knows no other DCM: noise n of the DCM changes it by
     (n - exp(omega dt) n of the period before) / (exp(omega dt) - 1).
     """
     noise, before = np.empty(4), np.empty(4)
     grow = math.exp(p.omega * dt)
-    for k in range(truth.shape[0]):
+    for k in range(first, end):
         seen[k] = truth[k]
         if e.deviation[k] == 0.0:
             continue

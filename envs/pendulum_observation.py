@@ -15,9 +15,12 @@ APEX = 0.06  # height of the swing foot in mid-step [m]
 
 
 @njit(cache=True)
-def observe(s, command, previous, p, out):  # pragma: no cover
-    """Observations (n, 36), canonical frame; the swing foot moves on a quintic of single support's phase."""
-    for k in range(s.time.shape[0]):
+def observe(s, command, previous, p, out, first, end):  # pragma: no cover
+    """Observations (n, 36) of pendulums first..end-1, canonical frame.
+
+    The swing foot moves on a quintic of single support's phase.
+    """
+    for k in range(first, end):
         o = out[k]
         o[:] = 0.0
         elapsed = s.time[k] - s.step_start[k]
@@ -64,9 +67,9 @@ def margin_of(o, elapsed, double_support, constants):  # pragma: no cover
 
 
 @njit(cache=True)
-def check_failures(s, observation, double_support, constants, margins):  # pragma: no cover
-    """Capture margins (n,) [m], and the pendulums that not even a step at this moment could save."""
-    for k in range(s.time.shape[0]):
+def check_failures(s, observation, double_support, constants, margins, first, end):  # pragma: no cover
+    """Capture margins (n,) [m] of pendulums first..end-1, and those that not even a step now could save."""
+    for k in range(first, end):
         o = observation[k]
         margins[k] = margin_of(o, o[0], double_support, constants)
         if s.failure[k] != 0:
