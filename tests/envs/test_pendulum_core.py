@@ -185,3 +185,13 @@ def test_robots_do_not_depend_on_each_other():
     run(single, gait, 80), run(many, gait, 80)
     assert np.array_equal(many.observation[1], single.observation[0])
     assert not np.array_equal(many.observation[0], single.observation[0])
+
+
+def test_a_reset_looks_at_no_other_robot():
+    core, (start, gait) = make_core(Scenario("x"), n=3), nominal()
+    seen = core.observation.copy()
+    core.observation[:], core.margin[:] = 7.0, 7.0
+    core.reset(1, Scenario("x"), start, gait, LIMITS.to_action(gait).astype(float))
+    assert core.observation[1].tobytes() == seen[1].tobytes()
+    assert (core.observation[[0, 2]] == 7.0).all()
+    assert (core.margin == 7.0).tolist() == [True, False, True]

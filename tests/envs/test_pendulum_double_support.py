@@ -176,7 +176,7 @@ def test_capture_margin_counts_what_the_hull_still_gives():
         state.time[0] = elapsed = 0.01 * k
         for y in (0.5, -0.3):  # canonical: left stance
             state.com[0], state.velocity[0] = (0.0, -y), 0.0
-            core._look()
+            core._look(0, core.n)
             plain = capture_margin(env.robot, env.limits, elapsed, (0.0, y))
             reach = 0.2 * -math.expm1(-env.robot.omega * max(D - elapsed, 0.0)) if y > 0 else 0.0
             assert core.margin[0] == pytest.approx(plain + reach, abs=1e-9)
@@ -188,7 +188,7 @@ def test_what_the_hull_can_save_is_not_called_lost():
     for y, lost in ((0.70, False), (0.71, True)):
         env.reset(options={"scenario": Scenario("x")})
         env.core.state.com[0], env.core.state.velocity[0] = (0.0, -y), 0.0
-        env.core._look()
+        env.core._look(0, 1)
         assert capture_margin(env.robot, env.limits, 1e3, (0.0, y)) < -0.15  # -0.1 without the hull
         assert bool(env.core.state.failure[0]) == lost
 
