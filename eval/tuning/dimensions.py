@@ -62,7 +62,7 @@ def _gait(name: str, low: float, high: float, unit: float) -> Dimension:
 
 
 def _gain(name: str, start: float) -> Dimension:
-    return Dimension("gains", name, start / 4.0, start * 4.0, 1.2, "log")
+    return Dimension("gains", name, start / 8.0, start * 8.0, 1.2, "log")
 
 
 def _price(name: str) -> Dimension:
@@ -87,7 +87,7 @@ ROBOT = (
     Dimension("gait", "descent", 0.1, 1.0, 1.3, "log"),  # [m/s]
     _gait("reach", 0.62, 0.705, 0.008),  # thigh and shank are 0.72 m [m]
     _gait("height_drop", 0.0, 0.25, 0.02),
-    Dimension("gait", "height_time", 0.01, 0.3, 1.3, "log"),  # [s]
+    Dimension("gait", "height_time", 0.004, 0.3, 1.3, "log"),  # [s]
     _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
     _gain("swing_max", 72.6), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
     _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),
