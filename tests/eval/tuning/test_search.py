@@ -1,6 +1,8 @@
+import sys
+
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
 from push_recovery.eval.tuning.racing import Z, clearly_worse, estimate, race, rungs
 from push_recovery.eval.tuning.search import Search
 from push_recovery.eval.tuning.space import Dimension, Space
@@ -32,6 +34,12 @@ def test_proposals_are_a_function_of_seed_and_scores():
 def test_search_needs_two_fields():
     with pytest.raises(InvalidValueError, match=r"^a search needs at least 2 fields, got 1$"):
         Search(Space(BOX.dimensions[:1], (0.0,)), 0)
+
+
+def test_missing_package_names_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    with pytest.raises(MissingExtraError, match=r"^cmaes is not installed.*'push-recovery\[tune\]'$"):
+        Search(BOX, 0)
 
 
 def test_estimate_is_exact_for_a_constant_difference():
