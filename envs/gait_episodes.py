@@ -105,7 +105,7 @@ class GaitEpisodes(ABC):
         dcm, cop, cmp, loaded = self.world()
         return dcm[k], cop[k], cmp[k], loaded[k].tolist()
 
-    def gaits(self, actions: Array) -> Array:
+    def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
         return self.limits.from_action(actions)
 
