@@ -43,7 +43,6 @@ class Arena(NamedTuple):
     gait: Gait
     pushes: Pushes
     bounds: Bounds
-    mass_entries: Ints  # (nM, 2) rows and columns of the sparse mass matrix
     view: View
     contacts: Contacts
     handles: Handles  # of the simulations
@@ -54,7 +53,7 @@ def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
-    rest = [arena.mass_entries, *arena.view, *arena.contacts, *arena.handles, *arena.errors]
+    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors]
     return address_table([*robots, *bounds[1:], *rest])
 
 
@@ -92,8 +91,8 @@ def pushes_of(t: Ints) -> Pushes:
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 45-48."""
-    return Contacts(floats_2(t[45]), floats_2(t[46]), floats_1(t[47]), floats_2(t[48]))
+    """Rows 44-47."""
+    return Contacts(floats_2(t[44]), floats_2(t[45]), floats_1(t[46]), floats_2(t[47]))
 
 
 @njit(cache=True)
@@ -104,16 +103,16 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 49-52."""
-    return Handles(ints_2(t[49]), ints_2(t[50]), ints_1(t[51]), ints_1(t[52]))
+    """Rows 48-51."""
+    return Handles(ints_2(t[48]), ints_2(t[49]), ints_1(t[50]), ints_1(t[51]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
-    """Rows 53-60."""
+    """Rows 52-59."""
     return RobotErrors(
-        ints_1(t[53]), ints_1(t[54]), ints_1(t[55]), floats_2(t[56]), ints_1(t[57]), ints_1(t[58]),
-        ints_1(t[59]), floats_3(t[60]),
+        ints_1(t[52]), ints_1(t[53]), ints_1(t[54]), floats_2(t[55]), ints_1(t[56]), ints_1(t[57]),
+        ints_1(t[58]), floats_3(t[59]),
     )  # fmt: skip
 
 
@@ -129,8 +128,8 @@ def bounds_of(t: Ints, c: Array) -> Bounds:
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
-    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[39]), errors_of(t)
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 38 is the previous action."""
+    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[38]), errors_of(t)
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
@@ -139,7 +138,7 @@ def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, en
 
 @njit(cache=True, nogil=True)
 def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
-    """Control and physics of robots first..end-1; row 37 is the index of the mass matrix.
+    """Control and physics of robots first..end-1.
 
     One robot makes all its steps before the next begins, with its data still in the processor's cache. A
     robot that has fallen rests.
@@ -147,12 +146,12 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
     handles, errors = handles_of(t), errors_of(t)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    settings, bounds, index = settings_of(c), bounds_of(t, c), ints_2(t[37])
+    settings, bounds = settings_of(c), bounds_of(t, c)
     for k in range(first, end):
         if gait.failure[k] != 0:
             continue
         for _ in range(steps):
-            control(phys, gait, k, pushes, settings, gains, bounds, index, dt)
+            control(phys, gait, k, pushes, settings, gains, bounds, dt)
             if errors.physical[k] == 0:
                 advance(handles, k)
             else:
@@ -163,16 +162,16 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, observations and capture margins of robots first..end-1; rows 38-44 are the view's."""
+    """Falls, observations and capture margins of robots first..end-1; rows 37-43 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    index, command, previous, capture = ints_2(t[37]), floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
-    out, margin, world, truth = floats_2(t[41]), floats_1(t[42]), floats_2(t[43]), floats_2(t[44])
+    command, previous, capture = floats_2(t[37]), floats_2(t[38]), floats_1(t[39])
+    out, margin, world, truth = floats_2(t[40]), floats_1(t[41]), floats_2(t[42]), floats_2(t[43])
     errors = errors_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
         span = contacts.time[k]
         margin[k] = observe(
-            phys, gait, k, contacts, settings, index, command[k], previous[k], capture, truth[k], world[k]
+            phys, gait, k, contacts, settings, command[k], previous[k], capture, truth[k], world[k]
         )
         show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
 

@@ -29,7 +29,7 @@ from .biped_arena import (
 from .biped_errors import assign_errors, check_biped_errors, no_errors
 from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
-from .biped_model import PHYSICS_DT, biped_model, mass_matrix_index, posture
+from .biped_model import PHYSICS_DT, biped_model, posture
 from .biped_observation import Contacts
 from .nominal_start import NominalStart
 from .push import SIDES
@@ -98,6 +98,12 @@ class BipedCore:
         settings = GaitSettings(robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass)
         self.configure(settings, Gains(), BoundSettings())
 
+    def __getstate__(self) -> object:
+        """Refuse copies and pickles: compiled code knows the arrays by their addresses."""
+        raise InvalidValueError(
+            "a biped cannot be copied or pickled; make a new environment and reset it with the same scenario"
+        )
+
     def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
         """Set the constants of gait machine and whole-body control."""
         self.settings = settings
@@ -112,9 +118,9 @@ class BipedCore:
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
             self.truth,
         )  # fmt: skip
-        state, index = (self.physics, self.gait, self.pushes), mass_matrix_index()
+        state = self.physics, self.gait, self.pushes
         self._arenas = [
-            Arena(*state, bounds, index, view, self.contacts, self.simulations.handles_of(w), self.errors)
+            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), self.errors)
             for w, (bounds, _) in enumerate(self._bounds)
         ]
         self._tables = [arena_table(arena) for arena in self._arenas]

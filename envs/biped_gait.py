@@ -181,7 +181,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
 @njit(cache=True, forceinline=True)
 def control(
     phys: Physics, gait: Gait, k: int, pushes: Pushes, s: GaitSettings, gains: Gains, bounds: Bounds,
-    index: Ints, dt: float,
+    dt: float,
 ) -> None:  # fmt: skip
     """One physics step's torques and pushes of one robot: writes phys.ctrl and phys.xfrc."""
     if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):

@@ -101,19 +101,3 @@ def upright_error(xmat: Array, k: int, body: int, facing: Heading) -> Vector:
     cos, sin = facing
     x, y = xmat[k, body, 0], xmat[k, body, 3]
     return xmat[k, body, 5], -xmat[k, body, 2], math.atan2(sin * x - cos * y, cos * x + sin * y)
-
-
-@njit(cache=True)
-def com_velocity(phys: Physics, k: int, index: Ints) -> Array:
-    """Velocity of the whole body's CoM, M[0:3] qd / m, (3,) [m/s]."""
-    out = np.zeros(3)
-    mass = 1.0
-    for e in range(index.shape[0]):
-        i, j = index[e, 0], index[e, 1]
-        if i == 0 and j == 0:
-            mass = phys.mass_matrix[k, e]
-        if i < 3:
-            out[i] += phys.mass_matrix[k, e] * phys.qvel[k, j]
-        elif j < 3:
-            out[j] += phys.mass_matrix[k, e] * phys.qvel[k, i]
-    return out / mass

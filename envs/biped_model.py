@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError
-from .biped_kinematics import LEG_DOF, Array, Ints
+from .biped_kinematics import LEG_DOF, Array
 from .leg_kinematics import level_leg
 
 PHYSICS_DT = 0.002  # [s]
@@ -33,14 +33,6 @@ def biped_model() -> mujoco.MjModel:
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep = PHYSICS_DT
     return model
-
-
-@lru_cache(maxsize=1)
-def mass_matrix_index() -> Ints:
-    """Row and column of every stored entry of the sparse mass matrix, (nM, 2)."""
-    model = biped_model()
-    rows = np.repeat(np.arange(model.nv), model.M_rownnz)
-    return np.stack([rows, model.M_colind], axis=1).astype(np.int64)
 
 
 class _Scratch(threading.local):

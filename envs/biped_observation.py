@@ -15,7 +15,6 @@ from .biped_kinematics import (
     WAIST_DOF,
     WAIST_JOINT,
     Array,
-    Ints,
     Physics,
     base_angular_velocity,
     sole_motion,
@@ -153,7 +152,7 @@ def write_world(
 
 @njit(cache=True)
 def observe(
-    phys: Physics, gait: Gait, k: int, contacts: Contacts, s: GaitSettings, index: Ints, command: Array,
+    phys: Physics, gait: Gait, k: int, contacts: Contacts, s: GaitSettings, command: Array,
     previous: Array, capture: Array, o: Array, world: Array,
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""

@@ -104,6 +104,16 @@ def _add_suite(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_errors(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--errors",
+        metavar="JSON",
+        default="{}",
+        help="what robot and floor are off from what the planner believes, in every scenario, such as "
+        '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md)',
+    )
+
+
 def _add_running(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",
@@ -161,6 +171,7 @@ def _add_evaluate(commands: Subparsers) -> None:
         help="names (see list) or policy files",
     )
     _add_suite(parser)
+    _add_errors(parser)
     _add_running(parser)
 
 
@@ -172,6 +183,7 @@ def _add_compare(commands: Subparsers) -> None:
     parser.add_argument("b", metavar="B", help="policy name or file")
     _add_env(parser)
     _add_suite(parser)
+    _add_errors(parser)
     _add_running(parser)
 
 
@@ -199,6 +211,7 @@ def _add_frontier(commands: Subparsers) -> None:
     parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
     parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
     _add_command_velocity(parser)
+    _add_errors(parser)
     _add_running(parser)
 
 
@@ -280,6 +293,7 @@ def _add_play(commands: Subparsers) -> None:
     parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
     parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
     _add_command_velocity(parser)
+    _add_errors(parser)
     parser.add_argument("--suite", metavar="NAME|FILE", help="take the push from a suite instead")
     parser.add_argument("--scenario", metavar="ID", help="scenario of the suite (the first one)")
     parser.add_argument(

@@ -9,12 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from ..controllers.errors import UnknownNameError
+from ..envs.model_errors import ModelErrors
 from ..envs.scenario import Command, Scenario
-from .suites import SUITES, get_suite
+from .suites import SUITES, Suite, get_suite, with_errors
 
 
 def _print_json(content: dict[str, Any]) -> None:
     print(json.dumps(content, allow_nan=False))
+
+
+def _suite(args: argparse.Namespace) -> Suite:
+    return with_errors(get_suite(args.suite), ModelErrors.from_json(args.errors))
 
 
 def run_evaluate(args: argparse.Namespace) -> int:
@@ -22,7 +27,7 @@ def run_evaluate(args: argparse.Namespace) -> int:
     from .evaluate import evaluate, write_reports
     from .tables import COLUMNS, evaluation_cells, evaluation_markdown, evaluation_title, print_table
 
-    suite = get_suite(args.suite)
+    suite = _suite(args)
     evaluation = evaluate(suite, args.env, args.policies, args.workers, args.out, args.overwrite)
     report = write_reports(evaluation, evaluation_markdown(evaluation))
     if args.json:
@@ -38,9 +43,7 @@ def run_compare(args: argparse.Namespace) -> int:
     from .compare import compare
     from .tables import print_table
 
-    comparison = compare(
-        args.a, args.b, get_suite(args.suite), args.env, args.workers, args.out, args.overwrite
-    )
+    comparison = compare(args.a, args.b, _suite(args), args.env, args.workers, args.out, args.overwrite)
     content = comparison.to_dict()
     if args.json:
         _print_json(content)
@@ -70,7 +73,12 @@ def run_frontier(args: argparse.Namespace) -> int:
     from .tables import print_table
 
     settings = FrontierSettings(
-        args.env, args.grid or default_grid(args.env), args.duration, args.body, Command(args.vx, args.vy)
+        args.env,
+        args.grid or default_grid(args.env),
+        args.duration,
+        args.body,
+        Command(args.vx, args.vy),
+        ModelErrors.from_json(args.errors),
     )
     result = frontier(settings, args.policies, args.directions, args.workers, args.out, args.overwrite)
     objects = {name: result.to_dict(name) for name in result.rows}
@@ -155,8 +163,9 @@ def run_play(args: argparse.Namespace) -> int:
 
 def _play_scenario(args: argparse.Namespace) -> Scenario:
     """The scenario named, or the frontier's push with the options' force and direction."""
+    errors = ModelErrors.from_json(args.errors)
     if args.suite or args.scenario:
-        suite = get_suite(args.suite or "quick")
+        suite = with_errors(get_suite(args.suite or "quick"), errors)
         ids = [scenario.id for scenario in suite.scenarios]
         name = args.scenario or ids[0]
         if name not in ids:
@@ -167,7 +176,7 @@ def _play_scenario(args: argparse.Namespace) -> Scenario:
     from .frontier import FrontierSettings
 
     settings = FrontierSettings(
-        args.env, duration=args.duration, body=args.body, command=Command(args.vx, args.vy)
+        args.env, duration=args.duration, body=args.body, command=Command(args.vx, args.vy), errors=errors
     )
     scenario = settings.scenario(args.psi, args.force)
     return replace(scenario, id=f"push-{args.force:g}N-{args.psi:g}deg")

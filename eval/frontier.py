@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..controllers.errors import InvalidValueError
+from ..envs.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.push import Body, GaitEvent, polar_push
 from ..envs.scenario import Command, Scenario
 from .files import RowFile, default_directory
@@ -32,6 +33,7 @@ class FrontierSettings:
     duration: float = 0.1  # [s]
     body: Body = "pelvis"
     command: Command = IN_PLACE
+    errors: ModelErrors = EXACT_MODEL
 
     def __post_init__(self) -> None:
         if not 0 < self.grid <= FORCE_CAP:
@@ -41,7 +43,8 @@ class FrontierSettings:
         """The push of `force` [N] towards psi."""
         event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
         push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
-        return Scenario(f"frontier-{psi_deg:g}deg-{force:g}N", (push,), self.command, "left")
+        name = f"frontier-{psi_deg:g}deg-{force:g}N"
+        return Scenario(name, (push,), self.command, "left", errors=self.errors)
 
 
 @dataclass(frozen=True)

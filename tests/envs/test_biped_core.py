@@ -1,14 +1,19 @@
 """The biped in the loop: physics against the pendulum, repeatability, independence, mirror symmetry."""
 
+import copy
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_core import substeps
+from push_recovery.envs.biped_core import BipedCore, substeps
 from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped_gait import FAILURES
-from push_recovery.envs.biped_kinematics import FOOT_BODY, PELVIS, com_velocity
-from push_recovery.envs.biped_model import PHYSICS_DT, SOLES, biped_model, mass_matrix_index
+from push_recovery.envs.biped_kinematics import FOOT_BODY, PELVIS
+from push_recovery.envs.biped_model import PHYSICS_DT, SOLES, biped_model
+from push_recovery.envs.mass_matrix import com_velocity
 from push_recovery.envs.push import GaitEvent, Push
 from push_recovery.envs.scenario import Command, Scenario
 
@@ -41,16 +46,16 @@ def single_support(biped_core, begin):
     core = biped_core(1, 500.0)
     gait = begin(core, 0, Scenario("walk", command=Command(0.2, 0.05)))[None].copy()
     action = core.previous_action.copy()
-    data, index, gain = mujoco.MjData(MODEL), mass_matrix_index(), BIPED.cmp_per_trunk_acceleration
+    data, gain = mujoco.MjData(MODEL), BIPED.cmp_per_trunk_acceleration
     rows = []
     for tick in range(1500):
         if tick % 5 == 0:
             action = POLICY.predict(core.observation)[0].astype(np.float64)
             gait[:] = BIPED_LIMITS.from_action(action)
         qpos, qvel = core.physics.qpos[0].copy(), core.physics.qvel[0].copy()
-        com, before = core.physics.com[0, 0].copy(), com_velocity(core.physics, 0, index)
+        com, before = core.physics.com[0, 0].copy(), np.array(com_velocity(core.physics, 0))
         core.step(gait, action)
-        acceleration = (com_velocity(core.physics, 0, index) - before) / PHYSICS_DT
+        acceleration = (com_velocity(core.physics, 0) - before) / PHYSICS_DT
         stance, plan = int(core.gait.stance[0]), core.gait.plan[0]
         mujoco.mj_resetData(MODEL, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, core.physics.ctrl[0]
@@ -215,3 +220,12 @@ def test_a_robot_begins_on_level_feet_with_the_com_of_the_pendulum(biped_core, b
 @pytest.mark.parametrize(("rate", "steps"), [(500, 1), (250.0, 2), (100.0, 5), (62.5, 8), (20.0, 25)])
 def test_rates_that_divide_the_physics_rate(rate, steps):
     assert substeps(rate) == steps
+
+
+def test_a_copy_of_a_biped_is_refused():
+    core = BipedCore(1, BIPED, BIPED_LIMITS)
+    for copies in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(
+            InvalidValueError, match="a biped cannot be copied or pickled; make a new environment"
+        ):
+            copies(core)

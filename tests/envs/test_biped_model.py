@@ -21,7 +21,6 @@ from push_recovery.envs.biped_model import (
     PHYSICS_DT,
     SOLES,
     biped_model,
-    mass_matrix_index,
     posture,
 )
 
@@ -112,18 +111,6 @@ def test_left_and_right_are_mirror_images():
             np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
         np.testing.assert_array_equal(left.pos, right.pos * flip)
         np.testing.assert_array_equal(left.ipos, right.ipos * flip)
-
-
-def test_mass_matrix_index_spans_mujocos_mass_matrix():
-    model, data = biped_model(), mujoco.MjData(biped_model())
-    data.qpos[7:] = np.random.default_rng(0).uniform(-0.5, 0.5, 14)
-    mujoco.mj_forward(model, data)
-    full, index = np.zeros((NV, NV)), mass_matrix_index()
-    mujoco.mj_fullM(model, data, full)
-    found = np.zeros((NV, NV))
-    found[index[:, 0], index[:, 1]] = data.M
-    found[index[:, 1], index[:, 0]] = data.M
-    np.testing.assert_allclose(found, full, atol=1e-12)
 
 
 def test_posture_has_the_com_asked_for_over_soles_at_rest():
