@@ -18,6 +18,7 @@ from .first_compile import announce_compilation
 from .limits import GAIT_SIZE, GaitLimits
 from .nominal_gait import NominalGait
 from .observation import OBSERVATION_SIZE
+from .preset_file import load_preset
 from .robot import RobotModel
 from .stage_1 import (
     GAIT,
@@ -259,14 +260,22 @@ def make_policy(
     """Build an analytic policy by name.
 
     The arms differ in what they may use, not in their weights: all take them from the preset, except the
-    two `-paper` arms, which put the weights of the paper's Table II into it.
+    two `-paper` arms, which put the weights of the paper's Table II into it, and arms with weights of their
+    own in a preset file.
+
+    Args:
+        name: one of POLICY_NAMES.
+        robot: physical constants; the paper's by default.
+        limits: step box, CoP and trunk bounds; the paper's for the robot by default.
+        preset: by name or file.
 
     Raises:
         UnknownNameError: for a name that is not in POLICY_NAMES or an unknown preset; lists the valid ones.
+        InvalidValueError: a preset file that cannot be read.
     """
     if name not in POLICY_NAMES:
         raise UnknownNameError("policy", name, POLICY_NAMES)
-    config = preset_config(preset)
+    config = load_preset(preset).config(name)
     if name == "random":
         return RandomPolicy()
     if name.endswith("-paper"):

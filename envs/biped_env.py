@@ -7,35 +7,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.limits import GaitLimits
-from ..controllers.robot import RobotModel
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
+from .biped_settings import BIPED, BIPED_LIMITS, biped_settings
 from .gait_env import GaitEnv
 from .gait_episodes import Array, GaitEpisodes, Ints, Motion, World
 from .gait_vector_env import GaitVectorEnv
 from .scenario import PushDistribution
 
 LOADED = 1.0  # a foot carries load from here on [N]
-BIPED = RobotModel()  # Table II
-BIPED_LIMITS = GaitLimits(
-    length_min=-0.399,
-    length_max=0.399,
-    width_min=0.109,
-    width_max=0.419,
-    duration_min=0.18,
-    duration_max=0.633,
-)
+__all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
 
 class BipedEpisodes(GaitEpisodes):
-    """Episodes of n bipeds; `threads` share their physics and change nothing else."""
+    """Episodes of n bipeds with the settings of a preset, by name or file.
+
+    `threads` share their physics and change nothing else.
+    """
 
     failures = FAILURES
 
     def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
-        super().__init__(n, BIPED, BIPED_LIMITS, preset, control_hz)
+        settings = biped_settings(preset)
+        super().__init__(n, BIPED, settings.limits, preset, control_hz)
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
+        self.core.configure(settings.gait, settings.gains, settings.bounds)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
@@ -75,7 +71,8 @@ class BipedEnv(GaitEnv):
         Args:
             render_mode: "human", "rgb_array" or None.
             control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
-            preset: of the planner that belongs to this environment.
+            preset: of the planner that belongs to this environment, and of the robot's settings; by name or
+                file.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
         """
         super().__init__(BipedEpisodes(1, preset, control_hz), render_mode, push_distribution)

@@ -9,13 +9,20 @@ from typing import Any
 from ..controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
 from ..controllers.limits import GaitLimits
 from ..controllers.preset_file import load_preset
-from .biped_core import BipedCore
-from .biped_env import BIPED, BIPED_LIMITS, BipedEpisodes
+from ..controllers.robot import RobotModel
 from .biped_gait import GaitSettings
-from .gait_episodes import GaitEpisodes
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings
 
+BIPED = RobotModel()  # Table II
+BIPED_LIMITS = GaitLimits(
+    length_min=-0.399,
+    length_max=0.399,
+    width_min=0.109,
+    width_max=0.419,
+    duration_min=0.18,
+    duration_max=0.633,
+)
 OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
 BIPED_GAINS, BIPED_BOUNDS = Gains(), BoundSettings()
 BIPED_GAIT = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
@@ -68,13 +75,3 @@ class BipedSettings:
 def biped_settings(preset: str) -> BipedSettings:
     """The settings that belong to a preset, by name or file."""
     return BipedSettings().changed(load_preset(preset).biped)
-
-
-class TunedBipedEpisodes(BipedEpisodes):
-    """Episodes of n bipeds with the settings of a preset, by name or file."""
-
-    def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
-        settings = biped_settings(preset)
-        GaitEpisodes.__init__(self, n, BIPED, settings.limits, preset, control_hz)
-        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
-        self.core.configure(settings.gait, settings.gains, settings.bounds)

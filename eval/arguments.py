@@ -96,6 +96,10 @@ def _command(commands: Subparsers, name: str, text: str) -> argparse.ArgumentPar
 
 def _add_env(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--env", metavar="ID", default=DEFAULT_ENV, help="environment id")
+    parser.add_argument(
+        "--preset", metavar="NAME|FILE", help="of planner and robot, such as what tune has found (the "
+        "environment's own)",
+    )  # fmt: skip
 
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:
@@ -251,9 +255,6 @@ def _add_tune(commands: Subparsers) -> None:
         "--only", metavar="FIELD", nargs="+",
         help="groups or fields of the space, such as limits or gait.apex (all of it)",
     )  # fmt: skip
-    parser.add_argument(
-        "--preset", metavar="NAME|FILE", help="where the search starts (the environment's own preset)"
-    )
     parser.add_argument("--trials", metavar="N", type=integer(1), default=100, help="budget")
     parser.add_argument(
         "--scenarios", metavar="N", type=integer(8), default=256, help="of a trial that is not stopped early"

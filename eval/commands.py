@@ -14,6 +14,13 @@ from ..envs.scenario import Command, Scenario
 from .suites import SUITES, Suite, get_suite, with_errors
 
 
+def _env(args: argparse.Namespace) -> str:
+    """Environment id of the options, with their preset."""
+    from .loading import with_preset
+
+    return with_preset(args.env, args.preset)
+
+
 def _print_json(content: dict[str, Any]) -> None:
     print(json.dumps(content, allow_nan=False))
 
@@ -28,7 +35,7 @@ def run_evaluate(args: argparse.Namespace) -> int:
     from .tables import COLUMNS, evaluation_cells, evaluation_markdown, evaluation_title, print_table
 
     suite = _suite(args)
-    evaluation = evaluate(suite, args.env, args.policies, args.workers, args.out, args.overwrite)
+    evaluation = evaluate(suite, _env(args), args.policies, args.workers, args.out, args.overwrite)
     report = write_reports(evaluation, evaluation_markdown(evaluation))
     if args.json:
         _print_json(evaluation.to_dict())
@@ -43,7 +50,7 @@ def run_compare(args: argparse.Namespace) -> int:
     from .compare import compare
     from .tables import print_table
 
-    comparison = compare(args.a, args.b, _suite(args), args.env, args.workers, args.out, args.overwrite)
+    comparison = compare(args.a, args.b, _suite(args), _env(args), args.workers, args.out, args.overwrite)
     content = comparison.to_dict()
     if args.json:
         _print_json(content)
@@ -60,7 +67,7 @@ def run_compare(args: argparse.Namespace) -> int:
         ),
         ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
     ]
-    print_table(f"{args.env}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
+    print_table(f"{_env(args)}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
     print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")
     return 0
 
@@ -73,8 +80,8 @@ def run_frontier(args: argparse.Namespace) -> int:
     from .tables import print_table
 
     settings = FrontierSettings(
-        args.env,
-        args.grid or default_grid(args.env),
+        _env(args),
+        args.grid or default_grid(_env(args)),
         args.duration,
         args.body,
         Command(args.vx, args.vy),
@@ -94,7 +101,7 @@ def run_frontier(args: argparse.Namespace) -> int:
         entries = [entry["directions"][index] for entry in objects.values()]
         texts = [_frontier_cell(entry) for entry in entries]
         cells.append((f"{psi:g}", f"{result.limits[psi]:.0f}", *texts))
-    title = f"{args.env}: largest force before the first failure [N] (share of F*; largest survived at all)"
+    title = f"{_env(args)}: largest force before the first failure [N] (share of F*; largest survived at all)"
     print_table(title, columns, cells)
     print("pictures: " + ", ".join(str(path) for path in pictures))
     return 0
@@ -126,7 +133,7 @@ def run_bench(args: argparse.Namespace) -> int:
     from .bench import bench
     from .bench_tables import print_tables
 
-    content = bench(args.env, args.seconds)
+    content = bench(_env(args), args.seconds)
     if args.json:
         _print_json(content)
     else:
@@ -155,7 +162,7 @@ def run_play(args: argparse.Namespace) -> int:
     from .play import play
 
     scenario = _play_scenario(args)
-    outcome, path = play(args.env, args.policy, scenario, args.out)
+    outcome, path = play(_env(args), args.policy, scenario, args.out)
     verdict = "recovered" if outcome.recovered else outcome.failure_reason or "survived, not settled"
     print(f"{scenario.id}: {verdict} after {outcome.end_time:.2f} s" + (f"; {path}" if path else ""))
     return 0
@@ -176,7 +183,7 @@ def _play_scenario(args: argparse.Namespace) -> Scenario:
     from .frontier import FrontierSettings
 
     settings = FrontierSettings(
-        args.env, duration=args.duration, body=args.body, command=Command(args.vx, args.vy), errors=errors
+        _env(args), duration=args.duration, body=args.body, command=Command(args.vx, args.vy), errors=errors
     )
     scenario = settings.scenario(args.psi, args.force)
     return replace(scenario, id=f"push-{args.force:g}N-{args.psi:g}deg")

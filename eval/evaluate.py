@@ -14,7 +14,7 @@ from typing import Any
 from ..controllers.errors import InvalidValueError
 from ..envs.scenario import Scenario
 from .files import RowFile, default_directory, write_text
-from .loading import code_digest, file_digest, require_distinct
+from .loading import code_digest, env_label, file_digest, preset_digest, require_distinct
 from .outcome import Score, impulse_between
 from .progress import progress_bars
 from .suites import Suite
@@ -56,7 +56,8 @@ class Evaluation:
 
 def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
     """What the rows of a directory belong to: suite, environment, and the code behind them."""
-    return {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
+    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
+    return names | preset_digest(env_id)
 
 
 def evaluate(
@@ -91,7 +92,7 @@ def evaluate(
     sizes = {name: runner.chunk(name) for name in policies}
     runner.close()
     config = configuration(suite, env_id)
-    label = f"{suite.name}-{env_id.rpartition('/')[2]}"
+    label = f"{suite.name}-{env_label(env_id)}"
     directory = directory or default_directory(label, config)
     store = RowFile(directory, config, ("policy", "scenario_id"), overwrite)
     digests = {name: file_digest(name) for name in policies}

@@ -14,7 +14,7 @@ from ..envs.push import Body, GaitEvent, polar_push
 from ..envs.scenario import Command, Scenario
 from .files import RowFile, default_directory
 from .limit_force import limit_force
-from .loading import code_digest, file_digest, require_distinct
+from .loading import code_digest, env_label, file_digest, preset_digest, require_distinct
 from .progress import progress_bars
 from .workers import Runner, parallel
 
@@ -158,8 +158,8 @@ def frontier(
     }
     runner.close()
     digests = {name: file_digest(name) for name in policies}
-    config = {"frontier": asdict(settings), "code": code_digest()}
-    label = f"frontier-{settings.env_id.rpartition('/')[2]}"
+    config = {"frontier": asdict(settings), "code": code_digest(), **preset_digest(settings.env_id)}
+    label = f"frontier-{env_label(settings.env_id)}"
     directory = directory or default_directory(label, config)
     store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)
     store.check_policies(digests)

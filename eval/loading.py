@@ -14,6 +14,7 @@ import gymnasium as gym
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.network_policy import NetworkPolicy, Policy
 from ..controllers.policy_file import policy_paths
+from ..controllers.preset_file import is_preset_file, load_preset
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
@@ -29,13 +30,15 @@ def env_ids() -> list[str]:
 
 
 def make_env(env_id: str, **kwargs: Any) -> gym.Env:
-    """gym.make of one of this project's ids, or of MODULE:ID.
+    """gym.make of one of this project's ids, or of MODULE:ID; ID@PRESET takes a preset, by name or file.
 
     Raises:
         UnknownNameError: no such id; lists the valid ones.
         InvalidValueError: the environment cannot be made, or has not the interface that scoring needs.
     """
-    name = env_id.removeprefix("push_recovery:")
+    name, _, preset = env_id.removeprefix("push_recovery:").partition("@")
+    if preset:
+        kwargs = {"preset": preset, **kwargs}
     if ":" not in name and name not in env_ids():
         raise UnknownNameError("environment", env_id, env_ids())
     try:
@@ -118,6 +121,27 @@ def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
         raise InvalidValueError(
             f"policy {name!r} acts alone and was made for {about.env_id}, not for {here}: score it there"
         )
+
+
+def preset_digest(env_id: str) -> dict[str, str]:
+    """SHA-256 of the preset file that an ID@FILE.json names, for a configuration; nothing without one."""
+    preset = env_id.partition("@")[2]
+    if not is_preset_file(preset):
+        return {}
+    return {"preset_sha256": hashlib.sha256(Path(preset).read_bytes()).hexdigest()}
+
+
+def env_label(env_id: str) -> str:
+    """The environment's own part of an id, for the name of a directory."""
+    return env_id.partition("@")[0].rpartition("/")[2]
+
+
+def with_preset(env_id: str, preset: str | None) -> str:
+    """The id with the preset of an option; raises InvalidValueError for a preset that does not exist."""
+    if preset is None:
+        return env_id
+    load_preset(preset)
+    return f"{env_id}@{preset}"
 
 
 @cache

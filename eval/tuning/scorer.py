@@ -7,15 +7,13 @@ import os
 import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 
 from ...controllers.errors import UnknownNameError
 from ...controllers.policies import TwoStagePolicy, make_policy
-from ...controllers.preset_file import load_preset
-from ...envs.biped_settings import TunedBipedEpisodes
+from ...envs.biped_env import BipedEpisodes
 from ...envs.gait_episodes import GaitEpisodes
 from ...envs.pendulum_env import PendulumEpisodes
 from ...envs.scenario import Scenario
@@ -46,7 +44,7 @@ def check_env(env_id: str) -> str:
 def preset_episodes(env_id: str, n: int, preset: str) -> GaitEpisodes:
     """Episodes of n robots of an environment with a preset, by name or file."""
     if env_id == BIPED:
-        return TunedBipedEpisodes(n, preset)
+        return BipedEpisodes(n, preset)
     return PendulumEpisodes(n, preset=preset)
 
 
@@ -54,9 +52,7 @@ def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePol
     """An arm with its settings of a preset, by name or file."""
     arm = make_policy(name, episodes.robot, episodes.limits, preset)
     assert isinstance(arm, TwoStagePolicy)  # noqa: S101
-    own = load_preset(preset).config(name)
-    config = replace(own, use_cop=arm.config.use_cop, use_trunk=arm.config.use_trunk)
-    return TwoStagePolicy(arm.robot, arm.limits, config, name=name)
+    return arm
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies import make_policy
 from push_recovery.controllers.preset_file import PresetFile
 from push_recovery.envs.biped_env import BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped_settings import SECTIONS, BipedSettings, TunedBipedEpisodes, biped_settings
+from push_recovery.envs.biped_settings import SECTIONS, BipedSettings, biped_settings
 from push_recovery.envs.push import polar_push
 from push_recovery.envs.scenario import Scenario
 
@@ -40,9 +40,9 @@ def test_changes_take_hold_and_leave_the_rest():
 
 def test_without_changes_the_robot_is_that_of_the_environment(tmp_path):
     plain = walk(BipedEpisodes(1))
-    assert np.array_equal(walk(TunedBipedEpisodes(1)), plain)
+    assert np.array_equal(walk(BipedEpisodes(1)), plain)
     everything = preset(tmp_path / "all.json", **BipedSettings().to_dict())
-    assert np.array_equal(walk(TunedBipedEpisodes(1, everything)), plain)
+    assert np.array_equal(walk(BipedEpisodes(1, everything)), plain)
 
 
 @pytest.mark.parametrize(
@@ -50,12 +50,12 @@ def test_without_changes_the_robot_is_that_of_the_environment(tmp_path):
     [("gait", "apex", 0.1), ("gains", "swing_kp", 200.0), ("bounds", "cop_x_max", 0.03)],
 )
 def test_a_change_reaches_the_robot(tmp_path, section, field, value):
-    changed = TunedBipedEpisodes(1, preset(tmp_path / "one.json", **{section: {field: value}}))
+    changed = BipedEpisodes(1, preset(tmp_path / "one.json", **{section: {field: value}}))
     assert not np.array_equal(walk(changed, 30), walk(BipedEpisodes(1), 30))
 
 
 def test_limits_are_the_action_box_and_the_nominal_gait(tmp_path):
-    episodes = TunedBipedEpisodes(1, preset(tmp_path / "box.json", limits={"duration_max": 0.7}))
+    episodes = BipedEpisodes(1, preset(tmp_path / "box.json", limits={"duration_max": 0.7}))
     assert episodes.limits.duration_max == 0.7
     assert episodes.nominal(0.0, 0.0).duration > BipedEpisodes(1).nominal(0.0, 0.0).duration
     lowest, highest = episodes.gaits(np.array([[-1.0] * 7, [1.0] * 7], np.float32))
