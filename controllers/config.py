@@ -21,6 +21,7 @@ class PlannerConfig:
     adapt_step: bool = True  # False keeps the nominal place
     adapt_duration: bool = True  # False keeps the nominal time
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
+    swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
     freeze: float = 0.0  # the step plan is held when less than this remains [s]
     touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
     double_support: float = 0.0  # d: both feet stand for this long from touchdown on, part of T [s]
@@ -120,10 +121,11 @@ PRESETS: dict[str, PlannerConfig] = {
         alpha_offset=1010.0,
         freeze=0.055,  # the biped's gait machine commits the swing foot then
         touchdown_delay=0.00431,
-        cop_margin_x=0.02,
+        swing_acceleration=110.0,
+        cop_margin_x=0.005,
         cop_margin_y=0.00241,
-        beta_dcm=1000.0,
-        terminal_off=0.06,
+        beta_dcm=3e4,
+        terminal_off=0.02,
         beta_trunk=0.000455,
         beta_trunk_rate=0.213,
         beta_trunk_angle=1.32,

@@ -25,6 +25,7 @@ from .observation import (
     PREVIOUS_ACTION,
     PUSH_ESTIMATE,
     SWING_POSITION,
+    SWING_VELOCITY,
     TRUNK_ANGLE,
     TRUNK_RATE,
 )
@@ -44,13 +45,16 @@ ROW_SIZE = 22
 
 _T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
-_PREVIOUS, _PUSH, _SWING = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start, SWING_POSITION.start
+_PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
+_SWING, _SPEED = SWING_POSITION.start, SWING_VELOCITY.start
+SWING_ROUNDS = 3  # a later step lies elsewhere, so the time it needs is found in rounds
 
 
 def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs, (19,).
+    """Pack what `stage_1_row` needs, (20,).
 
-    omega, l_p, weights, switches, margins, trunk laws, push, double support, control period, c.
+    omega, l_p, weights, switches, margins, trunk laws, push, double support, control period, c,
+    acceleration of the swing foot.
     """
     check_pelvis(robot, limits)
     check_double_support(config.double_support, limits)
@@ -60,7 +64,8 @@ def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConf
          config.touchdown_delay, config.upright_stiffness, config.upright_damping,
          -math.expm1(-robot.omega * config.push_carry), robot.cmp_per_trunk_acceleration * config.trunk_debt,
          limits.trunk_acceleration_max, config.push_threshold, config.double_support,
-         config.first_interval_min, transfer_weight(0.0, config.double_support, robot.omega)]
+         config.first_interval_min, transfer_weight(0.0, config.double_support, robot.omega),
+         config.swing_acceleration]
     )  # fmt: skip
 
 
@@ -72,6 +77,33 @@ def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
     int omega exp(-omega s) gain a ds = gain a (1 - exp(-omega |rate| / a)), away from the lean's motion.
     """
     return math.copysign(gain * acceleration * -math.expm1(-omega * abs(rate) / acceleration), rate)
+
+
+@njit(cache=True)
+def swing_time(distance, speed, acceleration):  # pragma: no cover
+    """Time [s] in which a foot with a speed [m/s] towards its target can come to rest there.
+
+    Accelerating and braking with a: (2 sqrt(a d + v^2 / 2) - v) / a. With a = 4 sqrt(3) / 10 of the bound
+    it is the time of the rest-to-rest quintic whose peak acceleration, 10 d / (sqrt(3) t^2), is that bound,
+    and half-way along it, too, to 0.1 %.
+    """
+    a = 0.4 * math.sqrt(3.0) * acceleration
+    return max((2.0 * math.sqrt(a * distance + 0.5 * speed * speed) - speed) / a, 0.0)
+
+
+@njit(cache=True)
+def _wait_for_swing(obs, c, reach, tau_high, problem, solution):  # pragma: no cover
+    """Solve again with the T that the swing foot needs for the place found, until it has enough."""
+    for _ in range(SWING_ROUNDS):
+        dx = solution[0] / reach - obs[_SWING]
+        dy = solution[1] / reach - obs[_SWING + 1]
+        distance = math.hypot(dx, dy)
+        speed = (dx * obs[_SPEED] + dy * obs[_SPEED + 1]) / max(distance, 1e-9)
+        needed = math.exp(c[0] * (obs[_T0] + swing_time(distance, speed, c[19])))
+        if solution[2] >= min(needed, tau_high):
+            return
+        problem[11] = min(needed, tau_high)
+        solve_step_kernel(problem, solution)
 
 
 @njit(cache=True)
@@ -100,6 +132,8 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     problem[11], problem[12] = tau_low, tau_high
     problem[13], problem[14], problem[15] = c[2] / (reach * reach), c[3], c[4]
     solve_step_kernel(problem, solution)
+    if c[19] > 0.0:
+        _wait_for_swing(obs, c, reach, tau_high, problem, solution)
     row[2] = max(math.log(solution[2]) / omega, low[2])
     for axis in range(2):
         row[axis] = min(max(solution[axis] / reach, low[axis]), high[axis])

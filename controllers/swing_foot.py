@@ -27,12 +27,11 @@ _PEAK = 1.875  # peak speed of a rest-to-rest quintic over its mean speed
 
 
 @njit(cache=True)
-def quintic_advance(state, axis, target, velocity, horizon, dt):  # pragma: no cover
-    """Advance one axis of `state` (9,) by dt on the quintic to `target`, `velocity`, zero acceleration.
+def quintic_step(p, v, a, target, velocity, horizon, dt):  # pragma: no cover
+    """Position, velocity, acceleration after dt on the quintic to `target`, `velocity`, zero acceleration.
 
     p(s) = p + v s + a s^2/2 + c3 s^3 + c4 s^4 + c5 s^5, with c3..c5 from the three conditions at s = horizon.
     """
-    p, v, a = state[axis], state[3 + axis], state[6 + axis]
     r = horizon
     d0 = target - p - v * r - 0.5 * a * r * r
     d1 = (velocity - v - a * r) * r
@@ -41,9 +40,19 @@ def quintic_advance(state, axis, target, velocity, horizon, dt):  # pragma: no c
     c4 = (-15.0 * d0 + 7.0 * d1 - d2) / r**4
     c5 = (6.0 * d0 - 3.0 * d1 + 0.5 * d2) / r**5
     s = dt
-    state[axis] = p + s * (v + s * (0.5 * a + s * (c3 + s * (c4 + s * c5))))
-    state[3 + axis] = v + s * (a + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
-    state[6 + axis] = a + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    return (
+        p + s * (v + s * (0.5 * a + s * (c3 + s * (c4 + s * c5)))),
+        v + s * (a + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))),
+        a + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5)),
+    )
+
+
+@njit(cache=True)
+def quintic_advance(state, axis, target, velocity, horizon, dt):  # pragma: no cover
+    """`quintic_step` for one axis of `state` (9,), in place."""
+    state[axis], state[3 + axis], state[6 + axis] = quintic_step(
+        state[axis], state[3 + axis], state[6 + axis], target, velocity, horizon, dt
+    )
 
 
 @njit(cache=True)

@@ -76,7 +76,7 @@ def gait_of(t: Ints) -> Gait:
     """Rows 12-21."""
     return Gait(
         ints_1(t[12]), ints_1(t[13]), floats_1(t[14]), floats_1(t[15]), floats_1(t[16]), floats_2(t[17]),
-        floats_1(t[18]), floats_2(t[19]), ints_1(t[20]), floats_2(t[21]),
+        floats_2(t[18]), floats_2(t[19]), ints_1(t[20]), floats_2(t[21]),
     )  # fmt: skip
 
 
@@ -91,8 +91,8 @@ def pushes_of(t: Ints) -> Pushes:
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 44-47."""
-    return Contacts(floats_2(t[44]), floats_2(t[45]), floats_1(t[46]), floats_2(t[47]))
+    """Rows 45-48."""
+    return Contacts(floats_2(t[45]), floats_2(t[46]), floats_1(t[47]), floats_2(t[48]))
 
 
 @njit(cache=True)
@@ -103,33 +103,33 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 48-51."""
-    return Handles(ints_2(t[48]), ints_2(t[49]), ints_1(t[50]), ints_1(t[51]))
+    """Rows 49-52."""
+    return Handles(ints_2(t[49]), ints_2(t[50]), ints_1(t[51]), ints_1(t[52]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
-    """Rows 52-59."""
+    """Rows 53-60."""
     return RobotErrors(
-        ints_1(t[52]), ints_1(t[53]), ints_1(t[54]), floats_2(t[55]), ints_1(t[56]), ints_1(t[57]),
-        ints_1(t[58]), floats_3(t[59]),
+        ints_1(t[53]), ints_1(t[54]), ints_1(t[55]), floats_2(t[56]), ints_1(t[57]), ints_1(t[58]),
+        ints_1(t[59]), floats_3(t[60]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
-    """Rows 30-36, and the last constants."""
+    """Rows 30-37, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
-        settings, floats_1(t[30]), floats_1(t[31]), ints_1(t[32]), floats_2(t[33]), floats_1(t[34]),
-        floats_1(t[35]), floats_1(t[36]),
+        settings, floats_2(t[30]), floats_2(t[31]), floats_1(t[32]), ints_1(t[33]), floats_2(t[34]),
+        floats_1(t[35]), floats_1(t[36]), floats_1(t[37]),
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 38 is the previous action."""
-    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[38]), errors_of(t)
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
+    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[39]), errors_of(t)
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
@@ -162,10 +162,10 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, observations and capture margins of robots first..end-1; rows 37-43 are the view's."""
+    """Falls, observations and capture margins of robots first..end-1; rows 38-44 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    command, previous, capture = floats_2(t[37]), floats_2(t[38]), floats_1(t[39])
-    out, margin, world, truth = floats_2(t[40]), floats_1(t[41]), floats_2(t[42]), floats_2(t[43])
+    command, previous, capture = floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
+    out, margin, world, truth = floats_2(t[41]), floats_1(t[42]), floats_2(t[43]), floats_2(t[44])
     errors = errors_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)

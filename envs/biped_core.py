@@ -31,6 +31,7 @@ from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, posture
 from .biped_observation import Contacts
+from .motors import motor_limits
 from .nominal_start import NominalStart
 from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
@@ -80,8 +81,8 @@ class BipedCore:
         self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
-            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros(n), plan=np.zeros((n, GAIT_SIZE)),
-            failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
+            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 3)),
+            plan=np.zeros((n, GAIT_SIZE)), failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
         )  # fmt: skip
         self.contacts = Contacts(
             arrays["qfrc_constraint"], impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
@@ -107,8 +108,8 @@ class BipedCore:
     def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
         """Set the constants of gait machine and whole-body control."""
         self.settings = settings
-        torque_max = biped_model().actuator_forcerange[:, 1].copy()
-        self._bounds = [make_bounds(bounds, torque_max) for _ in range(self._threads.threads)]
+        motors = motor_limits(biped_model())
+        self._bounds = [make_bounds(bounds, motors) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
         self._bind()
 
@@ -145,7 +146,7 @@ class BipedCore:
             field[k] = 0
         self.gait.stance[k] = stance
         self.gait.swing[k, :3] = soles[1 - stance]
-        self.gait.height[k] = self.robot.com_height
+        self.gait.height[k, 0] = self.robot.com_height
         self.command[k] = scenario.command.vx, scenario.command.vy
         self.gait.plan[k] = gait
         self.previous_action[k] = action

@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit
 from numba.np.numpy_support import carray
 
-from ..controllers.swing_foot import swing_update
+from ..controllers.swing_foot import quintic_step, swing_update
 from .biped_kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, TRUNK, Array, Ints, Physics, sole_position
 from .mass_matrix import com_velocity
+from .motors import clip_torque
 from .push import mean_force, resolve_starts
 from .push_batch import Pushes
 from .stack_array import stack_floats
@@ -38,7 +39,7 @@ class Gait(NamedTuple):
     time: Array  # (n,) since reset [s]
     heading: Array  # (n,) [rad]
     swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
-    height: Array  # (n,) reference of the CoM's height [m]
+    height: Array  # (n, 3) reference of the CoM's height, its velocity and acceleration
     plan: Array  # (n, 7) gait variables, held for a planning period
     failure: Ints  # (n,) index into FAILURES
     wrench: Array  # (n, 6) that the last torque asks of the stance sole
@@ -61,7 +62,8 @@ class GaitSettings(NamedTuple):
     descent: float = 0.3  # of the swing foot when late [m/s]
     reach: float = 0.673  # longest leg, hip to ankle [m]
     height_drop: float = 0.162  # how far the CoM is lowered for a long step [m]
-    height_time: float = 0.05  # time constant of the height reference [s]
+    height_lead: float = 0.03  # the CoM is at the height of the step this long before T [s]
+    height_time: float = 0.08  # shortest horizon of the height reference [s]
 
 
 @njit(cache=True, forceinline=True)
@@ -143,18 +145,21 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     width = sign * plan[1]
     target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width
     # travel of the CoM until touchdown, were the CMP to stay
-    growth = math.exp(s.omega * max(plan[2] - gait.elapsed[k], 0.0))
+    remaining = max(plan[2] - gait.elapsed[k], 0.0)
+    growth = math.exp(s.omega * remaining)
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
     height, target = reach_height(phys, k, stance, sole, target, travel, s)
-    gait.height[k] += (height - gait.height[k]) * min(dt / s.height_time, 1.0)
+    lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
+    lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     swing_update(
         gait.swing[k], target[0], target[1], gait.elapsed[k], plan[2] + s.landing_delay, dt, s.apex, s.descent
     )
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[5], -sign * plan[6]
-    task = Task(stance, acceleration, gait.height[k], (cos, sin), gait.swing[k], waist)
+    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist)
     whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
+    clip_torque(phys.ctrl[k], bounds.torque_range)
 
 
 @njit(cache=True, forceinline=True)

@@ -8,7 +8,7 @@ so nothing is left to optimise as long as no bound is met. Waist and turning of 
 linear acceleration a of the pelvis as the unknown, each leg follows as J_i^-1 (.. - a), and a from the CoM:
 the first three rows of M qdd + h are the force m (acc + g) on it. The other rows give the moment at the sole
 and the torques. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's
-momentum. Where a torque, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the
+momentum. Where a motor, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the
 least deviation from the tasks that keeps it.
 
 A function that runs every physics step is put into its caller (forceinline): the arrays of n robots are a few
@@ -45,6 +45,7 @@ from .biped_kinematics import (
 from .deviation import Legs
 from .leg_motion import LegInverses, subtract_leg_torques, write_leg_inverse
 from .mass_matrix import BASE, com_compliance, turning_momentum, write_generalised_force
+from .motors import write_torque_range
 from .stack_array import stack_floats
 from .vector_3 import (
     ZERO,
@@ -71,15 +72,15 @@ class Gains(NamedTuple):
     stance_kd: float = 35.0
     swing_kp: float = 329.0  # sole position
     swing_kd: float = 36.3
-    swing_max: float = 72.6  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_max: float = 120.0  # bound of the acceleration asked of the swing sole [m/s^2]
     swing_turn_kp: float = 400.0  # sole orientation
     swing_turn_kd: float = 40.0
     pelvis_kp: float = 108.0  # upright
     pelvis_kd: float = 20.8
     heading_kp: float = 205.0
     heading_kd: float = 28.6
-    height_kp: float = 100.0  # CoM height
-    height_kd: float = 20.0
+    height_kp: float = 900.0  # CoM height
+    height_kd: float = 60.0
     damping: float = 1e-6  # of the leg inverse near a straight knee
 
 
@@ -88,7 +89,7 @@ class Task(NamedTuple):
 
     stance: int  # 0 left, 1 right
     com_acceleration: tuple[float, float]  # [m/s^2]
-    height: float  # of the CoM above the stance sole [m]
+    height: Vector  # of the CoM above the stance sole [m], its velocity, its acceleration
     facing: Heading  # cosine and sine of the heading
     swing: Array  # (9,) position, velocity, acceleration of the swing sole
     waist: tuple[float, float]  # acceleration of the waist's pitch and roll joints [rad/s^2]
@@ -134,7 +135,8 @@ def base_angular_acceleration(phys: Physics, k: int, omega: Vector, task: Task, 
 def com_force(phys: Physics, k: int, task: Task, sole: Vector, climb: float, gains: Gains) -> Vector:
     """Force on the CoM, m (acceleration + g) [N]."""
     mass, height = phys.mass_matrix[k, 0], phys.com[k, 0, 2] - sole[2]
-    lift = gains.height_kp * (task.height - height) - gains.height_kd * climb
+    asked, rate, lift = task.height
+    lift += gains.height_kp * (asked - height) + gains.height_kd * (rate - climb)
     return task.com_acceleration[0] * mass, task.com_acceleration[1] * mass, (GRAVITY + lift) * mass
 
 
@@ -224,5 +226,6 @@ def whole_body_torque(
         torque[i] = total[BASE + i]
     subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
     axis = forward_axis(phys, k, FOOT_BODY[task.stance])
+    write_torque_range(phys, k, bounds.motors, bounds.torque_range)
     if not within_bounds(wrench, torque, axis, bounds):
         keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)

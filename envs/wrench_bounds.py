@@ -3,7 +3,7 @@
 The exact solution of the tasks, (wrench w, torque tau), changes linearly with a deviation d (14,) from them:
 CoM acceleration x, y, z; turning of the pelvis x, y, z; swing sole linear and angular; waist pitch and roll,
 
-    w(d) = w + W_d d,   tau(d) = tau + T_d d,     min  d' Q d   s.t.  |tau| <= tau_max,  CoP in the sole,
+    w(d) = w + W_d d,   tau(d) = tau + T_d d,     min  d' Q d   s.t.  tau in its range,  CoP in the sole,
                                                      |f_x|, |f_y| <= mu f_z,  |M_z about the CoP| <= nu f_z.
 
 With v = Q^(1/2) d it is a least-distance problem for DAQP, every row soft, so that it always has an answer.
@@ -54,7 +54,8 @@ class Bounds(NamedTuple):
     """Bounds and the workspace of one least-distance problem; rewritten by every solve."""
 
     settings: BoundSettings
-    torque_max: Array  # (14,) [N m]
+    motors: Array  # (2, 14) torque limit [N m] and speed without load [rad/s]
+    torque_range: Array  # (2, 14) least and largest torque at the present speeds [N m]
     scale: Array  # (14,) Q^(-1/2)
     handle: Ints  # of the solver
     matrix: Array  # (ROWS, TASKS)
@@ -63,7 +64,7 @@ class Bounds(NamedTuple):
     solution: Array  # (TASKS,) v
 
 
-def make_bounds(settings: BoundSettings, torque_max: Array) -> tuple[Bounds, LeastDistance]:
+def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:
     """Bounds for one thread of control, and the owner of the solver's memory, to be kept as long."""
     price = np.repeat(
         [settings.com_price, settings.height_price, settings.pelvis_price, settings.heading_price,
@@ -72,8 +73,8 @@ def make_bounds(settings: BoundSettings, torque_max: Array) -> tuple[Bounds, Lea
     )  # fmt: skip
     problem = LeastDistance(np.ones((ROWS, TASKS)), np.full(ROWS, settings.row_price))
     bounds = Bounds(
-        settings, torque_max, 1.0 / np.sqrt(price), problem.handle, problem.M, problem.lower, problem.upper,
-        problem.x,
+        settings, motors, np.zeros((2, NU)), 1.0 / np.sqrt(price), problem.handle, problem.M, problem.lower,
+        problem.upper, problem.x,
     )  # fmt: skip
     return bounds, problem
 
@@ -112,7 +113,8 @@ def within_bounds(wrench: Array, torque: Array, axis: Heading, bounds: Bounds) -
         return False
     excess = 0.0
     for i in range(NU):
-        excess = max(excess, abs(torque[i]) - bounds.torque_max[i])
+        low, high = bounds.torque_range[0, i], bounds.torque_range[1, i]
+        excess = max(excess, low - torque[i], torque[i] - high)
     return excess <= 0.0
 
 
@@ -141,12 +143,12 @@ def write_wrench_rows(wrench: Array, axis: Heading, s: BoundSettings, P: Array) 
 
 @njit(cache=True, forceinline=True)
 def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: Array, torque: Array) -> None:
-    """Write the least-distance problem: |torque| <= max, then P wrench <= 0, of the load <= -force_min."""
+    """Write the least-distance problem: torques in range, then P wrench <= 0, of the load <= -force_min."""
     for i in range(NU):
         for c in range(TASKS):
             bounds.matrix[i, c] = Td[i, c] * bounds.scale[c] / TORQUE_UNIT
-        bounds.lower[i] = (-bounds.torque_max[i] - torque[i]) / TORQUE_UNIT
-        bounds.upper[i] = (bounds.torque_max[i] - torque[i]) / TORQUE_UNIT
+        bounds.lower[i] = (bounds.torque_range[0, i] - torque[i]) / TORQUE_UNIT
+        bounds.upper[i] = (bounds.torque_range[1, i] - torque[i]) / TORQUE_UNIT
     P = carray(stack_floats(66), (WRENCH_ROWS, 6))
     write_wrench_rows(wrench, axis, bounds.settings, P)
     for row in range(WRENCH_ROWS):

@@ -71,6 +71,7 @@ def _price(name: str) -> Dimension:
 
 ROBOT = (
     Dimension("shared", "touchdown_delay", 0.0, 0.03, 0.003),  # of the planner: the robot's timing [s]
+    Dimension("shared", "swing_acceleration", 40.0, 300.0, 1.1, "log"),  # of the planner, likewise [m/s^2]
     _limit("length_min", -0.55, -0.25, 0.02),  # [m]
     _limit("length_max", 0.25, 0.55, 0.02),
     _limit("width_min", 0.104, 0.16, 0.006),  # the feet are 0.1 m wide
@@ -87,11 +88,12 @@ ROBOT = (
     Dimension("gait", "descent", 0.1, 1.0, 1.3, "log"),  # [m/s]
     _gait("reach", 0.62, 0.705, 0.008),  # thigh and shank are 0.72 m [m]
     _gait("height_drop", 0.0, 0.25, 0.02),
-    Dimension("gait", "height_time", 0.004, 0.3, 1.3, "log"),  # [s]
+    _gait("height_lead", 0.0, 0.1, 0.01),  # [s]
+    _gait("height_time", 0.02, 0.2, 0.01),
     _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
-    _gain("swing_max", 72.6), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
+    _gain("swing_max", 120.0), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
     _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),
-    _gain("heading_kd", 28.6), _gain("height_kp", 100.0), _gain("height_kd", 20.0),
+    _gain("heading_kd", 28.6), _gain("height_kp", 900.0), _gain("height_kd", 60.0),
     Dimension("bounds", "cop_x_max", 0.05, 0.1, 0.004),  # [m]
     Dimension("bounds", "cop_y_max", 0.02, 0.05, 0.002),
     Dimension("bounds", "yaw_friction", 0.01, 0.06, 0.003),

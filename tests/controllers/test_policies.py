@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +13,14 @@ from push_recovery.controllers.observation import (
     ELAPSED,
     PREVIOUS_ACTION,
     PUSH_ESTIMATE,
+    SWING_POSITION,
+    SWING_VELOCITY,
     TRUNK_ANGLE,
     TRUNK_RATE,
 )
 from push_recovery.controllers.policies import POLICY_NAMES, TwoStagePolicy, make_policy
 from push_recovery.controllers.robot import RobotModel
+from push_recovery.controllers.stage_1 import swing_time
 from push_recovery.controllers.step_planner import StepProblem, solve_step
 
 ROBOT = RobotModel()
@@ -215,3 +219,30 @@ def test_paper_preset_is_table_2():
     )
     assert betas == (1.0, 1.0, 1.0, 1.0, 1e5)
     assert config.form == "jerk"
+
+
+def test_swing_time_is_that_of_the_quintic_from_rest_and_half_of_it_half_way():
+    """Rest to rest in t: peak acceleration 10 d / (sqrt(3) t^2), half-way at speed 15 d / (8 t)."""
+    distance, bound = 0.6, 100.0
+    whole = math.sqrt(10.0 * distance / (math.sqrt(3.0) * bound))
+    assert swing_time(distance, 0.0, bound) == pytest.approx(whole, rel=1e-12)
+    half = swing_time(distance / 2, 15.0 * distance / (8.0 * whole), bound)
+    assert half == pytest.approx(whole / 2, rel=2e-3)
+
+
+def test_the_step_lasts_as_long_as_the_swing_foot_needs():
+    """A far place waits for the foot, as far as T_max lets it; a near one is planned as before."""
+    bound, waited = 30.0, 0
+    free, slow = (
+        TwoStagePolicy(ROBOT, LIMITS, replace(PRESETS["default"], swing_acceleration=a)) for a in (0.0, bound)
+    )
+    for obs in random_observations(200, 6):
+        obs[ELAPSED] *= 0.5
+        before, plan = free.plan(obs), slow.plan(obs)
+        way = plan.step - obs[SWING_POSITION][:2]
+        distance = np.hypot(*way)
+        needed = obs[ELAPSED] + swing_time(distance, way @ obs[SWING_VELOCITY][:2] / distance, bound)
+        assert plan.duration >= min(needed, LIMITS.duration_max) - 0.01
+        assert plan.duration >= before.duration
+        waited += plan.duration > before.duration
+    assert 20 < waited < 180

@@ -13,10 +13,12 @@ from push_recovery.envs.biped_kinematics import (
     SoleMotion,
     base_angular_velocity,
     sole_motion,
+    sole_position,
 )
 from push_recovery.envs.biped_model import SOLES, biped_model
 from push_recovery.envs.deviation import TASKS
 from push_recovery.envs.mass_matrix import com_velocity
+from push_recovery.envs.motors import driving_share, motor_limits
 from push_recovery.envs.whole_body import (
     Gains,
     Task,
@@ -29,10 +31,10 @@ from push_recovery.envs.wrench_bounds import Bounds, BoundSettings, make_bounds
 
 MODEL = biped_model()
 GAINS = Gains(damping=0.0)  # exact leg inverse
-TORQUE_MAX = MODEL.actuator_forcerange[:, 1].copy()
+MOTORS = motor_limits(MODEL)
 LOOSE, _LOOSE_MEMORY = make_bounds(
     BoundSettings(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6, force_min=-1e9),
-    np.full(NU, 1e9),
+    np.full((2, NU), 1e9),
 )
 
 
@@ -46,7 +48,12 @@ def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) 
     com, waist = rng.normal(0.0, size, 2), rng.normal(0.0, 4.0 * size, 2)
     heading = rng.normal(0.0, 0.05)
     facing = float(np.cos(heading)), float(np.sin(heading))
-    return Task(stance, tuple(com), 0.8, facing, swing, tuple(waist))
+    above, climb = (
+        core.physics.com[0, 0, 2] - sole_position(core.physics, 0, stance)[2],
+        com_velocity(core.physics, 0)[2],
+    )
+    height = above + rng.normal(0.0, 0.001), climb + rng.normal(0.0, 0.01), rng.normal(0.0, size)
+    return Task(stance, tuple(com), height, facing, swing, tuple(waist))
 
 
 def torques(core, task: Task, gains: Gains, bounds: Bounds, out: np.ndarray) -> np.ndarray:
@@ -68,7 +75,8 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
     M, A, b = np.zeros((NV, NV)), np.zeros((TASKS + 6, NV)), np.empty(TASKS + 6)
     mujoco.mj_fullM(MODEL, data, M)
     height = data.subtree_com[0, 2] - stance.position[2]
-    climb = GAINS.height_kp * (task.height - height) - GAINS.height_kd * com_velocity(phys, 0)[2]
+    asked, rate, climb = task.height
+    climb += GAINS.height_kp * (asked - height) + GAINS.height_kd * (rate - com_velocity(phys, 0)[2])
     A[:3], b[:3] = M[:3] / BIPED.mass, [*task.com_acceleration, GRAVITY + climb]
     b[:3] -= data.qfrc_bias[:3] / BIPED.mass
     A[3:6, 3:6] = data.xmat[PELVIS].reshape(3, 3)
@@ -135,9 +143,16 @@ def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> n
             max(abs(force[:2] @ x), abs(force[:2] @ y)) / force[2] - s.friction,
             abs(yaw) / force[2] - s.yaw_friction,
             (s.force_min - force[2]) / 300.0,
-            np.max(np.abs(torque) - TORQUE_MAX) / 100.0,
+            np.max(np.abs(torque) - torque_limits(core, torque)) / 100.0,
         ]
     )
+
+
+def torque_limits(core, torque: np.ndarray) -> np.ndarray:
+    """What the motors can give in the direction of the torques, (14,) [N m]."""
+    share = [driving_share(v * np.sign(t), v0)
+             for v, t, v0 in zip(core.physics.qvel[0, 6:], torque, MOTORS[1], strict=True)]  # fmt: skip
+    return MOTORS[0] * share
 
 
 def foot_body(stance: int) -> int:
@@ -149,7 +164,7 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robo
     """KKT of min |v|^2 / 2 + sum w e^2 / 2: v + M' (w e) = 0, e what passes each row, d = Q^(-1/2) v."""
     rng, bound = np.random.default_rng(10 + stance), 0
     settings = BoundSettings()
-    bounds, _memory = make_bounds(settings, TORQUE_MAX)
+    bounds, _memory = make_bounds(settings, MOTORS)
     for _ in range(60):
         core, data = robot_in(*random_state(rng, 0.1), stance)
         task, torque = random_task(rng, core, stance, 2.0), np.empty(NU)
@@ -180,7 +195,7 @@ def test_a_problem_whose_bounds_do_not_bind_leaves_the_exact_solution(random_sta
         task, exact, torque = random_task(rng, core, 0), np.empty(NU), np.empty(NU)
         wrench = torques(core, task, GAINS, LOOSE, exact)
         settings = LOOSE.settings._replace(force_min=wrench[2] + 1e-6)
-        bounds, _memory = make_bounds(settings, np.full(NU, 1e9))
+        bounds, _memory = make_bounds(settings, np.full((2, NU), 1e9))
         again = torques(core, task, GAINS, bounds, torque)
         assert again[2] == pytest.approx(wrench[2] + 1e-6, abs=1e-6)
         np.testing.assert_allclose(again, wrench, atol=1e-4)
