@@ -259,6 +259,10 @@ def _add_tune(commands: Subparsers) -> None:
     parser.add_argument(
         "--scenarios", metavar="N", type=integer(8), default=256, help="of a trial that is not stopped early"
     )
+    parser.add_argument(
+        "--errors", metavar="JSON", default="{}",
+        help="model errors of every second robot, half of these with the mass error negated (docs/tuning.md)",
+    )  # fmt: skip
     parser.add_argument("--seed", metavar="N", type=integer(0), default=0, help="of the search")
     _add_running(parser)
 

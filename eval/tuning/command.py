@@ -7,6 +7,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from ...envs.model_errors import ModelErrors
 from ..progress import progress_bars
 from ..tables import print_table
 from .candidate import space_of
@@ -27,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
         args.preset or "",
         args.seed,
         args.scenarios,
+        ModelErrors.from_json(args.errors),
     )
     space_of(settings)  # unknown fields fail here, before the bar
     with progress_bars([settings.policy], args.trials) as bars:

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...envs.checks import require_integer
+from ...envs.model_errors import EXACT_MODEL, ModelErrors
 from .dimensions import planner_dimensions
 from .scorer import BIPED, check_env
 from .suite import MOST
@@ -31,6 +32,7 @@ class TuningSettings:
     preset: str = ""  # to start from, by name or file; the environment's own by default
     seed: int = 0
     scenarios: int = 256  # of the tuning suite, and as many of the one held out
+    errors: ModelErrors = EXACT_MODEL  # of every second robot, see `tuning_suite`
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "env_id", check_env(self.env_id))
@@ -49,4 +51,4 @@ class TuningSettings:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
-        return {**asdict(self), "only": list(self.only)}
+        return {**asdict(self), "only": list(self.only), "errors": self.errors.to_dict()}

@@ -74,7 +74,7 @@ def tune(
         PushRecoveryError: unknown names, impossible values, a directory of another study.
     """
     space = space_of(settings)
-    suite, held_out = (tuning_suite(name, settings.scenarios) for name in (TUNING, HELD_OUT))
+    suite, held_out = (tuning_suite(name, settings.scenarios, settings.errors) for name in (TUNING, HELD_OUT))
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)

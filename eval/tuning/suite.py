@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...controllers.capturability import max_recoverable_force
 from ...controllers.robot import RobotModel
+from ...envs.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.push import GaitEvent, Push
 from ...envs.scenario import COMMAND_KINDS, PushDistribution, Scenario
 from ..suites import BLOCK, LEVELS, Suite, stratified_uniforms
@@ -47,15 +49,22 @@ def _scenario(name: str, index: int, u: NDArray[np.float64], noise_seed: int) ->
 
 
 @cache
-def tuning_suite(name: str, scenarios: int) -> Suite:
+def tuning_suite(name: str, scenarios: int, errors: ModelErrors = EXACT_MODEL) -> Suite:
     """The first `scenarios` of a suite of SEEDS; every whole block of 256 is stratified.
+
+    With `errors`, every second robot is off by them, half of these with the mass error negated.
 
     The share of F* is uniform, so the rate recovered is the mean share survived, over directions, phases and
     commands, of those from SHARE[0] to SHARE[1].
     """
     seed = SEEDS[name]
     points = stratified_uniforms(BLOCKS, 5, seed)[:scenarios]
-    return Suite(name, VERSION, tuple(_scenario(name, i, u, seed + 4096 * i) for i, u in enumerate(points)))
+    drawn = [_scenario(name, i, u, seed + 4096 * i) for i, u in enumerate(points)]
+    if errors == EXACT_MODEL:
+        return Suite(name, VERSION, tuple(drawn))
+    both = errors, replace(errors, mass=-errors.mass)
+    spoilt = [replace(s, errors=both[i // 2 % 2]) if i % 2 else s for i, s in enumerate(drawn)]
+    return Suite(f"{name}-half-{'-'.join(errors.names)}", VERSION, tuple(spoilt))
 
 
 MOST = BLOCKS * BLOCK  # scenarios of a suite

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.capturability import max_recoverable_force
 from push_recovery.controllers.robot import RobotModel
+from push_recovery.envs.model_errors import ModelErrors
 from push_recovery.eval.suites import standard_suite
 from push_recovery.eval.tuning.suite import HELD_OUT, MOST, SHARE, TUNING, tuning_suite
 
@@ -39,3 +40,12 @@ def test_fewer_scenarios_are_the_first_ones():
 def test_content_is_fixed():
     hashes = [SUITES[name].sha256[:12] for name in (TUNING, HELD_OUT)]
     assert hashes == ["1bde50da0ed5", "5e4511fe9a59"]
+
+
+def test_errors_spoil_every_second_robot_and_half_of_them_with_less_mass():
+    errors = ModelErrors(mass=0.1, delay=0.01)
+    plain, spoilt = tuning_suite(TUNING, 16), tuning_suite(TUNING, 16, errors)
+    assert spoilt.name == "tuning-half-mass-delay"
+    assert [s.errors.mass for s in spoilt.scenarios[:4]] == [0.0, 0.1, 0.0, -0.1]
+    assert [s.errors.delay for s in spoilt.scenarios[:4]] == [0.0, 0.01, 0.0, 0.01]
+    assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
