@@ -15,7 +15,9 @@ from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, 
 from .biped_errors import RobotErrors, advance_with_errors, show
 from .biped_gait import Gait, GaitSettings, accept, check_failure, control
 from .biped_kinematics import Array, Ints, Physics
-from .biped_observation import Contacts, count_contacts, observe
+from .biped_observation import Contacts, count_contacts, observe, tracks_plan
+from .command_schedule import Schedule, follow
+from .limit_record import DCM_TRACKING, LimitRecord, note_limits, plan_limits
 from .push_batch import Pushes
 from .simulations import Handles, advance
 from .whole_body import Gains
@@ -47,13 +49,15 @@ class Arena(NamedTuple):
     contacts: Contacts
     handles: Handles  # of the simulations
     errors: RobotErrors
+    limits: LimitRecord
+    schedule: Schedule
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
-    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors]
+    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors, *arena.limits, *arena.schedule]
     return address_table([*robots, *bounds[1:], *rest])
 
 
@@ -117,6 +121,18 @@ def errors_of(t: Ints) -> RobotErrors:
 
 
 @njit(cache=True)
+def limits_of(t: Ints) -> LimitRecord:
+    """Rows 61-65."""
+    return LimitRecord(floats_2(t[61]), floats_2(t[62]), ints_1(t[63]), ints_1(t[64]), floats_1(t[65]))
+
+
+@njit(cache=True)
+def schedule_of(t: Ints) -> Schedule:
+    """Rows 66-68."""
+    return Schedule(floats_2(t[66]), floats_3(t[67]), ints_1(t[68]))
+
+
+@njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
     """Rows 30-37, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
@@ -130,10 +146,12 @@ def bounds_of(t: Ints, c: Array) -> Bounds:
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
     """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
     gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[39]), errors_of(t)
+    seen, limits = floats_2(t[41]), limits_of(t)
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
         accept(gait, k, settings, gaits[k], actions[k], previous[k])
+        limits.plan[k] = plan_limits(seen[k], gait.plan[k], limits.plan[k], limits.edges)
 
 
 @njit(cache=True, nogil=True)
@@ -146,12 +164,12 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
     handles, errors = handles_of(t), errors_of(t)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    settings, bounds = settings_of(c), bounds_of(t, c)
+    settings, bounds, limits = settings_of(c), bounds_of(t, c), limits_of(t)
     for k in range(first, end):
         if gait.failure[k] != 0:
             continue
         for _ in range(steps):
-            control(phys, gait, k, pushes, settings, gains, bounds, dt)
+            control(phys, gait, k, pushes, settings, gains, bounds, limits, dt)
             if errors.physical[k] == 0:
                 advance(handles, k)
             else:
@@ -162,18 +180,22 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, observations and capture margins of robots first..end-1; rows 38-44 are the view's."""
+    """Falls, commands, observations and margins of robots first..end-1; rows 38-44 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
     command, previous, capture = floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
     out, margin, world, truth = floats_2(t[41]), floats_1(t[42]), floats_2(t[43]), floats_2(t[44])
-    errors = errors_of(t)
+    errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[24])
+    schedule = schedule_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
-        span = contacts.time[k]
+        follow(schedule, k, gait.time[k], command[k])
+        span, before = contacts.time[k], (world[k, 0], world[k, 1])
         margin[k] = observe(
             phys, gait, k, contacts, settings, command[k], previous[k], capture, truth[k], world[k]
         )
         show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
+        if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
+            note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 
 
 @njit(cache=True, nogil=True)

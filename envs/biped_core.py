@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..controllers.capturability import capture_constants
+from ..controllers.config import PlannerConfig
 from ..controllers.errors import InvalidValueError
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
@@ -31,6 +32,8 @@ from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
 from .biped_model import PHYSICS_DT, biped_model, posture
 from .biped_observation import Contacts
+from .command_schedule import assign_changes, empty_schedule
+from .limit_record import LimitReport, clear_record, empty_record, plan_edges, report_limits
 from .motors import motor_limits
 from .nominal_start import NominalStart
 from .push import SIDES
@@ -40,6 +43,7 @@ from .simulations import Simulations, believe
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
 
+DEFAULT_PLANNER = PlannerConfig()
 INPUTS = ("ctrl", "xfrc_applied")
 OUTPUTS = (
     "qpos", "qvel", "xpos", "xmat", "xanchor", "xaxis", "subtree_com", "M", "qfrc_bias", "sensordata",
@@ -89,13 +93,16 @@ class BipedCore:
         )
         self.pushes = empty_pushes(n, 1)
         self.errors = no_errors(n)
-        self.command = np.zeros((n, 2))
+        self.schedule = empty_schedule(n)
+        self.command = np.zeros((n, 2))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
+        self._limits = limits
+        self.limit_record = empty_record(n, plan_edges(robot, limits, PlannerConfig(), 0.0))
         settings = GaitSettings(robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass)
         self.configure(settings, Gains(), BoundSettings())
 
@@ -105,9 +112,16 @@ class BipedCore:
             "a biped cannot be copied or pickled; make a new environment and reset it with the same scenario"
         )
 
-    def configure(self, settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> None:
-        """Set the constants of gait machine and whole-body control."""
+    def configure(
+        self,
+        settings: GaitSettings,
+        gains: Gains,
+        bounds: BoundSettings,
+        planner: PlannerConfig = DEFAULT_PLANNER,
+    ) -> None:
+        """Set the constants of gait machine and whole-body control; whose plans the limits are told of."""
         self.settings = settings
+        self.limit_record.edges[:] = plan_edges(self.robot, self._limits, planner, settings.commit)
         motors = motor_limits(biped_model())
         self._bounds = [make_bounds(bounds, motors) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
@@ -119,9 +133,9 @@ class BipedCore:
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
             self.truth,
         )  # fmt: skip
-        state = self.physics, self.gait, self.pushes
+        state, rest = (self.physics, self.gait, self.pushes), (self.errors, self.limit_record, self.schedule)
         self._arenas = [
-            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), self.errors)
+            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
             for w, (bounds, _) in enumerate(self._bounds)
         ]
         self._tables = [arena_table(arena) for arena in self._arenas]
@@ -150,11 +164,12 @@ class BipedCore:
         self.command[k] = scenario.command.vx, scenario.command.vy
         self.gait.plan[k] = gait
         self.previous_action[k] = action
-        pushes = assign_pushes(self.pushes, k, scenario)
-        if pushes is not self.pushes:
-            self.pushes = pushes
+        pushes, schedule = assign_pushes(self.pushes, k, scenario), assign_changes(self.schedule, k, scenario)
+        if pushes is not self.pushes or schedule is not self.schedule:
+            self.pushes, self.schedule = pushes, schedule
             self._bind()
         self.contacts.time[k] = 0.0
+        clear_record(self.limit_record, k)
         self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)
 
@@ -163,6 +178,10 @@ class BipedCore:
         self.simulations.put(k, qpos, qvel)
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
+
+    def limits_met(self, k: int) -> LimitReport:
+        """The limits that robot k has met since its first push began."""
+        return report_limits(self.limit_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""

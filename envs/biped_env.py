@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..controllers.config import preset_config
 from .biped_core import BipedCore
 from .biped_gait import FAILURES
 from .biped_settings import BIPED, BIPED_LIMITS, biped_settings
@@ -31,7 +32,7 @@ class BipedEpisodes(GaitEpisodes):
         settings = biped_settings(preset)
         super().__init__(n, BIPED, settings.limits, preset, control_hz)
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
-        self.core.configure(settings.gait, settings.gains, settings.bounds)
+        self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

@@ -14,6 +14,7 @@ from numba.np.numpy_support import carray
 
 from ..controllers.swing_foot import quintic_step, swing_update
 from .biped_kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, TRUNK, Array, Ints, Physics, sole_position
+from .limit_record import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, LimitRecord, note_limits
 from .mass_matrix import com_velocity
 from .motors import clip_torque
 from .push import mean_force, resolve_starts
@@ -97,6 +98,19 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.plan[k, 6] = -gait.plan[k, 6]
 
 
+@njit(cache=True)
+def landing_limit(phys: Physics, gait: Gait, k: int) -> int:
+    """TOUCHDOWN_ERROR where the swing foot has landed off the planned place or time, otherwise 0."""
+    stance, plan = gait.stance[k], gait.plan[k]
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    width = side_sign(stance) * plan[1]
+    x = foot[0] - sole[0] - cos * plan[0] + sin * width
+    y = foot[1] - sole[1] - sin * plan[0] - cos * width
+    off = math.hypot(x, y) > LANDED_OFF or abs(gait.elapsed[k] - plan[2]) > LANDED_LATE
+    return TOUCHDOWN_ERROR if off else 0
+
+
 @njit(cache=True, forceinline=True)
 def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) -> bool:
     """Touchdown of the swing foot: loaded near T, or loaded heavily late in the step."""
@@ -131,8 +145,11 @@ def reach_height(
 
 
 @njit(cache=True, forceinline=True)
-def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> None:
-    """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot."""
+def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
+    """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
+
+    Returns the limits met, as bits of `limit_record`.
+    """
     stance, plan = gait.stance[k], gait.plan[k]
     sign = side_sign(stance)
     cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
@@ -149,7 +166,9 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     growth = math.exp(s.omega * remaining)
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
+    asked = target
     height, target = reach_height(phys, k, stance, sole, target, travel, s)
+    met = LEG_REACH if target != asked or height <= s.com_height - s.height_drop else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
     lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     swing_update(
@@ -158,8 +177,9 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[5], -sign * plan[6]
     task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist)
-    whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
+    met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     clip_torque(phys.ctrl[k], bounds.torque_range)
+    return met
 
 
 @njit(cache=True, forceinline=True)
@@ -186,13 +206,17 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
 @njit(cache=True, forceinline=True)
 def control(
     phys: Physics, gait: Gait, k: int, pushes: Pushes, s: GaitSettings, gains: Gains, bounds: Bounds,
-    dt: float,
+    record: LimitRecord, dt: float,
 ) -> None:  # fmt: skip
     """One physics step's torques and pushes of one robot: writes phys.ctrl and phys.xfrc."""
     if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
+        record.landing[k] = landing_limit(phys, gait, k)
         touch_down(phys, gait, k)
-    walk(phys, gait, k, s, gains, bounds, dt)
+    met = walk(phys, gait, k, s, gains, bounds, dt) | record.plan[k] | record.landing[k]
+    if gait.elapsed[k] > gait.plan[k, 2] + LANDED_LATE:
+        met |= TOUCHDOWN_ERROR
     apply_pushes(phys, gait, k, pushes, dt)
+    note_limits(record, k, met, pushes.start[k], gait.time[k], dt)
     gait.elapsed[k] += dt
     gait.time[k] += dt
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from numba import njit
 
 from ..controllers.capturability import capture_margin_kernel
-from .biped_gait import Gait, GaitSettings, side_sign
+from .biped_gait import Gait, GaitSettings, Point, side_sign
 from .biped_kinematics import (
     PELVIS,
     TRUNK,
@@ -22,6 +22,8 @@ from .biped_kinematics import (
 )
 from .mass_matrix import com_velocity
 from .vector_3 import Vector, add, scaled, subtract, vector_at
+
+CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM counts as off its plan [m]
 
 
 class Contacts(NamedTuple):
@@ -148,6 +150,37 @@ def write_world(
     world[2] = sole[0] - gait.wrench[k, 4] / vertical
     world[3] = sole[1] + gait.wrench[k, 3] / vertical
     world[4], world[5] = world[2] + shift_x, world[3] + shift_y
+
+
+@njit(cache=True)
+def tracks_plan(
+    phys: Physics, gait: Gait, k: int, span: float, s: GaitSettings, before: Point, o: Array, world: Array
+) -> bool:
+    """Whether the DCM moved in the last `span` [s] as the plan would have it; True where a step ended in it.
+
+    xi' = cmp + growth (xi - cmp) + (growth - 1) push, growth = exp(omega span). What is missing, over
+    (growth - 1), is how far the CMP that acted was from the planned one; at most CMP_OFF of it is allowed.
+
+    Args:
+        phys: of all robots, and so the gait machines.
+        gait: their state, with the plan that was held.
+        k: the robot.
+        span: of the period [s].
+        s: constants.
+        before: DCM at the beginning of the period, world [m].
+        o: observation (36,), of which the push estimate.
+        world: points (6,) at the end, of which the DCM [m].
+    """
+    if span <= 0.0 or gait.elapsed[k] < span - 1e-9:
+        return True
+    plan, sole = gait.plan[k], sole_position(phys, k, gait.stance[k])
+    frame = Frame(math.cos(gait.heading[k]), math.sin(gait.heading[k]), side_sign(gait.stance[k]))
+    x, y = in_world(frame, plan[3] + s.cmp_gain * plan[5], plan[4] + s.cmp_gain * plan[6])
+    push_x, push_y = in_world(frame, o[34], o[35])
+    growth = math.exp(s.omega * span)
+    x = world[0] - sole[0] - x - growth * (before[0] - sole[0] - x) - (growth - 1.0) * push_x
+    y = world[1] - sole[1] - y - growth * (before[1] - sole[1] - y) - (growth - 1.0) * push_y
+    return not math.hypot(x, y) > CMP_OFF * (growth - 1.0)
 
 
 @njit(cache=True)

@@ -207,10 +207,10 @@ def whole_body_torque(
     bounds: Bounds,
     wrench: Array,
     torque: Array,
-) -> None:
+) -> int:
     """Write the joint torques (14,) [N m] of robot k and the wrench (6,) they ask of the stance sole.
 
-    `climb` is the vertical velocity of its CoM [m/s].
+    `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `limit_record`.
     """
     qdd, total = carray(stack_floats(20), (NV,)), carray(stack_floats(20), (NV,))
     inverses = LegInverses(carray(stack_floats(36), (2, 6, 3)), carray(stack_floats(36), (2, 6, 3)))
@@ -227,5 +227,6 @@ def whole_body_torque(
     subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
     axis = forward_axis(phys, k, FOOT_BODY[task.stance])
     write_torque_range(phys, k, bounds.motors, bounds.torque_range)
-    if not within_bounds(wrench, torque, axis, bounds):
-        keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)
+    if within_bounds(wrench, torque, axis, bounds):
+        return 0
+    return keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)

@@ -23,6 +23,7 @@ from numba.np.numpy_support import carray
 from ..controllers.least_distance import LeastDistance, solve_least_distance
 from .biped_kinematics import NU, Array, Heading, Ints, Physics
 from .deviation import TASKS, Legs, write_deviation_maps
+from .limit_record import CONTACT, JOINT_TORQUE, SOLE_EDGE
 from .stack_array import stack_floats
 from .vector_3 import ZERO, Vector
 
@@ -30,6 +31,7 @@ WRENCH_ROWS = 11
 ROWS = NU + WRENCH_ROWS
 FREE = 1e6  # a bound that never binds, in the units of the rows
 FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [N], [N m], [N m]
+AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 
 
 class BoundSettings(NamedTuple):
@@ -164,19 +166,49 @@ def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: A
     bounds.upper[ROWS - 1] -= bounds.settings.force_min / FORCE_UNIT
 
 
+@njit(cache=True)
+def bounds_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, float], bounds: Bounds) -> int:
+    """Bits of `limit_record` that a wrench (6,) and torques (14,) are at the bounds of.
+
+    `cop` (world axes, from the sole's centre) is the point that the yaw moment counts about [m].
+    """
+    s, vertical, met = bounds.settings, wrench[2], 0
+    x, y = centre_of_pressure(wrench, axis)
+    if min(s.cop_x_max - abs(x), s.cop_y_max - abs(y)) * vertical < AT_BOUND * MOMENT_UNIT:
+        met |= SOLE_EDGE
+    yaw = wrench[5] - cop[0] * wrench[1] + cop[1] * wrench[0]
+    x, y = axis[0] * wrench[0] + axis[1] * wrench[1], axis[0] * wrench[1] - axis[1] * wrench[0]
+    grip = s.friction * vertical - max(abs(x), abs(y))
+    if (
+        s.yaw_friction * vertical - abs(yaw) < AT_BOUND * MOMENT_UNIT
+        or min(grip, vertical - s.force_min) < AT_BOUND * FORCE_UNIT
+    ):
+        met |= CONTACT
+    for i in range(NU):
+        low, high = bounds.torque_range[0, i], bounds.torque_range[1, i]
+        if min(torque[i] - low, high - torque[i]) < AT_BOUND * TORQUE_UNIT:
+            met |= JOINT_TORQUE
+    return met
+
+
 @njit(cache=True, forceinline=False)
 def keep_bounds(
     phys: Physics, k: int, legs: Legs, axis: Heading, bounds: Bounds, wrench: Array, torque: Array
-) -> None:
-    """Replace wrench (6,) and torque (14,) by those of the least deviation that keeps the bounds."""
+) -> int:
+    """Replace wrench (6,) and torque (14,) by those of the least deviation that keeps the bounds.
+
+    Returns the bits of `limit_record` that they are at the bounds of.
+    """
     Wd, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
     write_deviation_maps(phys, k, legs, Wd, Td)
     write_problem(Wd, Td, axis, bounds, wrench, torque)
+    cop = clipped_cop_in_world(wrench, axis, bounds.settings)
     if solve_least_distance(bounds.handle) <= 0:
-        return
+        return bounds_met(wrench, torque, axis, cop, bounds)
     for c in range(TASKS):
         d = bounds.scale[c] * bounds.solution[c]
         for i in range(6):
             wrench[i] += Wd[i, c] * d
         for i in range(NU):
             torque[i] += Td[i, c] * d
+    return bounds_met(wrench, torque, axis, cop, bounds)
