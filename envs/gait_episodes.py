@@ -80,7 +80,7 @@ class GaitEpisodes(ABC):
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
         self._episodes = Episodes(
-            pushes=np.zeros(n, np.int64), fixed=np.full(n, np.nan), settle=np.zeros(n),
+            pushes=np.zeros(n, np.int64), changed=np.zeros(n), fixed=np.full(n, np.nan), settle=np.zeros(n),
             before=np.zeros((n, GAIT_SIZE)), planned=self.planned, terms=np.zeros((n, len(REWARD_TERMS))),
             total=np.zeros(n),
         )  # fmt: skip
@@ -128,6 +128,7 @@ class GaitEpisodes(ABC):
         self.planned[k] = gait.duration
         self._episodes.before[k] = self.core.previous_action[k]
         self._episodes.pushes[k] = len(scenario.pushes)
+        self._episodes.changed[k] = scenario.last_change
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
 

@@ -2,8 +2,9 @@
 
 A step counts as good where the DCM at its start lies within OFFSET_TOLERANCE of the nominal gait's; what the
 CoP's transfer in double support will take off it, p kappa, counts in both.
-Recovered means: after the last push two good steps in a row, over which the mean velocity is within
-SPEED_TOLERANCE of the command. It is judged anew at each touchdown, and taken back where it no longer holds.
+Recovered means: after the last push and the last change of command two good steps in a row, over which the
+mean velocity is within SPEED_TOLERANCE of the command. It is judged anew at each touchdown, and taken back
+where it no longer holds.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def started_dcm_kernel(obs, double_support, omega, out):  # pragma: no cover
 
 
 @njit(cache=True)
-def record_touchdown(state, k, error, com, time, push_end, command):  # pragma: no cover
+def record_touchdown(state, k, error, com, time, event, command):  # pragma: no cover
     """Judge robot k, which has just touched down.
 
     Args:
@@ -74,8 +75,9 @@ def record_touchdown(state, k, error, com, time, push_end, command):  # pragma: 
         error: of the DCM at the start of the step against the nominal gait [m].
         com: (2,) in a frame fixed to the commanded heading [m].
         time: since reset [s].
-        push_end: when the last push ends [s], inf while one is still to come.
-        command: commanded velocity (2,) in the same frame [m/s].
+        event: when the last push has ended and the command has changed for the last time [s], inf while a
+            push waits for its gait event.
+        command: velocity in force (2,) in the same frame [m/s].
     """
     for i in range(2, 0, -1):
         state.time[k, i] = state.time[k, i - 1]
@@ -92,7 +94,7 @@ def record_touchdown(state, k, error, com, time, push_end, command):  # pragma: 
         vy = (state.com[k, 0, 1] - state.com[k, 2, 1]) / span
         state.speed_error[k] = math.hypot(vx - command[0], vy - command[1])
         good = (
-            state.time[k, 1] >= push_end
+            state.time[k, 1] >= event
             and max(state.error[k, 0], state.error[k, 1]) <= OFFSET_TOLERANCE
             and state.speed_error[k] <= SPEED_TOLERANCE
         )

@@ -55,7 +55,8 @@ class Episodes(NamedTuple):
     """What the episodes of n robots know of themselves."""
 
     pushes: Ints  # (n,) how many
-    fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last push
+    changed: Array  # (n,) when the command changes for the last time [s], 0: never
+    fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
     settle: Array  # (n,) [s]
     before: Array  # (n, 7) action in force in the period before, written for the next one
     planned: Array  # (n,) step duration T that the last action asked for [s], written
@@ -86,19 +87,19 @@ def _robots_of(t):  # pragma: no cover
 
 @njit(cache=True)
 def _episodes_of(t):  # pragma: no cover
-    """Rows 11-17."""
+    """Rows 11-18."""
     return Episodes(
-        ints_1(t[11]), floats_1(t[12]), floats_1(t[13]), floats_2(t[14]), floats_1(t[15]), floats_2(t[16]),
-        floats_1(t[17]),
+        ints_1(t[11]), floats_1(t[12]), floats_1(t[13]), floats_1(t[14]), floats_2(t[15]), floats_1(t[16]),
+        floats_2(t[17]), floats_1(t[18]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def _monitor_of(t):  # pragma: no cover
-    """Rows 18-24."""
+    """Rows 19-25."""
     return MonitorState(
-        ints_1(t[18]), ints_1(t[19]), floats_2(t[20]), floats_3(t[21]), floats_2(t[22]), floats_1(t[23]),
-        floats_1(t[24]),
+        ints_1(t[19]), ints_1(t[20]), floats_2(t[21]), floats_3(t[22]), floats_2(t[23]), floats_1(t[24]),
+        floats_1(t[25]),
     )  # fmt: skip
 
 
@@ -124,13 +125,13 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
         nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
         started_dcm_kernel(obs, double_support, omega, started)
-        push_end = last_push_end(robots, k, episodes.pushes[k])
+        event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
         if robots.steps[k] != monitor.steps[k]:
             monitor.steps[k] = robots.steps[k]
             error = np.hypot(started[0] - start[0], started[1] - start[1])
-            record_touchdown(monitor, k, error, robots.com[k], time, push_end, robots.command[k])
+            record_touchdown(monitor, k, error, robots.com[k], time, event, robots.command[k])
         ends[0, k] = robots.failure[k] != 0
-        end = push_end + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
+        end = event + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
         ends[1, k] = time >= end - 1e-9 and not ends[0, k]
         episodes.planned[k] = gaits[k, 2]
         episodes.total[k] = write_reward(

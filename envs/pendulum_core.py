@@ -6,10 +6,9 @@ Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
 
 Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about
 c. A cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop.
-There is no integration step. State is kept in the world frame: x forward, y left.
-
-In double support, which begins every step, the foot that stood before stays where it stood and the CoP may be
-anywhere in the hull of both soles.
+There is no integration step. State is kept in the world frame: x forward, y left. In double support, which
+begins every step, the foot that stood before stays where it stood and the CoP may be anywhere in the hull of
+both soles.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from ..controllers.double_support import both_stand, check_double_support, gaits
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
+from .command_schedule import assign_changes, empty_schedule, follow_all
 from .nominal_start import NominalStart
 from .pendulum_errors import acting, assign_errors, begin_cycle, no_errors, show
 from .pendulum_observation import check_failures, observe
@@ -250,12 +250,12 @@ class PendulumCore:
             com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
             stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
             cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
-            time=np.zeros(n), step_start=np.zeros(n),
-            side=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
+            time=np.zeros(n), step_start=np.zeros(n), side=np.zeros(n, np.int64),
+            steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
         )  # fmt: skip
         self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset
         self.pushes = empty_pushes(n, 1)
-        self.command = np.zeros((n, 2))
+        self.schedule, self.command = empty_schedule(n), np.zeros((n, 2))  # to come, in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
@@ -274,9 +274,9 @@ class PendulumCore:
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]
         s.plan[k] = gait
-        self.command[k] = scenario.command.vx, scenario.command.vy
-        self.previous_action[k] = action
+        self.command[k], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
         self.pushes = assign_pushes(self.pushes, k, scenario)
+        self.schedule = assign_changes(self.schedule, k, scenario)
         self._look(k, k + 1)
 
     def gaits(self, actions: NDArray[Any]) -> Array:
@@ -294,6 +294,7 @@ class PendulumCore:
     def _look(self, first: int, end: int) -> None:
         """Observe pendulums first..end-1."""
         state, p = self.state, self.physics
+        follow_all(self.schedule, state.time, self.command, first, end)
         observe(state, self.command, self.previous_action, p, self.truth, first, end)
         check_failures(state, self.truth, p.double_support, self.capture, self.margin, first, end)
         show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)

@@ -12,36 +12,13 @@ import numpy as np
 
 from ..controllers.errors import InvalidValueError
 from .checks import require_choice, require_integer, require_keys, require_number
+from .command import IN_PLACE, Command, CommandChange, check_changes
 from .error_ranges import ErrorRanges
 from .model_errors import EXACT_MODEL, ModelErrors
 from .push import SIDES, GaitEvent, Push, Side, other_side, polar_push
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
-
-
-@dataclass(frozen=True)
-class Command:
-    """Commanded mean velocity in the heading frame, constant for the episode."""
-
-    vx: float = 0.0  # forward [m/s]
-    vy: float = 0.0  # to the left [m/s]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "vx", require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
-        object.__setattr__(self, "vy", require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
-
-    def mirrored(self) -> Command:
-        """Sideways velocity negated."""
-        return Command(self.vx, 0.0 - self.vy)
-
-    def to_dict(self) -> dict[str, float]:
-        """Plain JSON types."""
-        return {"vx": self.vx, "vy": self.vy}
-
-    @classmethod
-    def from_dict(cls, data: object) -> Command:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("command", data, set(), {"vx", "vy"}))
+__all__ = ["SETTLE_TIME", "Command", "CommandChange", "PushDistribution", "Scenario"]
 
 
 @dataclass(frozen=True)
@@ -49,18 +26,19 @@ class Scenario:
     """One episode, complete: the same scenario and policy give the same outcome bit for bit.
 
     The robot starts at the beginning of a nominal step (for the command) on `stance_side`. The episode ends
-    at `duration` where that is given, otherwise `settle_time` after the last push ended (after reset where
-    there is none).
+    at `duration` where that is given, otherwise `settle_time` after the last push has ended and the command
+    has changed for the last time (after reset where there is neither).
     """
 
     id: str
     pushes: tuple[Push, ...] = ()
-    command: Command = Command()
+    command: Command = IN_PLACE  # until the first of `changes`
     stance_side: Side = "left"  # of step 0
     settle_time: float = SETTLE_TIME  # [s]
     duration: float | None = None  # [s] from reset
     noise_seed: int = 0  # of the noise of `errors`
     errors: ModelErrors = EXACT_MODEL  # what planner and control do not know
+    changes: tuple[CommandChange, ...] = ()  # of the command, rising in time
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -80,6 +58,7 @@ class Scenario:
         object.__setattr__(self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed))
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
+        object.__setattr__(self, "changes", check_changes(self.changes))
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].
@@ -88,7 +67,13 @@ class Scenario:
             last_push_end: latest of start + duration over the pushes [s]; inf while a gait event has not come
                 yet, 0 where there is no push.
         """
-        return self.duration if self.duration is not None else last_push_end + self.settle_time
+        last = max(last_push_end, self.last_change)
+        return self.duration if self.duration is not None else last + self.settle_time
+
+    @property
+    def last_change(self) -> float:
+        """Time of the last change of command [s], 0 without one."""
+        return self.changes[-1].time if self.changes else 0.0
 
     def side_of_step(self, index: int) -> Side:
         """Stance side of the step with this index; sides alternate."""
@@ -106,10 +91,11 @@ class Scenario:
             duration=self.duration,
             noise_seed=self.noise_seed,
             errors=self.errors.mirrored(),
+            changes=tuple(change.mirrored() for change in self.changes),
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field; `errors` is left out where there are none."""
+        """Plain JSON types, every field; `errors` and `changes` are left out where there are none."""
         values: dict[str, Any] = {
             "id": self.id,
             "pushes": [push.to_dict() for push in self.pushes],
@@ -119,17 +105,22 @@ class Scenario:
             "duration": self.duration,
             "noise_seed": self.noise_seed,
         }
-        return values if self.errors == EXACT_MODEL else {**values, "errors": self.errors.to_dict()}
+        if self.errors != EXACT_MODEL:
+            values["errors"] = self.errors.to_dict()
+        if self.changes:
+            values["changes"] = [change.to_dict() for change in self.changes]
+        return values
 
     @classmethod
     def from_dict(cls, data: object) -> Scenario:
         """Inverse of `to_dict`; fields other than the id may be left out."""
-        optional = {"pushes", "command", "stance_side", "settle_time", "duration", "noise_seed", "errors"}
+        optional = {f.name for f in fields(cls)} - {"id"}
         values = dict(require_keys("scenario", data, {"id"}, optional))
-        if not isinstance(values.get("pushes", []), list):
-            raise InvalidValueError(f"scenario pushes must be a list, got {values['pushes']!r}")
-        if "pushes" in values:
-            values["pushes"] = tuple(Push.from_dict(push) for push in values["pushes"])
+        for name, kind in (("pushes", Push), ("changes", CommandChange)):
+            if not isinstance(values.get(name, []), list):
+                raise InvalidValueError(f"scenario {name} must be a list, got {values[name]!r}")
+            if name in values:
+                values[name] = tuple(kind.from_dict(part) for part in values[name])
         if "command" in values:
             values["command"] = Command.from_dict(values["command"])
         if "errors" in values:

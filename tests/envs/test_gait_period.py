@@ -33,7 +33,8 @@ def draw(n):
     )  # fmt: skip
     robots.push_start[0, 1] = np.inf
     episodes = Episodes(
-        pushes=rng.integers(0, 3, n), fixed=np.where(rng.random(n) < 0.5, np.nan, rng.uniform(0.0, 4.0, n)),
+        pushes=rng.integers(0, 3, n), changed=np.where(rng.random(n) < 0.5, 0.0, rng.uniform(0.0, 4.0, n)),
+        fixed=np.where(rng.random(n) < 0.5, np.nan, rng.uniform(0.0, 4.0, n)),
         settle=rng.uniform(0.0, 2.0, n), before=rng.uniform(-1.0, 1.0, (n, 7)), planned=np.zeros(n),
         terms=np.zeros((n, 7)), total=np.zeros(n),
     )  # fmt: skip
@@ -82,13 +83,14 @@ def test_reward_terms_are_their_formulas(timing):
     np.testing.assert_array_equal(episodes.planned, gaits[:, 2])
 
 
-def test_an_episode_ends_by_a_fall_its_own_length_or_after_the_last_push():
+def test_an_episode_ends_by_a_fall_its_own_length_or_after_the_last_event():
     robots, episodes, gaits = draw(200)
     _, (failed, truncated) = judge(robots, episodes, gaits)
     reasons = set()
     for k in range(200):
         pushes = range(episodes.pushes[k])
         last = max((robots.push_start[k, i] + robots.push_duration[k, i] for i in pushes), default=0.0)
+        last = max(last, episodes.changed[k])
         fixed = not math.isnan(episodes.fixed[k])
         end = episodes.fixed[k] if fixed else last + episodes.settle[k]
         assert failed[k] == (robots.failure[k] == 1)

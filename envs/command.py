@@ -1,0 +1,84 @@
+"""What the robot is told to do: a velocity, and changes of it while it walks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ..controllers.errors import InvalidValueError
+from .checks import require_keys, require_number
+
+
+@dataclass(frozen=True)
+class Command:
+    """Commanded mean velocity in the heading frame."""
+
+    vx: float = 0.0  # forward [m/s]
+    vy: float = 0.0  # to the left [m/s]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vx", require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
+        object.__setattr__(self, "vy", require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
+
+    def mirrored(self) -> Command:
+        """Sideways velocity negated."""
+        return Command(self.vx, 0.0 - self.vy)
+
+    def to_dict(self) -> dict[str, float]:
+        """Plain JSON types."""
+        return {"vx": self.vx, "vy": self.vy}
+
+    @classmethod
+    def from_dict(cls, data: object) -> Command:
+        """Inverse of `to_dict`."""
+        return cls(**require_keys("command", data, set(), {"vx", "vy"}))
+
+
+IN_PLACE = Command()
+
+
+@dataclass(frozen=True)
+class CommandChange:
+    """From the first planning period that begins at `time` or later, another command is in force."""
+
+    time: float  # since reset [s]
+    command: Command
+
+    def __post_init__(self) -> None:
+        time = require_number("CommandChange.time [s]", self.time, 0.0, open_low=True)
+        object.__setattr__(self, "time", time)
+        if not isinstance(self.command, Command):
+            raise InvalidValueError(f"CommandChange.command must be a Command, got {self.command!r}")
+
+    def mirrored(self) -> CommandChange:
+        """The mirrored command at the same time."""
+        return CommandChange(self.time, self.command.mirrored())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return {"time": self.time, "command": self.command.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: object) -> CommandChange:
+        """Inverse of `to_dict`."""
+        values = require_keys("command change", data, {"time", "command"}, set())
+        return cls(values["time"], Command.from_dict(values["command"]))
+
+
+def check_changes(changes: Iterable[object]) -> tuple[CommandChange, ...]:
+    """Changes of a scenario as a tuple.
+
+    Raises:
+        InvalidValueError: something else among them, or times that do not rise.
+    """
+    checked: list[CommandChange] = []
+    for change in changes:
+        if not isinstance(change, CommandChange):
+            raise InvalidValueError(f"Scenario.changes must hold CommandChange objects, got {change!r}")
+        if checked and change.time <= checked[-1].time:
+            raise InvalidValueError(
+                f"Scenario.changes must rise in time, got {change.time:g} s after {checked[-1].time:g} s"
+            )
+        checked.append(change)
+    return tuple(checked)
