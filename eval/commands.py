@@ -77,6 +77,7 @@ def run_frontier(args: argparse.Namespace) -> int:
     from .files import write_text
     from .frontier import FrontierSettings, default_grid, frontier
     from .frontier_plot import save_pictures
+    from .frontier_report import frontier_cells, frontier_columns, write_frontier_reports
     from .tables import print_table
 
     settings = FrontierSettings(
@@ -92,26 +93,15 @@ def run_frontier(args: argparse.Namespace) -> int:
     content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
     write_text(result.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
     pictures = save_pictures(result)
+    title = f"{_env(args)}: largest force before the first failure [N]"
+    report = write_frontier_reports(result, title)
     if args.json:
         _print_json(content)
         return 0
-    columns = ("psi [deg]", "limit F* [N]", *result.rows)
-    cells = []
-    for index, psi in enumerate(result.limits):
-        entries = [entry["directions"][index] for entry in objects.values()]
-        texts = [_frontier_cell(entry) for entry in entries]
-        cells.append((f"{psi:g}", f"{result.limits[psi]:.0f}", *texts))
-    title = f"{_env(args)}: largest force before the first failure [N] (share of F*; largest survived at all)"
-    print_table(title, columns, cells)
+    print_table(f"{title} (share of F*; largest survived)", frontier_columns(result), frontier_cells(result))
+    print(f"report: {report}")
     print("pictures: " + ", ".join(str(path) for path in pictures))
     return 0
-
-
-def _frontier_cell(entry: dict[str, Any]) -> str:
-    """Force before the first failure, its share of F*, and the largest survived where that is more."""
-    share = "-" if entry["fraction"] is None else f"{entry['fraction']:.2f}"
-    more = entry["largest_survived_N"]
-    return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 
 
 def run_reproduce(args: argparse.Namespace) -> int:

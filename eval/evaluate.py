@@ -14,13 +14,14 @@ from typing import Any
 from ..controllers.errors import InvalidValueError
 from ..envs.scenario import Scenario
 from .files import RowFile, default_directory, write_text
+from .limit_summary import limit_summary
 from .loading import code_digest, env_label, file_digest, preset_digest, require_distinct
 from .outcome import Score, impulse_between
 from .progress import progress_bars
 from .suites import Suite
 from .workers import Chunk, Runner, parallel, run_chunk
 
-FORMAT = 1
+FORMAT = 2  # of the rows
 CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
@@ -155,6 +156,7 @@ def write_reports(evaluation: Evaluation, markdown: str) -> Path:
     for name, entry in content["policies"].items():
         entry["survived"] = evaluation.score(name).survived
         entry["impulse_5_60"] = evaluation.subset_score(name).to_dict()
+        entry["limits"] = limit_summary(evaluation.rows[name])
     content["wall_time_s"] = round(evaluation.wall_time, 3)
     write_text(evaluation.directory / "report.json", json.dumps(content, indent=1) + "\n")
     path = evaluation.directory / "report.md"

@@ -14,10 +14,13 @@ from ..envs.push import Body, GaitEvent, polar_push
 from ..envs.scenario import Command, Scenario
 from .files import RowFile, default_directory
 from .limit_force import limit_force
+from .limit_summary import fall_limits
 from .loading import code_digest, env_label, file_digest, preset_digest, require_distinct
+from .outcome import Outcome
 from .progress import progress_bars
 from .workers import Runner, parallel
 
+FORMAT = 2  # of the rows
 NOMINAL_STEPS = 4  # before the push
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
 FORCE_CAP = 4000.0  # no scan goes further [N]
@@ -58,9 +61,9 @@ class ScanJob:
 
 def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
     """Raise the force by the grid until BEYOND past the first failure; survival is not monotone in it."""
-    survival = _survival(runner, job)
-    failed = [force for force, survived in survival.items() if not survived]
-    survived = [force for force, survived in survival.items() if survived]
+    outcomes = _outcomes(runner, job)
+    failed = [force for force, outcome in outcomes.items() if not outcome.survived]
+    survived = [force for force, outcome in outcomes.items() if outcome.survived]
     before = [force for force in survived if not failed or force < failed[0]]
     return {
         "policy": job.policy,
@@ -68,17 +71,18 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         "survived_N": max(before, default=0.0),
         "largest_survived_N": max(survived, default=0.0),
         "failed_N": failed,
+        "falls": [fall_limits(force, outcomes[force]) for force in failed],
     }
 
 
-def _survival(runner: Runner, job: ScanJob) -> dict[float, bool]:
-    """Whether each force of the scan is survived, in rising order.
+def _outcomes(runner: Runner, job: ScanJob) -> dict[float, Outcome]:
+    """The outcome of each force of the scan [N], in rising order.
 
     Forces run side by side, so a weaker one may fail late; what was tried past the end it sets is left out.
     """
     grid, end = job.settings.grid, FORCE_CAP
     forces: dict[str, float] = {}  # of the scenarios begun
-    survival: dict[float, bool] = {}
+    found: dict[float, Outcome] = {}
 
     def scenarios() -> Iterator[Scenario]:
         for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
@@ -90,10 +94,10 @@ def _survival(runner: Runner, job: ScanJob) -> dict[float, bool]:
 
     for outcome in runner.run_all(job.policy, scenarios()):
         force = forces[outcome.scenario_id]
-        survival[force] = outcome.survived
+        found[force] = outcome
         if not outcome.survived:
             end = min(end, force + BEYOND)
-    return {force: survival[force] for force in sorted(survival) if force <= end + 1e-9}
+    return {force: found[force] for force in sorted(found) if force <= end + 1e-9}
 
 
 def directions_deg(count: int) -> list[float]:
@@ -158,7 +162,8 @@ def frontier(
     }
     runner.close()
     digests = {name: file_digest(name) for name in policies}
-    config = {"frontier": asdict(settings), "code": code_digest(), **preset_digest(settings.env_id)}
+    config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
+    config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
     directory = directory or default_directory(label, config)
     store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from .statistics import wilson_interval
@@ -29,6 +29,9 @@ class Outcome:
     psi_deg: float | None  # its direction, counter-clockwise from forward [deg]
     pushes: int
     command: tuple[float, float]  # [m/s]
+    first_limit: str | None = None  # of envs/limit_record.py, met first since the first push began
+    limits_met: Mapping[str, float] = field(default_factory=dict)  # limit -> when first [s], in that order
+    limit_shares: Mapping[str, float] = field(default_factory=dict)  # limit -> share of the time since then
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""

@@ -10,9 +10,11 @@ import numpy as np
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.network_policy import Policy
+from ..envs.limit_record import LimitReport
 from ..envs.scenario import Scenario
 from .outcome import Outcome
 
+NO_LIMITS = LimitReport({}, {})
 MAX_STEPS = 1_000_000  # of an episode; only an environment that never ends gets there
 
 
@@ -43,7 +45,14 @@ def rollout(env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str) 
         total += float(reward)
         steps += 1
     end_time = float(info.get("time", steps * planning_period(env)))
-    return outcome_of(scenario, policy_name, bool(terminated), info, end_time, steps, total)
+    limits = limits_met(getattr(env.unwrapped, "episodes", None), 0)
+    return outcome_of(scenario, policy_name, bool(terminated), info, end_time, steps, total, limits)
+
+
+def limits_met(episodes: Any, k: int) -> LimitReport:
+    """The limits that robot k of the episodes has met; none where its core keeps no record."""
+    met = getattr(getattr(episodes, "core", None), "limits_met", None)
+    return NO_LIMITS if met is None else met(k)
 
 
 def outcome_of(
@@ -54,6 +63,7 @@ def outcome_of(
     end_time: float,
     steps: int,
     total_reward: float,
+    limits: LimitReport = NO_LIMITS,
 ) -> Outcome:
     """The outcome of an episode that has ended; `info` is that of its last step."""
     recovered_at = info.get("recovered_at")
@@ -73,4 +83,7 @@ def outcome_of(
         psi_deg=math.degrees(first.direction) if first and moving else None,
         pushes=len(scenario.pushes),
         command=(scenario.command.vx, scenario.command.vy),
+        first_limit=next(iter(limits.met), None),
+        limits_met={name: round(first, 6) for name, first in limits.met.items()},
+        limit_shares={name: round(share, 6) for name, share in limits.shares.items()},
     )

@@ -17,11 +17,12 @@ from ..controllers.policies import RandomPolicy, TwoStagePolicy
 from ..envs.biped_env import BipedEnv, BipedEpisodes
 from ..envs.gait_env import check_action
 from ..envs.gait_episodes import GaitEpisodes
+from ..envs.limit_record import LimitReport
 from ..envs.pendulum_env import PendulumEnv, PendulumEpisodes
 from ..envs.scenario import Scenario
 from .action_rule import ActionRule, Actions, action_rule
 from .outcome import Outcome
-from .rollout import MAX_STEPS, outcome_of, rollout
+from .rollout import MAX_STEPS, limits_met, outcome_of, rollout
 
 Ints = NDArray[np.int64]
 
@@ -109,7 +110,7 @@ class _Slots:
         self._actions = np.zeros((episodes.n, GAIT_SIZE), np.float32)
         self._begun = np.zeros(episodes.n, np.bool_)
         self._total = np.zeros(episodes.n)  # reward
-        self._ends: dict[int, tuple[bool, float, dict[str, Any]]] = {}  # slot -> fell, time [s], info
+        self._ends: dict[int, tuple[bool, float, dict[str, Any], LimitReport]] = {}  # by slot; time in [s]
         self._live: Ints | None = None  # found when asked for
         self.steps = np.zeros(episodes.n, np.int64)
 
@@ -157,9 +158,9 @@ class _Slots:
 
     def outcome(self, k: int, policy_name: str) -> Outcome:
         """Of the episode that has ended in slot k."""
-        fell, time, info = self._ends.pop(k)
+        fell, time, info, limits = self._ends.pop(k)
         return outcome_of(
-            self._at(k), policy_name, fell, info, time, int(self.steps[k]), float(self._total[k])
+            self._at(k), policy_name, fell, info, time, int(self.steps[k]), float(self._total[k]), limits
         )
 
     def _gait_actions(self, rows: Ints, actions: Actions) -> Actions:
@@ -174,7 +175,7 @@ class _Slots:
             "failure_reason": episodes.failures[episodes.failure()[k]],
             "recovered_at": episodes.monitor.recovered_at(k),
         }
-        self._ends[k] = fell, float(episodes.motion().time[k]), info
+        self._ends[k] = fell, float(episodes.motion().time[k]), info, limits_met(episodes, k)
 
     def _at(self, k: int) -> Scenario:
         scenario = self._scenarios[k]

@@ -9,6 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from .evaluate import SUBSET, Evaluation
+from .limit_summary import COLUMNS as LIMIT_COLUMNS
+from .limit_summary import NOTE, first_limits, limit_cells
 from .outcome import Score
 
 COLUMNS = (
@@ -19,6 +21,7 @@ COLUMNS = (
     f"rate {SUBSET[0]:g}-{SUBSET[1]:g} N s",
     "survived",
     "not recovered",
+    "first limit of the falls",
 )
 
 
@@ -37,7 +40,8 @@ def evaluation_cells(evaluation: Evaluation) -> list[tuple[str, ...]]:
         part = f"{subset.rate:.3f} ({low:.3f}-{high:.3f})" if subset.episodes else "-"
         reasons = ", ".join(f"{reason} {count}" for reason, count in score.failures.items()) or "-"
         counts = f"{score.recovered}/{score.episodes}"
-        cells.append((name, counts, *rate_cells(score), part, str(score.survived), reasons))
+        met = first_limits(evaluation.rows[name])
+        cells.append((name, counts, *rate_cells(score), part, str(score.survived), reasons, met))
     return cells
 
 
@@ -63,7 +67,14 @@ def evaluation_markdown(evaluation: Evaluation) -> str:
         "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
     )
     table = markdown_table(COLUMNS, evaluation_cells(evaluation))
-    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}"
+    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}{limits_markdown(evaluation)}"
+
+
+def limits_markdown(evaluation: Evaluation) -> str:
+    """A table of the limits met for each policy; nothing where none was."""
+    tables = {name: limit_cells(rows) for name, rows in evaluation.rows.items()}
+    parts = [f"\n{name}\n\n{markdown_table(LIMIT_COLUMNS, cells)}" for name, cells in tables.items() if cells]
+    return f"\n## Limits\n{''.join(parts)}\n{NOTE}" if parts else ""
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -18,6 +18,7 @@ from push_recovery.eval.frontier import (
     scan,
 )
 from push_recovery.eval.limit_force import limit_force
+from push_recovery.eval.limit_summary import fall_cell
 from push_recovery.eval.loading import make_env
 from push_recovery.eval.outcome import Outcome
 
@@ -36,7 +37,9 @@ class Holes:
         force = math.hypot(*scenario.pushes[0].force)
         self.forces.append(round(force, 6))
         ok = bool(self.survives(force))
-        return Outcome(scenario.id, policy, ok, ok, None, None, 1.0, 1, 0.0, force / 10, 0.0, 1, (0.0, 0.0))
+        limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
+        base = scenario.id, policy, ok, ok, None, None if ok else "low", 1.0, 1, 0.0, force / 10, 0.0, 1
+        return Outcome(*base, (0.0, 0.0), *limits)
 
 
 def scan_with(survives, grid=20.0):
@@ -50,6 +53,20 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
     assert forces[-1] == 220.0 + BEYOND
+
+
+def test_scan_keeps_the_limits_of_every_failed_force():
+    row, _ = scan_with(lambda force: force < 310)
+    assert [fall["force_N"] for fall in row["falls"]] == row["failed_N"]
+    assert row["falls"][0] == {
+        "force_N": 320.0,
+        "failure_reason": "low",
+        "first_limit": "cop",
+        "limits_met": {"cop": 1.0, "contact": 1.1},
+        "limit_shares": {"cop": 0.25, "contact": 0.32},
+    }
+    assert fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
+    assert fall_cell([]) == "-"
 
 
 class SideBySide(Holes):
@@ -121,6 +138,10 @@ def test_json_and_pictures(tmp_path, capsys):
     assert main(argv) == 0
     assert (out / "outcomes.jsonl").read_text() == before
     assert "F* [N]" in capsys.readouterr().out
+    report = json.loads((out / "report.json").read_text())["policies"][policy]
+    assert [len(entry.pop("falls")) > 0 for entry in report["directions"]] == [True] * 3
+    assert report == content  # the report says nothing else than the contract's object
+    assert "| psi [deg] | limit F* [N] |" in (out / "report.md").read_text()
 
 
 def test_workers_change_nothing(tmp_path):
