@@ -152,7 +152,7 @@ def write_world(
     world[4], world[5] = world[2] + shift_x, world[3] + shift_y
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def tracks_plan(
     phys: Physics, gait: Gait, k: int, span: float, s: GaitSettings, before: Point, o: Array, world: Array
 ) -> bool:

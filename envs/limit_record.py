@@ -103,7 +103,7 @@ def report_limits(record: LimitRecord, k: int, start: float, end: float) -> Limi
     return LimitReport(met, shares)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def plan_limits(observation: Array, plan: Array, before: int, edges: Array) -> int:
     """Bits that a plan (7,) meets which was made from an observation (36,); canonical frame.
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from push_recovery.controllers.config import preset_config
 from push_recovery.controllers.policies import make_policy
 from push_recovery.controllers.stage_1 import swing_time
 from push_recovery.envs import limit_record as limits
@@ -16,8 +17,9 @@ from push_recovery.envs.push import Push
 from push_recovery.envs.scenario import Scenario
 from push_recovery.envs.wrench_bounds import BoundSettings, bounds_met, make_bounds
 
-FINAL = 0.055
+BOUNDS = BoundSettings()
 EPISODES = BipedEpisodes(2)
+FINAL = EPISODES.core.settings.commit
 EDGES = EPISODES.core.limit_record.edges
 MIDDLE = np.array([0.1, 0.25, 0.45, 0.0, 0.0, 0.0, 0.0])
 OBSERVATION = np.zeros(36)
@@ -74,7 +76,9 @@ def test_a_final_step_keeps_what_its_last_decision_met():
 def test_gravity_takes_its_share_of_the_torque_of_a_leaning_trunk():
     leaning = OBSERVATION.copy()
     leaning[15] = 0.6
-    most = (BIPED.trunk_torque_max - 53.0 * math.sin(0.6)) / BIPED.trunk_inertia
+    most = (
+        BIPED.trunk_torque_max - preset_config(EPISODES.preset).trunk_gravity * math.sin(0.6)
+    ) / BIPED.trunk_inertia
     assert plan_bits([(5, -most)], leaning) == limits.TRUNK_TORQUE
     assert plan_bits([(5, -most + 0.1)], leaning) == 0
     leaning[15] = -0.96 * BIPED.trunk_angle_max
@@ -85,18 +89,18 @@ def test_gravity_takes_its_share_of_the_torque_of_a_leaning_trunk():
     ("wrench", "first_torque", "met"),
     [
         ((0, 0, 600, 0, 0, 0), 0.0, 0),
-        ((0, 0, 600, 0, -600 * 0.0791, 0), 0.0, limits.SOLE_EDGE),
-        ((0, 0, 600, 600 * 0.0401, 0, 0), 0.0, limits.SOLE_EDGE),
-        ((600 * 0.821, 0, 600, 0, 0, 0), 0.0, limits.CONTACT),
-        ((0, 0, 600, 0, 0, -600 * 0.0294), 0.0, limits.CONTACT),
-        ((0, 0, 100, 0, 0, 0), 0.0, limits.CONTACT),
+        ((0, 0, 600, 0, -600 * BOUNDS.cop_x_max, 0), 0.0, limits.SOLE_EDGE),
+        ((0, 0, 600, 600 * BOUNDS.cop_y_max, 0, 0), 0.0, limits.SOLE_EDGE),
+        ((600 * BOUNDS.friction, 0, 600, 0, 0, 0), 0.0, limits.CONTACT),
+        ((0, 0, 600, 0, 0, -600 * BOUNDS.yaw_friction), 0.0, limits.CONTACT),
+        ((0, 0, BOUNDS.force_min, 0, 0, 0), 0.0, limits.CONTACT),
         ((0, 0, 600, 0, 0, 0), 1.0, limits.JOINT_TORQUE),
-        ((0, 0, 600, 0, -600 * 0.0791, 0), -1.0, limits.SOLE_EDGE | limits.JOINT_TORQUE),
+        ((0, 0, 600, 0, -600 * BOUNDS.cop_x_max, 0), -1.0, limits.SOLE_EDGE | limits.JOINT_TORQUE),
     ],
 )
 def test_the_bounds_of_whole_body_control(wrench, first_torque, met):
     motors = motor_limits(biped_model())
-    bounds, _memory = make_bounds(BoundSettings(), motors)
+    bounds, _memory = make_bounds(BOUNDS, motors)
     bounds.torque_range[:] = -motors[0], motors[0]
     torque = np.zeros(14)
     torque[0] = first_torque * motors[0, 0]
