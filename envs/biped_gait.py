@@ -53,18 +53,18 @@ class GaitSettings(NamedTuple):
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
-    apex: float = 0.0575  # height of the swing sole in mid-step [m]
-    landing_delay: float = 0.005  # the swing sole aims at the floor this long after T [s]
-    commit: float = 0.055  # place and time of the step are final from T - this [s]
-    early: float = 0.003  # contact counts as touchdown from T - this [s]
-    early_load: float = 20.0  # with this load [N]
-    forced_load: float = 150.0  # or with this load, late in the step
-    forced_phase: float = 0.6  # fraction of T from which forced_load counts
-    descent: float = 0.3  # of the swing foot when late [m/s]
-    reach: float = 0.673  # longest leg, hip to ankle [m]
-    height_drop: float = 0.162  # how far the CoM is lowered for a long step [m]
-    height_lead: float = 0.03  # the CoM is at the height of the step this long before T [s]
-    height_time: float = 0.08  # shortest horizon of the height reference [s]
+    apex: float = 0.0557  # height of the swing sole in mid-step [m]
+    landing_delay: float = 0.00996  # the swing sole aims at the floor this long after T [s]
+    commit: float = 0.0316  # place and time of the step are final from T - this [s]
+    early: float = 0.00739  # contact counts as touchdown from T - this [s]
+    early_load: float = 14.4  # with this load [N]
+    forced_load: float = 101.0  # or with this load, late in the step
+    forced_phase: float = 0.67  # fraction of T from which forced_load counts
+    descent: float = 0.192  # of the swing foot when late [m/s]
+    reach: float = 0.662  # longest leg, hip to ankle [m]
+    height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
+    height_lead: float = 0.0313  # the CoM is at the height of the step this long before T [s]
+    height_time: float = 0.0705  # shortest horizon of the height reference [s]
 
 
 @njit(cache=True, forceinline=True)

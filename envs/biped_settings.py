@@ -16,12 +16,12 @@ from .wrench_bounds import BoundSettings
 
 BIPED = RobotModel()  # Table II
 BIPED_LIMITS = GaitLimits(
-    length_min=-0.399,
-    length_max=0.399,
-    width_min=0.109,
-    width_max=0.419,
-    duration_min=0.18,
-    duration_max=0.633,
+    length_min=-0.336,
+    length_max=0.434,
+    width_min=0.107,
+    width_max=0.484,
+    duration_min=0.157,
+    duration_max=0.582,
 )
 OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
 BIPED_GAINS, BIPED_BOUNDS = Gains(), BoundSettings()

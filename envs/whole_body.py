@@ -70,17 +70,17 @@ class Gains(NamedTuple):
 
     stance_kp: float = 300.0  # levels the stance foot
     stance_kd: float = 35.0
-    swing_kp: float = 329.0  # sole position
-    swing_kd: float = 36.3
-    swing_max: float = 120.0  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_kp: float = 362.0  # sole position
+    swing_kd: float = 71.8
+    swing_max: float = 154.0  # bound of the acceleration asked of the swing sole [m/s^2]
     swing_turn_kp: float = 400.0  # sole orientation
     swing_turn_kd: float = 40.0
-    pelvis_kp: float = 108.0  # upright
-    pelvis_kd: float = 20.8
+    pelvis_kp: float = 139.0  # upright
+    pelvis_kd: float = 36.6
     heading_kp: float = 205.0
     heading_kd: float = 28.6
-    height_kp: float = 900.0  # CoM height
-    height_kd: float = 60.0
+    height_kp: float = 598.0  # CoM height
+    height_kd: float = 62.0
     damping: float = 1e-6  # of the leg inverse near a straight knee
 
 

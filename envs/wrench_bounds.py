@@ -37,18 +37,18 @@ AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.0791  # [m], from the centre of the sole
-    cop_y_max: float = 0.0401  # [m]
-    yaw_friction: float = 0.0294  # bound of |M_z| / f_z about the CoP [m]
-    friction: float = 0.821  # bound of |f_x| / f_z and |f_y| / f_z
+    cop_x_max: float = 0.068  # [m], from the centre of the sole
+    cop_y_max: float = 0.0357  # [m]
+    yaw_friction: float = 0.0273  # bound of |M_z| / f_z about the CoP [m]
+    friction: float = 0.723  # bound of |f_x| / f_z and |f_y| / f_z
     force_min: float = 100.0  # lowest vertical force [N]
     com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.254  # of (1 m/s^2)^2
-    pelvis_price: float = 0.0158  # of (1 rad/s^2)^2, pitch and roll
+    height_price: float = 0.591  # of (1 m/s^2)^2
+    pelvis_price: float = 0.00855  # of (1 rad/s^2)^2, pitch and roll
     heading_price: float = 0.005  # of (1 rad/s^2)^2
-    swing_price: float = 0.02  # of (1 m/s^2)^2
+    swing_price: float = 0.0566  # of (1 m/s^2)^2
     swing_turn_price: float = 0.00173  # of (1 rad/s^2)^2
-    waist_price: float = 0.00441  # of (1 rad/s^2)^2
+    waist_price: float = 0.00467  # of (1 rad/s^2)^2
     row_price: float = 1e4  # of a bound passed by one unit of its row
 
 
