@@ -246,10 +246,11 @@ def test_dcm_noise_is_white_of_the_stated_size_and_consistent(biped_core, begin)
 
 def test_a_fallen_robot_is_seen_as_it_was(biped_core, begin):
     core = biped_core()
-    fall = Push((0.0, 900.0, 0.0), 0.1, 0.2)
+    fall = Push((0.0, 3000.0, 0.0), 0.1, 0.2)
     begin(core, 0, Scenario("a", (fall,), errors=ModelErrors(dcm_noise=0.01, payload=2.0)))
-    while core.gait.failure[0] == 0:
+    for _ in range(300):
         step(core)
+    assert core.gait.failure[0] != 0
     before = core.observation[0].copy()
     step(core)
     kept = np.delete(before, range(27, 34))  # all but the previous action
