@@ -2,7 +2,7 @@
 
 python benchmarks/endurance.py [--policy two-stage] [--runs 20] [--minutes 10] [--frontier FILE.json] [--json]
 
-Every 5 s a new random velocity; every 3 s a push of 0.1 s, half of what the frontier survives in its
+Every 5 s a new random command; every 3 s a push of 0.1 s, half of what the frontier survives in its
 direction (`frontier --json`; measured first without a file), at any phase of the step, on pelvis or trunk.
 """
 
@@ -30,6 +30,7 @@ COMMAND_EVERY, PUSH_EVERY = 5.0, 3.0  # [s]
 PHASE = 0.6  # a push comes up to this much later: longer than a step [s]
 PUSH_DURATION = 0.1  # [s]
 SLOWEST, FASTEST, SIDEWAYS = -0.25, 0.5, 0.2  # [m/s]
+TURN = 0.3  # [rad/s]
 Table = NDArray[np.float64]  # (directions, 2): psi [deg], force [N]
 
 
@@ -50,7 +51,7 @@ def read_frontier(path: Path) -> Table:
 
 def random_command(rng: np.random.Generator) -> Command:
     """Uniform within the limits."""
-    return Command(rng.uniform(SLOWEST, FASTEST), rng.uniform(-SIDEWAYS, SIDEWAYS))
+    return Command(rng.uniform(SLOWEST, FASTEST), rng.uniform(-SIDEWAYS, SIDEWAYS), rng.uniform(-TURN, TURN))
 
 
 def random_push(rng: np.random.Generator, time: float, table: Table, share: float) -> Push:

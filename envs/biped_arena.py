@@ -29,7 +29,7 @@ SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields),
 class View(NamedTuple):
     """What goes in and out besides the state of the robots."""
 
-    command: Array  # (n, 2) [m/s]
+    command: Array  # (n, 3) in force [m/s], [m/s], [rad/s]
     previous_action: Array  # (n, 7)
     capture: Array  # constants of the capture margin
     observation: Array  # (n, 36), written
@@ -77,26 +77,26 @@ def physics_of(t: Ints) -> Physics:
 
 @njit(cache=True)
 def gait_of(t: Ints) -> Gait:
-    """Rows 12-21."""
+    """Rows 12-23."""
     return Gait(
         ints_1(t[12]), ints_1(t[13]), floats_1(t[14]), floats_1(t[15]), floats_1(t[16]), floats_2(t[17]),
-        floats_2(t[18]), floats_2(t[19]), ints_1(t[20]), floats_2(t[21]),
+        floats_2(t[18]), floats_2(t[19]), ints_1(t[20]), floats_2(t[21]), floats_1(t[22]), floats_2(t[23]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def pushes_of(t: Ints) -> Pushes:
-    """Rows 22-29."""
+    """Rows 24-31."""
     return Pushes(
-        floats_3(t[22]), floats_2(t[23]), floats_2(t[24]), ints_2(t[25]), floats_2(t[26]), ints_2(t[27]),
-        floats_3(t[28]), floats_3(t[29]),
+        floats_3(t[24]), floats_2(t[25]), floats_2(t[26]), ints_2(t[27]), floats_2(t[28]), ints_2(t[29]),
+        floats_3(t[30]), floats_3(t[31]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 45-48."""
-    return Contacts(floats_2(t[45]), floats_2(t[46]), floats_1(t[47]), floats_2(t[48]))
+    """Rows 47-50."""
+    return Contacts(floats_2(t[47]), floats_2(t[48]), floats_1(t[49]), floats_2(t[50]))
 
 
 @njit(cache=True)
@@ -107,46 +107,46 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 49-52."""
-    return Handles(ints_2(t[49]), ints_2(t[50]), ints_1(t[51]), ints_1(t[52]))
+    """Rows 51-54."""
+    return Handles(ints_2(t[51]), ints_2(t[52]), ints_1(t[53]), ints_1(t[54]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
-    """Rows 53-60."""
+    """Rows 55-62."""
     return RobotErrors(
-        ints_1(t[53]), ints_1(t[54]), ints_1(t[55]), floats_2(t[56]), ints_1(t[57]), ints_1(t[58]),
-        ints_1(t[59]), floats_3(t[60]),
+        ints_1(t[55]), ints_1(t[56]), ints_1(t[57]), floats_2(t[58]), ints_1(t[59]), ints_1(t[60]),
+        ints_1(t[61]), floats_3(t[62]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def limits_of(t: Ints) -> LimitRecord:
-    """Rows 61-65."""
-    return LimitRecord(floats_2(t[61]), floats_2(t[62]), ints_1(t[63]), ints_1(t[64]), floats_1(t[65]))
+    """Rows 63-67."""
+    return LimitRecord(floats_2(t[63]), floats_2(t[64]), ints_1(t[65]), ints_1(t[66]), floats_1(t[67]))
 
 
 @njit(cache=True)
 def schedule_of(t: Ints) -> Schedule:
-    """Rows 66-68."""
-    return Schedule(floats_2(t[66]), floats_3(t[67]), ints_1(t[68]))
+    """Rows 68-70."""
+    return Schedule(floats_2(t[68]), floats_3(t[69]), ints_1(t[70]))
 
 
 @njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
-    """Rows 30-37, and the last constants."""
+    """Rows 32-39, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
-        settings, floats_2(t[30]), floats_2(t[31]), floats_1(t[32]), ints_1(t[33]), floats_2(t[34]),
-        floats_1(t[35]), floats_1(t[36]), floats_1(t[37]),
+        settings, floats_2(t[32]), floats_2(t[33]), floats_1(t[34]), ints_1(t[35]), floats_2(t[36]),
+        floats_1(t[37]), floats_1(t[38]), floats_1(t[39]),
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 39 is the previous action."""
-    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[39]), errors_of(t)
-    seen, limits = floats_2(t[41]), limits_of(t)
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 41 is the previous action."""
+    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[41]), errors_of(t)
+    seen, limits = floats_2(t[43]), limits_of(t)
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
@@ -180,15 +180,16 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, commands, observations and margins of robots first..end-1; rows 38-44 are the view's."""
+    """Falls, commands, observations and margins of robots first..end-1; rows 40-46 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    command, previous, capture = floats_2(t[38]), floats_2(t[39]), floats_1(t[40])
-    out, margin, world, truth = floats_2(t[41]), floats_1(t[42]), floats_2(t[43]), floats_2(t[44])
-    errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[24])
+    command, previous, capture = floats_2(t[40]), floats_2(t[41]), floats_1(t[42])
+    out, margin, world, truth = floats_2(t[43]), floats_1(t[44]), floats_2(t[45]), floats_2(t[46])
+    errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[26])
     schedule = schedule_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
         follow(schedule, k, gait.time[k], command[k])
+        gait.turn[k] = command[k, 2]
         span, before = contacts.time[k], (world[k, 0], world[k, 1])
         margin[k] = observe(
             phys, gait, k, contacts, settings, command[k], previous[k], capture, truth[k], world[k]

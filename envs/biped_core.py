@@ -40,6 +40,7 @@ from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
 from .simulations import Simulations, believe
+from .turning import SIZE as YAWS
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
 
@@ -87,6 +88,7 @@ class BipedCore:
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 3)),
             plan=np.zeros((n, GAIT_SIZE)), failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
+            turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
         )  # fmt: skip
         self.contacts = Contacts(
             arrays["qfrc_constraint"], impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
@@ -94,7 +96,7 @@ class BipedCore:
         self.pushes = empty_pushes(n, 1)
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
-        self.command = np.zeros((n, 2))  # in force
+        self.command = np.zeros((n, 3))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
@@ -161,7 +163,7 @@ class BipedCore:
         self.gait.stance[k] = stance
         self.gait.swing[k, :3] = soles[1 - stance]
         self.gait.height[k, 0] = self.robot.com_height
-        self.command[k] = scenario.command.vx, scenario.command.vy
+        self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
         self.gait.plan[k] = gait
         self.previous_action[k] = action
         pushes, schedule = assign_pushes(self.pushes, k, scenario), assign_changes(self.schedule, k, scenario)

@@ -26,7 +26,7 @@ class BipedEpisodes(GaitEpisodes):
     `threads` share their physics and change nothing else.
     """
 
-    failures = FAILURES
+    failures, name = FAILURES, "PushRecovery/Biped-v0"
 
     def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
         settings = biped_settings(preset)
@@ -37,7 +37,7 @@ class BipedEpisodes(GaitEpisodes):
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
         gait = self.core.gait
-        return Motion(gait.steps, self.core.physics.com[:, 0, :2], gait.time, gait.stance)
+        return Motion(gait.steps, self.core.physics.com[:, 0, :2], gait.time, gait.stance, gait.heading)
 
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""

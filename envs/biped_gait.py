@@ -20,6 +20,7 @@ from .motors import clip_torque
 from .push import mean_force, resolve_starts
 from .push_batch import Pushes
 from .stack_array import stack_floats
+from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
 from .vector_3 import Vector, cross, to_world, vector_at, vector_of
 from .whole_body import Gains, Task, whole_body_torque
 from .wrench_bounds import Bounds
@@ -38,12 +39,14 @@ class Gait(NamedTuple):
     steps: Ints  # (n,) completed steps
     elapsed: Array  # (n,) since the step began [s]
     time: Array  # (n,) since reset [s]
-    heading: Array  # (n,) [rad]
+    heading: Array  # (n,) of the stance sole and the canonical frame [rad]
     swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
     height: Array  # (n, 3) reference of the CoM's height, its velocity and acceleration
     plan: Array  # (n, 7) gait variables, held for a planning period
     failure: Ints  # (n,) index into FAILURES
     wrench: Array  # (n, 6) that the last torque asks of the stance sole
+    turn: Array  # (n,) commanded [rad/s]
+    yaw: Array  # (n, 7) references of swing sole and pelvis beyond the heading, see `turning`
 
 
 class GaitSettings(NamedTuple):
@@ -92,6 +95,7 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
     gait.elapsed[k] = 0.0
+    gait.heading[k] += exchange_soles(gait.yaw[k])
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.plan[k, 3:5] = 0.0
@@ -176,7 +180,10 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     )
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[5], -sign * plan[6]
-    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist)
+    yaw = gait.yaw[k]
+    turn_references(yaw, gait.turn[k], plan[2] + s.landing_delay, remaining, s.commit, dt)
+    yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
+    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist, *yaws)
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     clip_torque(phys.ctrl[k], bounds.torque_range)
     return met

@@ -195,7 +195,7 @@ def observe(
     o[0] = gait.elapsed[k]
     write_motion(phys, gait, k, s, frame, velocity, omega, o)
     write_posture(phys, gait, k, frame, omega, o)
-    o[25], o[26] = canonical(frame, command[0], command[1])
+    o[25], o[26] = command[0], frame.sign * command[1]
     for i in range(previous.shape[0]):
         o[27 + i] = previous[i]
     write_push_estimate(contacts, k, s, frame, velocity, o)

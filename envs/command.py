@@ -9,30 +9,36 @@ from typing import Any
 from ..controllers.errors import InvalidValueError
 from .checks import require_keys, require_number
 
+FASTEST_TURN = 0.6  # [rad/s]
+
 
 @dataclass(frozen=True)
 class Command:
-    """Commanded mean velocity in the heading frame."""
+    """Commanded mean velocity in the heading frame, and how fast the heading turns."""
 
     vx: float = 0.0  # forward [m/s]
     vy: float = 0.0  # to the left [m/s]
+    turn: float = 0.0  # to the left [rad/s]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vx", require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
         object.__setattr__(self, "vy", require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
+        turn = require_number("Command.turn [rad/s]", self.turn, -FASTEST_TURN, FASTEST_TURN)
+        object.__setattr__(self, "turn", turn)
 
     def mirrored(self) -> Command:
-        """Sideways velocity negated."""
-        return Command(self.vx, 0.0 - self.vy)
+        """Sideways velocity and turning negated."""
+        return Command(self.vx, 0.0 - self.vy, 0.0 - self.turn)
 
     def to_dict(self) -> dict[str, float]:
-        """Plain JSON types."""
-        return {"vx": self.vx, "vy": self.vy}
+        """Plain JSON types; `turn` is left out where it is 0."""
+        values = {"vx": self.vx, "vy": self.vy}
+        return {**values, "turn": self.turn} if self.turn else values
 
     @classmethod
     def from_dict(cls, data: object) -> Command:
         """Inverse of `to_dict`."""
-        return cls(**require_keys("command", data, set(), {"vx", "vy"}))
+        return cls(**require_keys("command", data, set(), {"vx", "vy", "turn"}))
 
 
 IN_PLACE = Command()

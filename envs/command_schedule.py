@@ -20,13 +20,13 @@ class Schedule(NamedTuple):
     """What the n robots will be told, at most C changes each."""
 
     time: Array  # (n, C) since reset [s], rising; inf: there are no more
-    command: Array  # (n, C, 2) velocity in the heading frame [m/s]
+    command: Array  # (n, C, 3) velocity in the heading frame [m/s], turn [rad/s]
     next: Ints  # (n,) index of the first change to come
 
 
 def empty_schedule(n: int, count: int = 0) -> Schedule:
     """Arrays of `count` changes for n robots, none of which ever comes."""
-    return Schedule(np.full((n, count), np.inf), np.zeros((n, count, 2)), np.zeros(n, np.int64))
+    return Schedule(np.full((n, count), np.inf), np.zeros((n, count, 3)), np.zeros(n, np.int64))
 
 
 def assign_changes(schedule: Schedule, k: int, scenario: Scenario) -> Schedule:
@@ -41,13 +41,14 @@ def assign_changes(schedule: Schedule, k: int, scenario: Scenario) -> Schedule:
     schedule.time[k], schedule.next[k] = np.inf, 0
     for i, change in enumerate(scenario.changes):
         schedule.time[k, i] = change.time
-        schedule.command[k, i] = change.command.vx, change.command.vy
+        command = change.command
+        schedule.command[k, i] = command.vx, command.vy, command.turn
     return schedule
 
 
 @njit(cache=True)
 def follow(schedule, k, now, command):  # pragma: no cover
-    """Put the latest command (2,) that is due `now` [s] into force for robot k."""
+    """Put the latest command (3,) that is due `now` [s] into force for robot k."""
     i = schedule.next[k]
     while i < schedule.time.shape[1] and schedule.time[k, i] <= now + DUE:
         for axis in range(command.shape[0]):
@@ -58,6 +59,6 @@ def follow(schedule, k, now, command):  # pragma: no cover
 
 @njit(cache=True)
 def follow_all(schedule, now, command, first, end):  # pragma: no cover
-    """`follow` for robots first..end-1: now (n,) [s], command (n, 2)."""
+    """`follow` for robots first..end-1: now (n,) [s], command (n, 3)."""
     for k in range(first, end):
         follow(schedule, k, now[k], command[k])

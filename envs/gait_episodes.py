@@ -52,6 +52,8 @@ class GaitEpisodes(ABC):
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
     has_double_support: ClassVar[bool] = False  # whether the physics knows it
+    turns: ClassVar[bool] = True  # whether it can be told to turn
+    name: ClassVar[str]  # of the environment, for errors
     core: Any
 
     def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float):
@@ -114,7 +116,12 @@ class GaitEpisodes(ABC):
         return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay, self.double_support)
 
     def begin(self, k: int, scenario: Scenario) -> None:
-        """Put robot k at the beginning of a nominal step of a scenario."""
+        """Put robot k at the beginning of a nominal step of a scenario.
+
+        Raises:
+            InvalidValueError: a command to turn for a robot that does not.
+        """
+        self._check_turns(scenario)
         sign = -1.0 if scenario.stance_side == "left" else 1.0
         gait = self.nominal(scenario.command.vx, sign * scenario.command.vy)
         start = nominal_start(
@@ -131,6 +138,15 @@ class GaitEpisodes(ABC):
         self._episodes.changed[k] = scenario.last_change
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
+
+    def _check_turns(self, scenario: Scenario) -> None:
+        commands = [scenario.command, *(change.command for change in scenario.changes)]
+        rate = max((command.turn for command in commands), key=abs)
+        if rate and not self.turns:
+            raise InvalidValueError(
+                f"{self.name} does not turn: Command.turn must be 0 rad/s, got {rate:g} "
+                f"in scenario {scenario.id!r}"
+            )
 
     def step(self, actions: NDArray[np.float32]) -> Period:
         """One planning period of all robots under actions (n, 7) in [-1, 1]; those at their end go on too."""

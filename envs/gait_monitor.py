@@ -34,10 +34,11 @@ class MonitorState(NamedTuple):
     steps: Ints  # (n,) completed when last looked at
     touchdowns: Ints  # (n,) since reset
     time: Array  # (n, 3) [s]
-    com: Array  # (n, 3, 2) in the heading frame [m]
+    com: Array  # (n, 3, 2) in the world [m]
     error: Array  # (n, 3) of the DCM against the nominal gait [m]
     speed_error: Array  # (n,) over the last two steps [m/s]
     recovered_at: Array  # (n,) [s], NaN while not recovered
+    heading: Array  # (n, 3) of the steps that began then [rad]
 
 
 @njit(cache=True)
@@ -66,32 +67,38 @@ def started_dcm_kernel(obs, double_support, omega, out):  # pragma: no cover
 
 
 @njit(cache=True)
-def record_touchdown(state, k, error, com, time, event, command):  # pragma: no cover
+def record_touchdown(state, k, error, com, heading, time, event, command):  # pragma: no cover
     """Judge robot k, which has just touched down.
 
     Args:
         state: of n robots, written.
         k: the robot.
         error: of the DCM at the start of the step against the nominal gait [m].
-        com: (2,) in a frame fixed to the commanded heading [m].
+        com: (2,) in the world [m].
+        heading: of the step that begins [rad].
         time: since reset [s].
         event: when the last push has ended and the command has changed for the last time [s], inf while a
             push waits for its gait event.
-        command: velocity in force (2,) in the same frame [m/s].
+        command: in force (3,), its velocity in the heading frame [m/s].
     """
     for i in range(2, 0, -1):
         state.time[k, i] = state.time[k, i - 1]
         state.error[k, i] = state.error[k, i - 1]
         state.com[k, i] = state.com[k, i - 1]
+        state.heading[k, i] = state.heading[k, i - 1]
     state.time[k, 0] = time
     state.com[k, 0] = com
+    state.heading[k, 0] = heading
     state.error[k, 0] = error
     state.touchdowns[k] += 1
     good = False
     if state.touchdowns[k] >= 3:
         span = state.time[k, 0] - state.time[k, 2]
-        vx = (state.com[k, 0, 0] - state.com[k, 2, 0]) / span
-        vy = (state.com[k, 0, 1] - state.com[k, 2, 1]) / span
+        dx = (state.com[k, 0, 0] - state.com[k, 2, 0]) / span
+        dy = (state.com[k, 0, 1] - state.com[k, 2, 1]) / span
+        mean = 0.5 * (state.heading[k, 1] + state.heading[k, 2])  # of the two steps that are over
+        cos, sin = math.cos(mean), math.sin(mean)
+        vx, vy = cos * dx + sin * dy, cos * dy - sin * dx
         state.speed_error[k] = math.hypot(vx - command[0], vy - command[1])
         good = (
             state.time[k, 1] >= event
@@ -110,7 +117,7 @@ class GaitMonitor:
     def __init__(self, n: int):
         self.state = MonitorState(
             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3, 2)),
-            np.zeros((n, 3)), np.zeros(n), np.full(n, np.nan),
+            np.zeros((n, 3)), np.zeros(n), np.full(n, np.nan), np.zeros((n, 3)),
         )  # fmt: skip
 
     def reset(self, k: int) -> None:

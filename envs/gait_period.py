@@ -30,22 +30,24 @@ class Motion(NamedTuple):
     """How far n robots have come."""
 
     steps: Ints  # (n,) completed
-    com: Array  # (n, 2) in the heading frame [m]
+    com: Array  # (n, 2) in the world [m]
     time: Array  # (n,) since reset [s]
     side: Ints  # (n,) stance foot, index into SIDES
+    heading: Array  # (n,) of the canonical frame [rad]
 
 
 class Robots(NamedTuple):
-    """What the core says of n robots after a period; the first four are those of `Motion`."""
+    """What the core says of n robots after a period; the first five are those of `Motion`."""
 
     steps: Ints
     com: Array
     time: Array
     side: Ints
+    heading: Array
     failure: Ints  # (n,) why they have fallen, 0: they have not
     observation: Array  # (n, 36), without noise
     margin: Array  # (n,) capture margin [m]
-    command: Array  # (n, 2) velocity in the heading frame [m/s]
+    command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
     action: Array  # (n, 7) in force in the period
     push_start: Array  # (n, P) [s], inf while the gait event has not come
     push_duration: Array  # (n, P) [s]
@@ -78,28 +80,28 @@ def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double
 
 @njit(cache=True)
 def _robots_of(t):  # pragma: no cover
-    """Rows 0-10."""
+    """Rows 0-11."""
     return Robots(
-        ints_1(t[0]), floats_2(t[1]), floats_1(t[2]), ints_1(t[3]), ints_1(t[4]), floats_2(t[5]),
-        floats_1(t[6]), floats_2(t[7]), floats_2(t[8]), floats_2(t[9]), floats_2(t[10]),
+        ints_1(t[0]), floats_2(t[1]), floats_1(t[2]), ints_1(t[3]), floats_1(t[4]), ints_1(t[5]),
+        floats_2(t[6]), floats_1(t[7]), floats_2(t[8]), floats_2(t[9]), floats_2(t[10]), floats_2(t[11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def _episodes_of(t):  # pragma: no cover
-    """Rows 11-18."""
+    """Rows 12-19."""
     return Episodes(
-        ints_1(t[11]), floats_1(t[12]), floats_1(t[13]), floats_1(t[14]), floats_2(t[15]), floats_1(t[16]),
-        floats_2(t[17]), floats_1(t[18]),
+        ints_1(t[12]), floats_1(t[13]), floats_1(t[14]), floats_1(t[15]), floats_2(t[16]), floats_1(t[17]),
+        floats_2(t[18]), floats_1(t[19]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def _monitor_of(t):  # pragma: no cover
-    """Rows 19-25."""
+    """Rows 20-27."""
     return MonitorState(
-        ints_1(t[19]), ints_1(t[20]), floats_2(t[21]), floats_3(t[22]), floats_2(t[23]), floats_1(t[24]),
-        floats_1(t[25]),
+        ints_1(t[20]), ints_1(t[21]), floats_2(t[22]), floats_3(t[23]), floats_2(t[24]), floats_1(t[25]),
+        floats_1(t[26]), floats_2(t[27]),
     )  # fmt: skip
 
 
@@ -129,7 +131,9 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         if robots.steps[k] != monitor.steps[k]:
             monitor.steps[k] = robots.steps[k]
             error = np.hypot(started[0] - start[0], started[1] - start[1])
-            record_touchdown(monitor, k, error, robots.com[k], time, event, robots.command[k])
+            record_touchdown(
+                monitor, k, error, robots.com[k], robots.heading[k], time, event, robots.command[k]
+            )
         ends[0, k] = robots.failure[k] != 0
         end = event + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
         ends[1, k] = time >= end - 1e-9 and not ends[0, k]

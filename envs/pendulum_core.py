@@ -7,8 +7,7 @@ Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
 Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega follow exp(+-omega t) about
 c. A cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop.
 There is no integration step. State is kept in the world frame: x forward, y left. In double support, which
-begins every step, the foot that stood before stays where it stood and the CoP may be anywhere in the hull of
-both soles.
+begins every step, the other foot stays where it stood and the CoP may be anywhere in the hull of both soles.
 """
 
 from __future__ import annotations
@@ -59,6 +58,7 @@ class Pendulums(NamedTuple):
     side: Ints  # (n,) stance foot, index into SIDES
     steps: Ints  # (n,) completed
     failure: Ints  # (n,) index into FAILURES
+    heading: Array  # (n,) always 0: a pendulum does not turn [rad]
 
 
 class Physics(NamedTuple):
@@ -251,11 +251,11 @@ class PendulumCore:
             stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
             cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
             time=np.zeros(n), step_start=np.zeros(n), side=np.zeros(n, np.int64),
-            steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64),
+            steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64), heading=np.zeros(n),
         )  # fmt: skip
         self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset
         self.pushes = empty_pushes(n, 1)
-        self.schedule, self.command = empty_schedule(n), np.zeros((n, 2))  # to come, in force
+        self.schedule, self.command = empty_schedule(n), np.zeros((n, 3))  # to come, in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
@@ -274,7 +274,7 @@ class PendulumCore:
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]
         s.plan[k] = gait
-        self.command[k], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
+        self.command[k, :2], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
         self.pushes = assign_pushes(self.pushes, k, scenario)
         self.schedule = assign_changes(self.schedule, k, scenario)
         self._look(k, k + 1)

@@ -22,6 +22,7 @@ class PendulumEpisodes(GaitEpisodes):
 
     failures = FAILURES
     has_double_support = True
+    turns, name = False, "PushRecovery/Pendulum-v0"
 
     def __init__(
         self,
@@ -39,7 +40,7 @@ class PendulumEpisodes(GaitEpisodes):
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
         state = self.core.state
-        return Motion(state.steps, state.com, state.time, state.side)
+        return Motion(state.steps, state.com, state.time, state.side, state.heading)
 
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""

@@ -90,9 +90,11 @@ class Task(NamedTuple):
     stance: int  # 0 left, 1 right
     com_acceleration: tuple[float, float]  # [m/s^2]
     height: Vector  # of the CoM above the stance sole [m], its velocity, its acceleration
-    facing: Heading  # cosine and sine of the heading
+    facing: Heading  # cosine and sine of the heading, which the stance sole has
     swing: Array  # (9,) position, velocity, acceleration of the swing sole
     waist: tuple[float, float]  # acceleration of the waist's pitch and roll joints [rad/s^2]
+    swing_yaw: Vector = ZERO  # of the swing sole beyond the heading [rad], its rate, its acceleration
+    pelvis_yaw: Vector = ZERO  # the same of the pelvis
 
 
 @njit(cache=True, forceinline=True)
@@ -109,25 +111,29 @@ def stance_acceleration(
 def swing_acceleration(
     phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains
 ) -> tuple[Vector, Vector]:
-    """Linear and angular acceleration that follow the swing reference, sole level and along the heading."""
+    """Linear and angular acceleration that follow the swing reference, sole level and at its yaw."""
     error = subtract(vector_of(task.swing, 0), foot.position)
     rate = subtract(vector_of(task.swing, 3), foot.velocity)
     asked = add(vector_of(task.swing, 6), add(scaled(error, gains.swing_kp), scaled(rate, gains.swing_kd)))
     size = math.sqrt(asked[0] ** 2 + asked[1] ** 2)
     if size > gains.swing_max:
         asked = asked[0] * gains.swing_max / size, asked[1] * gains.swing_max / size, asked[2]
-    error = upright_error(phys.xmat, k, FOOT_BODY[1 - task.stance], task.facing)
-    return asked, subtract(scaled(error, gains.swing_turn_kp), scaled(foot.omega, gains.swing_turn_kd))
+    yaw, pace, turn = task.swing_yaw
+    error = add(upright_error(phys.xmat, k, FOOT_BODY[1 - task.stance], task.facing), (0.0, 0.0, yaw))
+    omega = subtract(foot.omega, (0.0, 0.0, pace))
+    level = subtract(scaled(error, gains.swing_turn_kp), scaled(omega, gains.swing_turn_kd))
+    return asked, add(level, (0.0, 0.0, turn))
 
 
 @njit(cache=True, forceinline=True)
 def base_angular_acceleration(phys: Physics, k: int, omega: Vector, task: Task, gains: Gains) -> Vector:
-    """Angular acceleration that keeps the pelvis upright and along the heading."""
+    """Angular acceleration that keeps the pelvis upright and at its yaw."""
+    yaw, rate, turn = task.pelvis_yaw
     x, y, z = upright_error(phys.xmat, k, PELVIS, task.facing)
     return (
         gains.pelvis_kp * x - gains.pelvis_kd * omega[0],
         gains.pelvis_kp * y - gains.pelvis_kd * omega[1],
-        gains.heading_kp * z - gains.heading_kd * omega[2],
+        gains.heading_kp * (z + yaw) - gains.heading_kd * (omega[2] - rate) + turn,
     )
 
 

@@ -13,7 +13,7 @@ MODEL = biped_model()
 
 def observe(core, command=(0.0, 0.0)) -> np.ndarray:
     """Observation of the state as it is; a planning period of no length."""
-    core.command[0] = command
+    core.command[0, :2] = command
     substeps, core.substeps = core.substeps, 0
     core.gait.plan[0] = [0.0, 0.2, 0.5, 0.0, 0.0, 0.0, 0.0]
     core.step(core.gait.plan.copy(), np.full((1, 7), 0.25))

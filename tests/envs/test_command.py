@@ -6,6 +6,7 @@ from push_recovery.envs.command import Command, CommandChange
 from push_recovery.envs.push import Push
 from push_recovery.envs.scenario import Scenario
 
+TURN = Command(0.3, turn=0.2)
 CHANGES = (CommandChange(2.0, Command(0.3, 0.1)), CommandChange(3.5, Command()))
 PUSH = Push((10.0, 0.0, 0.0), 0.1, 1.0)
 
@@ -16,6 +17,8 @@ def test_json_round_trip_is_exact_and_has_no_key_without_changes():
     assert Scenario.from_json(text) == scenario
     assert Scenario.from_json(text).to_json() == text
     assert "changes" not in Scenario("a", (PUSH,), Command(0.1)).to_dict()
+    assert Command.from_dict(TURN.to_dict()) == TURN
+    assert set(Command(0.1).to_dict()) == {"vx", "vy"}
 
 
 def test_mirror_is_an_involution():
@@ -26,6 +29,7 @@ def test_mirror_is_an_involution():
         CommandChange(3.5, Command(0.0, -0.0)),
     )
     assert mirrored.mirrored() == scenario
+    assert TURN.mirrored() == Command(0.3, turn=-0.2)
 
 
 def test_an_episode_waits_for_the_last_change():
@@ -37,6 +41,7 @@ def test_an_episode_waits_for_the_last_change():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (lambda: Command(turn=0.61), r"Command.turn \[rad/s\] must be in \[-0.6, 0.6\], got 0.61"),
         (lambda: CommandChange(0.0, Command()), r"CommandChange.time \[s\] must be in \(0, inf\], got 0"),
         (lambda: CommandChange(math.inf, Command()), "must be finite, got inf"),
         (lambda: CommandChange(1.0, 0.3), "CommandChange.command must be a Command, got 0.3"),  # type: ignore[arg-type]

@@ -27,8 +27,9 @@ def draw(n):
     observation[:, 0] = rng.uniform(0.0, 0.6, n)
     robots = Robots(
         steps=rng.integers(0, 3, n), com=rng.normal(size=(n, 2)), time=rng.uniform(0.0, 4.0, n),
-        side=rng.integers(0, 2, n), failure=rng.integers(0, 2, n), observation=observation,
-        margin=rng.normal(0.05, 0.1, n), command=rng.normal(size=(n, 2)), action=rng.normal(size=(n, 7)),
+        side=rng.integers(0, 2, n), heading=rng.normal(size=n), failure=rng.integers(0, 2, n),
+        observation=observation,
+        margin=rng.normal(0.05, 0.1, n), command=rng.normal(size=(n, 3)), action=rng.normal(size=(n, 7)),
         push_start=rng.uniform(0.0, 2.0, (n, 2)), push_duration=rng.uniform(0.0, 0.5, (n, 2)),
     )  # fmt: skip
     robots.push_start[0, 1] = np.inf

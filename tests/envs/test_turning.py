@@ -1,0 +1,126 @@
+"""Turning: its references, the walk on a circle, how it is judged."""
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.observation import COMMAND
+from push_recovery.controllers.policies import make_policy
+from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.biped_kinematics import FOOT_BODY, PELVIS
+from push_recovery.envs.command import Command, CommandChange
+from push_recovery.envs.gait_monitor import GaitMonitor, record_touchdown
+from push_recovery.envs.pendulum_env import PendulumEpisodes
+from push_recovery.envs.scenario import Scenario
+from push_recovery.envs.turning import SIZE, exchange_soles, turn_references
+
+POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+RATE, DURATION, FINAL, DT = 0.4, 0.5, 0.055, 0.002
+
+
+def follow(yaw: np.ndarray, rate: float, begin: float, end: float) -> None:
+    for i in range(round(begin / DT), round(end / DT)):
+        turn_references(yaw, rate, DURATION, DURATION - i * DT, FINAL, DT)
+
+
+def walk(command: Command, seconds: float, changes: tuple[CommandChange, ...] = ()):
+    """Episodes of one biped after a walk, and by period: CoM (2), heading, observation (36)."""
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, Scenario("a", (), command, duration=100.0, changes=changes))
+    com, heading, seen = [], [], []
+    for _ in range(round(100 * seconds)):
+        episodes.step(POLICY.predict(episodes.core.observation)[0])
+        com.append(episodes.motion().com[0].copy())
+        heading.append(episodes.motion().heading.item(0))
+        seen.append(episodes.core.observation[0].copy())
+    return episodes, np.array(com), np.array(heading), np.array(seen)
+
+
+def yaw_of(episodes: BipedEpisodes, body: int) -> float:
+    xmat = episodes.core.physics.xmat[0, body]
+    return float(np.arctan2(xmat[3], xmat[0]))
+
+
+def test_the_sole_lands_at_rest_and_the_pelvis_half_way_at_the_commanded_rate():
+    yaw = np.zeros(SIZE)
+    for _ in range(4):
+        follow(yaw, RATE, 0.0, DURATION)
+        assert yaw[0] == pytest.approx(RATE * DURATION, abs=1e-5)
+        assert yaw[1] == pytest.approx(0.0, abs=1e-3)
+        assert yaw[3] == pytest.approx(0.5 * RATE * DURATION, abs=1e-4)
+        assert yaw[4] == pytest.approx(RATE, abs=1e-2)
+        exchange_soles(yaw)
+
+
+def test_no_reference_jumps_where_the_feet_change_roles():
+    yaw, heading = np.zeros(SIZE), 0.3
+    follow(yaw, RATE, 0.0, 0.7 * DURATION)  # lands early
+    sole, pelvis = heading + yaw[0], heading + yaw[3:6]
+    turned = exchange_soles(yaw)
+    assert heading + turned == pytest.approx(sole)  # new stance sole
+    assert heading + turned + yaw[0] == pytest.approx(heading)  # new swing sole
+    np.testing.assert_allclose(heading + turned + yaw[3], pelvis[0])
+    np.testing.assert_array_equal(heading + yaw[4:6], pelvis[1:])
+
+
+def test_the_yaw_at_landing_is_final_shortly_before():
+    yaw = np.zeros(SIZE)
+    follow(yaw, RATE, 0.0, DURATION - FINAL + DT)
+    follow(yaw, -RATE, DURATION - FINAL + DT, DURATION)
+    assert yaw[0] == pytest.approx(RATE * DURATION, abs=1e-5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_walks_on_a_circle(side):
+    episodes, com, heading, seen = walk(Command(0.3, turn=side * 0.3), 20.0)
+    assert episodes.failure()[0] == 0
+    assert heading[-1] == pytest.approx(side * 6.0, rel=0.05)
+    x, y = com[200:].T
+    A = np.stack([2.0 * x, 2.0 * y, np.ones_like(x)], axis=1)
+    a, b, c = np.linalg.lstsq(A, x * x + y * y, rcond=None)[0]  # circle through the points
+    assert np.sqrt(c + a * a + b * b) == pytest.approx(0.3 / 0.3, rel=0.1)
+    np.testing.assert_allclose(seen[:, COMMAND.start], 0.3)  # whichever way it looks
+    assert episodes.monitor.recovered_at(0) is not None
+
+
+def test_the_stance_sole_points_along_the_heading_and_the_pelvis_stays_between_the_soles():
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, Scenario("a", (), Command(turn=0.4), duration=100.0))
+    gait = episodes.core.gait
+    for _ in range(400):
+        episodes.step(POLICY.predict(episodes.core.observation)[0])
+        heading, stance = gait.heading.item(0), gait.stance.item(0)
+        assert yaw_of(episodes, FOOT_BODY[stance]) == pytest.approx(heading, abs=0.03)
+        assert abs(yaw_of(episodes, PELVIS) - heading) < 0.5 * 0.4 * gait.plan[0, 2] + 0.04
+
+
+def test_turning_ends_with_its_command():
+    stop = CommandChange(4.0, Command())
+    episodes, _, heading, _ = walk(Command(0.2, turn=-0.5), 7.0, (stop,))
+    assert episodes.failure()[0] == 0
+    assert heading[460] == pytest.approx(-0.5 * 4.0, abs=0.25)
+    assert heading[-1] == heading[460]
+    assert yaw_of(episodes, PELVIS) == pytest.approx(heading[-1], abs=0.02)
+
+
+def test_nothing_turns_without_a_command():
+    episodes, _, heading, _ = walk(Command(0.3), 2.0)
+    assert not heading.any()
+    assert not episodes.core.gait.yaw.any()
+
+
+def test_speed_is_judged_in_the_heading_frame():
+    """Steps straight along headings that turn by d: the mean over two of them is v cos(d / 2) forward."""
+    monitor, com, turned, v, span = GaitMonitor(1), np.zeros(2), 0.3, 0.4, 0.5
+    command = np.array([v, 0.0, turned / span])
+    for i in range(5):
+        heading = 2.0 + turned * i
+        record_touchdown(monitor.state, 0, 0.0, com.copy(), heading, span * i, 0.0, command)
+        com += v * span * np.array([np.cos(heading), np.sin(heading)])
+    assert monitor.state.speed_error[0] == pytest.approx(v * (1.0 - np.cos(turned / 2)), abs=1e-12)
+
+
+def test_a_pendulum_refuses_to_turn():
+    scenario = Scenario("bend", changes=(CommandChange(1.0, Command(turn=-0.2)),))
+    message = "Pendulum-v0 does not turn: Command.turn must be 0 rad/s, got -0.2 in scenario 'bend'"
+    with pytest.raises(InvalidValueError, match=message):
+        PendulumEpisodes(1).begin(0, scenario)
