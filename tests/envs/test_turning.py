@@ -98,7 +98,7 @@ def test_turning_ends_with_its_command():
     episodes, _, heading, _ = walk(Command(0.2, turn=-0.5), 7.0, (stop,))
     assert episodes.failure()[0] == 0
     assert heading[460] == pytest.approx(-0.5 * 4.0, abs=0.25)
-    assert heading[-1] == heading[460]
+    assert heading[-1] == pytest.approx(heading[460], abs=1e-12)
     assert yaw_of(episodes, PELVIS) == pytest.approx(heading[-1], abs=0.02)
 
 
