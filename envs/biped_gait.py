@@ -68,6 +68,7 @@ class GaitSettings(NamedTuple):
     height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
     height_lead: float = 0.0313  # the CoM is at the height of the step this long before T [s]
     height_time: float = 0.0705  # shortest horizon of the height reference [s]
+    leg_momentum: float = 0.0031  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
 
 
 @njit(cache=True, forceinline=True)
@@ -149,6 +150,18 @@ def reach_height(
 
 
 @njit(cache=True, forceinline=True)
+def full_cop(cop: float, edge: float, acceleration: float, leg_momentum: float) -> float:
+    """CMP [m] that a planned CoP asks of the whole body, the trunk at rest.
+
+    A swing sole with this acceleration [m/s^2] has the CMP -leg_momentum * acceleration away from the CoP;
+    as a rule the CoP moves the other way and makes up for it. A CoP planned at the edge of the sole wants all
+    that the sole can give: then what the leg adds to it is kept.
+    """
+    shift = -leg_momentum * acceleration
+    return cop + shift * min(abs(cop) / edge, 1.0) if cop * shift > 0.0 else cop
+
+
+@njit(cache=True, forceinline=True)
 def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
@@ -160,8 +173,12 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
     # acceleration = omega^2 (com - cmp), eq. 4
     dx, dy = com[0] - sole[0], com[1] - sole[1]
-    lever_x = cos * dx + sin * dy - plan[3] - s.cmp_gain * plan[5]
-    lever_y = -sin * dx + cos * dy - sign * (plan[4] + s.cmp_gain * plan[6])
+    lever_x = cos * dx + sin * dy - s.cmp_gain * plan[5]
+    lever_y = -sin * dx + cos * dy - sign * s.cmp_gain * plan[6]
+    swing_x, swing_y = gait.swing[k, 6], gait.swing[k, 7]
+    edge, forward, aside = bounds.settings, cos * swing_x + sin * swing_y, cos * swing_y - sin * swing_x
+    lever_x -= full_cop(plan[3], edge.cop_x_max, forward, s.leg_momentum)
+    lever_y -= full_cop(sign * plan[4], edge.cop_y_max, aside, s.leg_momentum)
     lever_x, lever_y = cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y
     width = sign * plan[1]
     target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width

@@ -62,7 +62,7 @@ from .vector_3 import (
     vector_in,
     vector_of,
 )
-from .wrench_bounds import Bounds, keep_bounds, within_bounds
+from .wrench_bounds import Bounds, keep_bounds, price_waist, within_bounds
 
 
 class Gains(NamedTuple):
@@ -235,4 +235,5 @@ def whole_body_torque(
     write_torque_range(phys, k, bounds.motors, bounds.torque_range)
     if within_bounds(wrench, torque, axis, bounds):
         return 0
+    price_waist(bounds, task.waist, (phys.qvel[k, WAIST_DOF], phys.qvel[k, WAIST_DOF + 1]))
     return keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)

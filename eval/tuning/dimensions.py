@@ -90,6 +90,7 @@ ROBOT = (
     _gait("height_drop", 0.0, 0.25, 0.02),
     _gait("height_lead", 0.0, 0.1, 0.01),  # [s]
     _gait("height_time", 0.02, 0.2, 0.01),
+    _gait("leg_momentum", 0.0, 0.008, 0.0006),  # [s^2]
     _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
     _gain("swing_max", 120.0), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
     _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),
@@ -100,7 +101,7 @@ ROBOT = (
     Dimension("bounds", "friction", 0.5, 0.9, 0.03),
     Dimension("bounds", "force_min", 10.0, 300.0, 1.3, "log"),  # [N]
     _price("height_price"), _price("pelvis_price"), _price("heading_price"), _price("swing_price"),
-    _price("swing_turn_price"), _price("waist_price"),
+    _price("swing_turn_price"), _price("waist_price"), _price("brake_price"),
 )  # fmt: skip
 
 

@@ -16,9 +16,11 @@ from push_recovery.envs.biped_kinematics import (
     sole_position,
 )
 from push_recovery.envs.biped_model import SOLES, biped_model
+from push_recovery.envs.biped_settings import BIPED_GAIT
 from push_recovery.envs.deviation import TASKS
 from push_recovery.envs.mass_matrix import com_velocity
 from push_recovery.envs.motors import driving_share, motor_limits
+from push_recovery.envs.scenario import Scenario
 from push_recovery.envs.whole_body import (
     Gains,
     Task,
@@ -27,7 +29,13 @@ from push_recovery.envs.whole_body import (
     swing_acceleration,
     whole_body_torque,
 )
-from push_recovery.envs.wrench_bounds import Bounds, BoundSettings, make_bounds
+from push_recovery.envs.wrench_bounds import (
+    Bounds,
+    BoundSettings,
+    centre_of_pressure,
+    make_bounds,
+    price_waist,
+)
 
 MODEL = biped_model()
 GAINS = Gains(damping=0.0)  # exact leg inverse
@@ -200,3 +208,30 @@ def test_a_problem_whose_bounds_do_not_bind_leaves_the_exact_solution(random_sta
         assert again[2] == pytest.approx(wrench[2] + 1e-6, abs=1e-6)
         np.testing.assert_allclose(again, wrench, atol=1e-4)
         np.testing.assert_allclose(torque, exact, atol=1e-4)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_cop_makes_up_for_the_swing_legs_momentum(biped_core, begin, axis):
+    """With the CoM's acceleration asked for, an acceleration a of the swing sole moves the CoP by
+    `leg_momentum` a: what the leg takes the CMP away from the CoP."""
+    core, a, cops = biped_core(1), 30.0, []
+    begin(core, 0, Scenario("still"))
+    foot = sole_motion(core.physics, 0, 1, base_angular_velocity(core.physics, 0))
+    for share in (0.0, 1.0):
+        swing = np.array([*foot.position, *foot.velocity, 0.0, 0.0, 0.0])
+        swing[6 + axis] = share * a
+        height = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, 0)[2]
+        task = Task(0, (0.0, 0.0), (height, 0.0, 0.0), (1.0, 0.0), swing, (0.0, 0.0))
+        wrench = torques(core, task, GAINS, LOOSE, np.empty(NU))
+        cops.append(centre_of_pressure(wrench, (1.0, 0.0))[axis])
+    assert cops[1] - cops[0] == pytest.approx(BIPED_GAIT.leg_momentum * a, rel=0.1)
+
+
+def test_a_trunk_that_slows_down_is_dearer_than_one_that_speeds_up():
+    bounds, _memory = make_bounds(BoundSettings(waist_price=0.04, brake_price=0.25), MOTORS)
+    others = bounds.scale[:12].copy()
+    price_waist(bounds, (3.0, -3.0), (1.0, 1.0))
+    np.testing.assert_allclose(bounds.scale[12:], [1.0 / 0.2, 1.0 / 0.5])
+    price_waist(bounds, (3.0, -3.0), (-1.0, -1.0))
+    np.testing.assert_allclose(bounds.scale[12:], [1.0 / 0.5, 1.0 / 0.2])
+    np.testing.assert_array_equal(bounds.scale[:12], others)
