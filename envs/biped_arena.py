@@ -86,17 +86,17 @@ def gait_of(t: Ints) -> Gait:
 
 @njit(cache=True)
 def pushes_of(t: Ints) -> Pushes:
-    """Rows 24-31."""
+    """Rows 24-32."""
     return Pushes(
         floats_3(t[24]), floats_2(t[25]), floats_2(t[26]), ints_2(t[27]), floats_2(t[28]), ints_2(t[29]),
-        floats_3(t[30]), floats_3(t[31]),
+        floats_3(t[30]), ints_2(t[31]), floats_3(t[32]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 47-50."""
-    return Contacts(floats_2(t[47]), floats_2(t[48]), floats_1(t[49]), floats_2(t[50]))
+    """Rows 48-51."""
+    return Contacts(floats_2(t[48]), floats_2(t[49]), floats_1(t[50]), floats_2(t[51]))
 
 
 @njit(cache=True)
@@ -107,46 +107,46 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 51-54."""
-    return Handles(ints_2(t[51]), ints_2(t[52]), ints_1(t[53]), ints_1(t[54]))
+    """Rows 52-55."""
+    return Handles(ints_2(t[52]), ints_2(t[53]), ints_1(t[54]), ints_1(t[55]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
-    """Rows 55-62."""
+    """Rows 56-63."""
     return RobotErrors(
-        ints_1(t[55]), ints_1(t[56]), ints_1(t[57]), floats_2(t[58]), ints_1(t[59]), ints_1(t[60]),
-        ints_1(t[61]), floats_3(t[62]),
+        ints_1(t[56]), ints_1(t[57]), ints_1(t[58]), floats_2(t[59]), ints_1(t[60]), ints_1(t[61]),
+        ints_1(t[62]), floats_3(t[63]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def limits_of(t: Ints) -> LimitRecord:
-    """Rows 63-67."""
-    return LimitRecord(floats_2(t[63]), floats_2(t[64]), ints_1(t[65]), ints_1(t[66]), floats_1(t[67]))
+    """Rows 64-68."""
+    return LimitRecord(floats_2(t[64]), floats_2(t[65]), ints_1(t[66]), ints_1(t[67]), floats_1(t[68]))
 
 
 @njit(cache=True)
 def schedule_of(t: Ints) -> Schedule:
-    """Rows 68-70."""
-    return Schedule(floats_2(t[68]), floats_3(t[69]), ints_1(t[70]))
+    """Rows 69-71."""
+    return Schedule(floats_2(t[69]), floats_3(t[70]), ints_1(t[71]))
 
 
 @njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
-    """Rows 32-39, and the last constants."""
+    """Rows 33-40, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
-        settings, floats_2(t[32]), floats_2(t[33]), floats_1(t[34]), ints_1(t[35]), floats_2(t[36]),
-        floats_1(t[37]), floats_1(t[38]), floats_1(t[39]),
+        settings, floats_2(t[33]), floats_2(t[34]), floats_1(t[35]), ints_1(t[36]), floats_2(t[37]),
+        floats_1(t[38]), floats_1(t[39]), floats_1(t[40]),
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 41 is the previous action."""
-    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[41]), errors_of(t)
-    seen, limits = floats_2(t[43]), limits_of(t)
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 42 is the previous action."""
+    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[42]), errors_of(t)
+    seen, limits = floats_2(t[44]), limits_of(t)
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
@@ -180,10 +180,10 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, commands, observations and margins of robots first..end-1; rows 40-46 are the view's."""
+    """Falls, commands, observations and margins of robots first..end-1; rows 41-47 are the view's."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    command, previous, capture = floats_2(t[40]), floats_2(t[41]), floats_1(t[42])
-    out, margin, world, truth = floats_2(t[43]), floats_1(t[44]), floats_2(t[45]), floats_2(t[46])
+    command, previous, capture = floats_2(t[41]), floats_2(t[42]), floats_1(t[43])
+    out, margin, world, truth = floats_2(t[44]), floats_1(t[45]), floats_2(t[46]), floats_2(t[47])
     errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[26])
     schedule = schedule_of(t)
     for k in range(first, end):

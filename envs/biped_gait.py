@@ -17,7 +17,7 @@ from .biped_kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, TRUNK, Array, Int
 from .limit_record import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, LimitRecord, note_limits
 from .mass_matrix import com_velocity
 from .motors import clip_torque
-from .push import mean_force, resolve_starts
+from .push import mean_force, resolve_starts, turn_forces
 from .push_batch import Pushes
 from .stack_array import stack_floats
 from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
@@ -214,6 +214,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
         pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - gait.elapsed[k],
         gait.plan[k, 2], now, now + dt,
     )  # fmt: skip
+    turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
     for body in PUSHED_BODY:
         for a in range(6):
             phys.xfrc[k, body, a] = 0.0

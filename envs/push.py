@@ -15,8 +15,10 @@ from .checks import require_choice, require_integer, require_keys, require_numbe
 
 Side = Literal["left", "right"]
 Body = Literal["pelvis", "trunk"]
+PushFrame = Literal["world", "heading"]
 SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[str, ...] = get_args(Body)
+FRAMES: tuple[str, ...] = get_args(PushFrame)
 
 PENDING = math.inf  # start time of a push whose gait event has not come yet [s]
 
@@ -67,7 +69,8 @@ class GaitEvent:
 class Push:
     """A constant force F [N] on a body for a duration d [s]; it delivers the impulse F d [N s].
 
-    The force is in the world frame as it is at heading 0: x forward, y left, z up.
+    The force has world axes, which at heading 0 are forward, left and up; in the frame "heading" forward and
+    left are those of the robot when the push starts. It stays as it is in the world from then on.
     """
 
     force: tuple[float, float, float]  # [N]
@@ -75,6 +78,7 @@ class Push:
     start: float | GaitEvent  # seconds from reset, or a moment of the gait
     body: Body = "pelvis"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # point of attack from the body's CoM, body axes [m]
+    frame: PushFrame = "world"  # of the force
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "force", require_vector("Push.force [N]", self.force))
@@ -82,6 +86,7 @@ class Push:
         duration = require_number("Push.duration [s]", self.duration, 0.0, open_low=True)
         object.__setattr__(self, "duration", duration)
         require_choice("push body", self.body, BODIES)
+        require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
             object.__setattr__(self, "start", require_number("Push.start [s]", self.start, 0.0))
 
@@ -98,53 +103,61 @@ class Push:
 
     @property
     def direction(self) -> float:
-        """psi, horizontal direction counter-clockwise from forward [rad], in (-pi, pi]."""
+        """psi, horizontal direction in its frame, counter-clockwise from x [rad], in (-pi, pi]."""
         return math.atan2(self.force[1], self.force[0])
 
     def mirrored(self) -> Push:
         """Reflection in the x-z plane: y components negated, the event on the other foot."""
         (fx, fy, fz), (px, py, pz) = self.force, self.offset
         start = self.start.mirrored() if isinstance(self.start, GaitEvent) else self.start
-        return Push((fx, 0.0 - fy, fz), self.duration, start, self.body, (px, 0.0 - py, pz))
+        return Push((fx, 0.0 - fy, fz), self.duration, start, self.body, (px, 0.0 - py, pz), self.frame)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types; a gait event is an object, a time a number."""
-        return {
+        """Plain JSON types; a gait event is an object, a time a number; the world's frame is left out."""
+        values: dict[str, Any] = {
             "force": list(self.force),
             "duration": self.duration,
             "start": self.start.to_dict() if isinstance(self.start, GaitEvent) else self.start,
             "body": self.body,
             "offset": list(self.offset),
         }
+        return values if self.frame == "world" else {**values, "frame": self.frame}
 
     @classmethod
     def from_dict(cls, data: object) -> Push:
         """Inverse of `to_dict`."""
-        values = dict(require_keys("push", data, {"force", "duration", "start"}, {"body", "offset"}))
+        optional = {"body", "offset", "frame"}
+        values = dict(require_keys("push", data, {"force", "duration", "start"}, optional))
         if isinstance(values["start"], Mapping):
             values["start"] = GaitEvent.from_dict(values["start"])
         return cls(**values)
 
 
 def polar_push(
-    magnitude: float, direction: float, duration: float, start: float | GaitEvent, body: Body = "pelvis"
+    magnitude: float,
+    direction: float,
+    duration: float,
+    start: float | GaitEvent,
+    body: Body = "pelvis",
+    frame: PushFrame = "world",
 ) -> Push:
     """A horizontal push of `magnitude` [N] towards `direction` psi [rad], counter-clockwise from forward."""
     require_number("push magnitude [N]", magnitude, 0.0)
     force = (magnitude * math.cos(direction), magnitude * math.sin(direction), 0.0)
-    return Push(force, duration, start, body)
+    return Push(force, duration, start, body, frame=frame)
 
 
 class PushArrays(NamedTuple):
     """The pushes of one scenario as arrays for compiled loops; P pushes."""
 
-    force: NDArray[np.float64]  # (P, 3) [N]
+    force: NDArray[np.float64]  # (P, 3) [N]; the env writes here where it turns one into the world
     duration: NDArray[np.float64]  # (P,) [s]
     start: NDArray[np.float64]  # (P,) [s], PENDING until the gait event has come; the env writes here
     step: NDArray[np.int64]  # (P,) index of the event's step, -1 for a push at a time
     fraction: NDArray[np.float64]  # (P,) of the planned step duration
     body: NDArray[np.int64]  # (P,) index into BODIES
     offset: NDArray[np.float64]  # (P, 3) [m]
+    frame: NDArray[np.int64]  # (P,) of the force, index into FRAMES; the env writes here
 
 
 def push_arrays(pushes: Sequence[Push], first_side: Side) -> PushArrays:
@@ -159,6 +172,7 @@ def push_arrays(pushes: Sequence[Push], first_side: Side) -> PushArrays:
         fraction=np.array([0.0 if e is None else e.fraction for e in events], dtype=np.float64),
         body=np.array([BODIES.index(push.body) for push in pushes], dtype=np.int64),
         offset=np.array([push.offset for push in pushes], dtype=np.float64).reshape(-1, 3),
+        frame=np.array([FRAMES.index(push.frame) for push in pushes], dtype=np.int64),
     )
 
 
@@ -184,6 +198,26 @@ def resolve_starts(
         moment = step_start + fraction[i] * planned_duration if step_index == step[i] else t0
         if moment < t1:
             start[i] = max(t0, moment)
+
+
+@njit(cache=True)
+def turn_forces(
+    force: NDArray[np.float64],
+    frame: NDArray[np.int64],
+    start: NDArray[np.float64],
+    heading: float,
+    t1: float,
+) -> None:
+    """Turn forces in the heading's frame by the heading [rad] where their push starts before t1, in place.
+
+    They are in the world's frame from then on: F_world = R_z(heading) F.
+    """
+    for i in range(start.shape[0]):
+        if frame[i] == 0 or start[i] >= t1:
+            continue
+        cos, sin, x, y = math.cos(heading), math.sin(heading), force[i, 0], force[i, 1]
+        force[i, 0], force[i, 1] = cos * x - sin * y, sin * x + cos * y
+        frame[i] = 0
 
 
 @njit(cache=True)

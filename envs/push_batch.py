@@ -24,6 +24,7 @@ class Pushes(NamedTuple):
     fraction: Array  # (n, P)
     body: Ints  # (n, P) index into BODIES
     offset: Array  # (n, P, 3) from the body's CoM, body axes [m]
+    frame: Ints  # (n, P) of the force, index into FRAMES
     delivered: Array  # (n, P, 3) impulse so far [N s]
 
 
@@ -32,7 +33,8 @@ def empty_pushes(n: int, count: int) -> Pushes:
     shape = (n, count)
     return Pushes(
         np.zeros((*shape, 3)), np.zeros(shape), np.full(shape, PENDING), np.full(shape, -1, dtype=np.int64),
-        np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)), np.zeros((*shape, 3)),
+        np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)),
+        np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)),
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from push_recovery.envs.push import (
     polar_push,
     push_arrays,
     resolve_starts,
+    turn_forces,
 )
 
 
@@ -93,21 +94,48 @@ def test_arrays_are_fresh_copies():
     assert push_arrays(pushes, "left").start[0] == PENDING
 
 
-def test_polar_push_and_mirror():
-    push = polar_push(100.0, math.radians(30), 0.2, GaitEvent(4, "left", 0.25), body="trunk")
+def test_a_force_turns_with_the_heading_once_when_its_push_starts():
+    along, fixed = polar_push(10.0, 0.3, 0.1, 1.0, frame="heading"), polar_push(10.0, 0.3, 0.1, 1.0)
+    late = Push((0.0, 10.0, -3.0), 0.1, GaitEvent(4, "left"), frame="heading")
+    arrays = push_arrays([along, fixed, late], "left")
+    before = arrays.force.copy()
+    turn_forces(arrays.force, arrays.frame, arrays.start, 2.0, 1.0)  # none has started yet
+    np.testing.assert_array_equal(arrays.force, before)
+    for heading in (2.0, 2.5):  # the second time nothing is left to turn
+        turn_forces(arrays.force, arrays.frame, arrays.start, heading, 1.002)
+        np.testing.assert_allclose(arrays.force[0], [10 * math.cos(2.3), 10 * math.sin(2.3), 0.0], atol=1e-12)
+    np.testing.assert_array_equal(arrays.force[1:], before[1:])
+    arrays.start[2] = 3.0
+    turn_forces(arrays.force, arrays.frame, arrays.start, math.pi / 2, 3.002)
+    np.testing.assert_allclose(arrays.force[2], [-10.0, 0.0, -3.0], atol=1e-12)
+
+
+def test_at_heading_0_the_frames_are_the_same():
+    force = (123.4, -56.7, 8.9)
+    arrays = push_arrays([Push(force, 0.1, 1.0, frame="heading")], "left")
+    turn_forces(arrays.force, arrays.frame, arrays.start, 0.0, 1.002)
+    assert tuple(arrays.force[0]) == force
+
+
+@pytest.mark.parametrize("frame", ["world", "heading"])
+def test_polar_push_and_mirror(frame):
+    push = polar_push(100.0, math.radians(30), 0.2, GaitEvent(4, "left", 0.25), body="trunk", frame=frame)
     assert push.impulse_magnitude == pytest.approx(20.0, abs=1e-12)
     assert push.direction == pytest.approx(math.radians(30))
     mirror = push.mirrored()
     assert mirror.direction == pytest.approx(math.radians(-30))
     assert mirror.start == GaitEvent(4, "right", 0.25)
+    assert mirror.frame == frame
     assert mirror.mirrored() == push
     assert math.copysign(1.0, Push((1.0, 0.0, 0.0), 0.1, 0.0).mirrored().force[1]) == 1.0
 
 
+@pytest.mark.parametrize("frame", ["world", "heading"])
 @pytest.mark.parametrize("start", [2.6, GaitEvent(4, "right", 0.5)])
-def test_dict_round_trip(start):
-    push = Push((1.0, 2.0, 3.0), 0.1, start, "trunk", (0.1, 0.0, 0.2))
+def test_dict_round_trip(start, frame):
+    push = Push((1.0, 2.0, 3.0), 0.1, start, "trunk", (0.1, 0.0, 0.2), frame)
     assert Push.from_dict(push.to_dict()) == push
+    assert ("frame" in push.to_dict()) == (frame == "heading")
 
 
 def test_accepts_arrays_and_stores_tuples():
@@ -127,6 +155,7 @@ def test_accepts_arrays_and_stores_tuples():
         ({"start": "soon"}, ["start", "soon"]),
         ({"body": "head"}, ["head", "pelvis", "trunk"]),
         ({"offset": (0.0, 0.0, math.inf)}, ["offset"]),
+        ({"frame": "body"}, ["push frame", "body", "world, heading"]),
     ],
 )
 def test_bad_push_names_the_value(values, words):

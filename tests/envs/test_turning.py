@@ -10,6 +10,7 @@ from push_recovery.envs.biped_kinematics import FOOT_BODY, PELVIS
 from push_recovery.envs.command import Command, CommandChange
 from push_recovery.envs.gait_monitor import GaitMonitor, record_touchdown
 from push_recovery.envs.pendulum_env import PendulumEpisodes
+from push_recovery.envs.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario import Scenario
 from push_recovery.envs.turning import SIZE, exchange_soles, turn_references
 
@@ -106,6 +107,48 @@ def test_nothing_turns_without_a_command():
     episodes, _, heading, _ = walk(Command(0.3), 2.0)
     assert not heading.any()
     assert not episodes.core.gait.yaw.any()
+
+
+TURNING = Command(0.2, turn=0.5)
+
+
+def pushed(pushes: list[Push], command: Command = TURNING) -> BipedEpisodes:
+    """Bipeds side by side, each after 4 s with a push of its own."""
+    episodes = BipedEpisodes(len(pushes))
+    for _ in range(2):  # what a push has turned is forgotten at reset
+        for k, push in enumerate(pushes):
+            episodes.begin(k, Scenario(f"{k}", (push,), command, duration=100.0))
+        for _ in range(400):
+            episodes.step(POLICY.predict(episodes.core.observation)[0])
+    return episodes
+
+
+@pytest.mark.parametrize("start", [2.345, GaitEvent(5, "left", 0.4)])
+def test_a_push_in_the_heading_frame_comes_from_the_same_side_of_a_robot_that_has_turned(start):
+    probe = pushed([polar_push(0.0, 0.0, 0.1, start)])
+    begun = probe.core.pushes.start.item(0, 0)
+    _, _, heading, _ = walk(TURNING, begun)
+    turned = heading[-1]  # no touchdown comes between the period's end and the push
+    assert turned > 0.5
+    along = polar_push(300.0, 0.8, 0.1, start, "trunk", "heading")
+    world = [polar_push(300.0, 0.8 + angle, 0.1, start, "trunk") for angle in (turned, turned + 0.5)]
+    core = pushed([along, *world]).core
+    assert core.pushes.start[0, 0] == begun
+    np.testing.assert_allclose(core.pushes.delivered[0, 0], world[0].impulse, atol=1e-9)
+    np.testing.assert_allclose(core.physics.qpos[0], core.physics.qpos[1], atol=1e-6)
+    assert np.abs(core.physics.qpos[0] - core.physics.qpos[2]).max() > 0.01
+
+
+def test_a_robot_that_has_not_turned_feels_the_same_push_in_both_frames():
+    frames = [polar_push(300.0, 0.8, 0.1, 2.0, frame="heading"), polar_push(300.0, 0.8, 0.1, 2.0)]
+    core = pushed(frames, Command(0.2)).core
+    np.testing.assert_array_equal(core.physics.qpos[0], core.physics.qpos[1])
+    pendulums = PendulumEpisodes(2)
+    for k, push in enumerate(frames):
+        pendulums.begin(k, Scenario(f"{k}", (push,)))
+    for _ in range(250):
+        pendulums.step(POLICY.predict(pendulums.core.observation)[0])
+    np.testing.assert_array_equal(pendulums.core.observation[0], pendulums.core.observation[1])
 
 
 def test_speed_is_judged_in_the_heading_frame():
