@@ -1,9 +1,11 @@
 """Minutes of walking under random commands and pushes: how often does the robot fall?
 
-python benchmarks/endurance.py [--policy two-stage] [--runs 20] [--minutes 10] [--frontier FILE.json] [--json]
+python benchmarks/endurance.py [--policy two-stage] [--runs 20] [--minutes 10] [--frontier FILE FILE] [--json]
 
-Every 5 s a new random command; every 3 s a push of 0.1 s, half of what the frontier survives in its
-direction (`frontier --json`; measured first without a file), at any phase of the step, on pelvis or trunk.
+Every 5 s a new random command; every 3 s a push of 0.1 s on pelvis or trunk, at any phase of the step, half
+of what the frontier of this body survives in its direction, seen from the robot (`frontier --body pelvis
+--json` and the same with trunk; measured first without the files). The frontier is that of the start of a
+left stance in place, the robot may stand on either foot: half of the one may be up to 0.8 of the other.
 """
 
 from __future__ import annotations
@@ -15,12 +17,13 @@ import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.biped_env import BipedEpisodes
-from push_recovery.envs.push import BODIES, Push, polar_push
+from push_recovery.envs.push import Body, Push, polar_push
 from push_recovery.envs.scenario import Command, CommandChange, Scenario
 from push_recovery.eval.frontier import FrontierSettings, frontier
 from push_recovery.eval.outcome import Outcome
@@ -31,22 +34,29 @@ PHASE = 0.6  # a push comes up to this much later: longer than a step [s]
 PUSH_DURATION = 0.1  # [s]
 SLOWEST, FASTEST, SIDEWAYS = -0.25, 0.5, 0.2  # [m/s]
 TURN = 0.3  # [rad/s]
-Table = NDArray[np.float64]  # (directions, 2): psi [deg], force [N]
+BOTH: tuple[Body, Body] = ("pelvis", "trunk")
+Tables = dict[str, NDArray[np.float64]]  # by body, (directions, 2): psi [deg], force [N]
 
 
-def measured_frontier(policy: str) -> Table:
-    """Survived force by direction, in place."""
+def measured_frontiers(policy: str, workers: int) -> list[dict[str, Any]]:
+    """Survived forces by direction, in place, as `frontier --json` prints them."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        found = frontier(
-            FrontierSettings("PushRecovery/Biped-v0"), [policy], 16, 2, Path(folder) / "frontier"
-        )
-    return np.array([[row["psi_deg"], row["survived_N"]] for row in found.rows[policy]])
+        for body in BOTH:
+            settings = FrontierSettings("PushRecovery/Biped-v0", body=body)
+            found.append(frontier(settings, [policy], 16, workers, Path(folder) / body).to_dict(policy))
+    return found
 
 
-def read_frontier(path: Path) -> Table:
-    """The same of a file that `frontier --json` has printed."""
-    rows = json.loads(path.read_text())["directions"]
-    return np.array([[row["psi_deg"], row["survived_N"]] for row in rows])
+def tables_of(frontiers: list[dict[str, Any]]) -> Tables:
+    """Survived force by direction for each body."""
+    tables = {
+        found["push"]["body"]: np.array([[row["psi_deg"], row["survived_N"]] for row in found["directions"]])
+        for found in frontiers
+    }
+    if missing := [body for body in BOTH if body not in tables]:
+        raise SystemExit(f"--frontier needs a file of each body, missing: {', '.join(missing)}")
+    return tables
 
 
 def random_command(rng: np.random.Generator) -> Command:
@@ -54,22 +64,23 @@ def random_command(rng: np.random.Generator) -> Command:
     return Command(rng.uniform(SLOWEST, FASTEST), rng.uniform(-SIDEWAYS, SIDEWAYS), rng.uniform(-TURN, TURN))
 
 
-def random_push(rng: np.random.Generator, time: float, table: Table, share: float) -> Push:
+def random_push(rng: np.random.Generator, time: float, tables: Tables, share: float) -> Push:
     """A push at `time` [s] or up to PHASE later, `share` of the frontier in its direction."""
-    psi = rng.uniform(0.0, 360.0)
-    force = share * float(np.interp(psi, table[:, 0], table[:, 1], period=360.0))
-    body = BODIES[int(rng.integers(len(BODIES)))]
-    return polar_push(force, math.radians(psi), PUSH_DURATION, time + rng.uniform(0.0, PHASE), body)  # type: ignore[arg-type]
+    psi, body = rng.uniform(0.0, 360.0), BOTH[int(rng.integers(len(BOTH)))]
+    psis, survived = tables[body].T
+    force = share * float(np.interp(psi, psis, survived, period=360.0))
+    start = time + rng.uniform(0.0, PHASE)
+    return polar_push(force, math.radians(psi), PUSH_DURATION, start, body, "heading")
 
 
-def random_walk(seed: int, seconds: float, table: Table, share: float) -> Scenario:
+def random_walk(seed: int, seconds: float, tables: Tables, share: float) -> Scenario:
     """One run."""
     rng = np.random.default_rng(seed)
     changes = [
         CommandChange(float(t), random_command(rng)) for t in np.arange(COMMAND_EVERY, seconds, COMMAND_EVERY)
     ]
     pushes = [
-        random_push(rng, float(t), table, share) for t in np.arange(PUSH_EVERY, seconds - 1.0, PUSH_EVERY)
+        random_push(rng, float(t), tables, share) for t in np.arange(PUSH_EVERY, seconds - 1.0, PUSH_EVERY)
     ]
     return Scenario(
         f"run-{seed}",
@@ -100,15 +111,16 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="each (default: %(default)s)")
     parser.add_argument("--share", type=float, default=0.5, help="of the frontier (default: %(default)s)")
     parser.add_argument(
-        "--frontier", type=Path, help="what frontier --json has printed (measured if not given)"
+        "--frontier", type=Path, nargs=2, help="what frontier --json has printed for pelvis and trunk"
     )
     parser.add_argument("--threads", type=int, default=1, help="of the physics (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     options = parser.parse_args()
-    table = measured_frontier(options.policy) if options.frontier is None else read_frontier(options.frontier)
+    files = [json.loads(path.read_text()) for path in options.frontier or ()]
+    tables = tables_of(files or measured_frontiers(options.policy, options.threads))
     episodes, seconds = BipedEpisodes(options.runs, threads=options.threads), 60.0 * options.minutes
     policy = make_policy(options.policy, episodes.robot, episodes.limits, episodes.preset)
-    runs = [random_walk(seed, seconds, table, options.share) for seed in range(options.runs)]
+    runs = [random_walk(seed, seconds, tables, options.share) for seed in range(options.runs)]
     found = {out.scenario_id: out for out in rollout_batch(episodes, policy, runs, options.policy)}
     outcomes = [found[run.id] for run in runs]
     if options.json:
