@@ -19,6 +19,7 @@ from .biped_observation import Contacts, count_contacts, observe, tracks_plan
 from .command_schedule import Schedule, follow
 from .limit_record import DCM_TRACKING, LimitRecord, note_limits, plan_limits
 from .push_batch import Pushes
+from .self_model import SelfModel, count_asked, learn, scale_mass, show_drift
 from .simulations import Handles, advance
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
@@ -51,13 +52,15 @@ class Arena(NamedTuple):
     errors: RobotErrors
     limits: LimitRecord
     schedule: Schedule
+    known: SelfModel
 
 
 def arena_table(arena: Arena) -> Ints:
     """Address table in the order in which the functions below read it."""
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
-    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors, *arena.limits, *arena.schedule]
+    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors, *arena.limits, *arena.schedule,
+            *arena.known]  # fmt: skip
     return address_table([*robots, *bounds[1:], *rest])
 
 
@@ -133,6 +136,12 @@ def schedule_of(t: Ints) -> Schedule:
 
 
 @njit(cache=True)
+def known_of(t: Ints) -> SelfModel:
+    """Rows 71-75."""
+    return SelfModel(floats_1(t[71]), floats_2(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]))
+
+
+@njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
     """Rows 33-40, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
@@ -162,7 +171,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     robot that has fallen rests.
     """
     phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
-    handles, errors = handles_of(t), errors_of(t)
+    handles, errors, known = handles_of(t), errors_of(t), known_of(t)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
     settings, bounds, limits = settings_of(c), bounds_of(t, c), limits_of(t)
     for k in range(first, end):
@@ -175,7 +184,9 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             else:
                 first_side = (gait.stance[k] + gait.steps[k]) % 2
                 advance_with_errors(phys, errors, k, first_side, handles)
+            scale_mass(known, k, phys)
             count_contacts(contacts, k, dt)
+            count_asked(known, k, gait, dt)
 
 
 @njit(cache=True, nogil=True)
@@ -185,16 +196,20 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
     command, previous, capture = floats_2(t[41]), floats_2(t[42]), floats_1(t[43])
     out, margin, world, truth = floats_2(t[44]), floats_1(t[45]), floats_2(t[46]), floats_2(t[47])
     errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[26])
-    schedule = schedule_of(t)
+    schedule, known = schedule_of(t), known_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
         follow(schedule, k, gait.time[k], command[k])
         gait.turn[k] = command[k, 2]
         span, before = contacts.time[k], (world[k, 0], world[k, 1])
+        learn(known, k, phys, gait, contacts, settings)
+        mass = settings.mass * known.mass[k]
         margin[k] = observe(
-            phys, gait, k, contacts, settings, command[k], previous[k], capture, truth[k], world[k]
+            phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
         )
         show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
+        if span > 0.0 or errors.noise[k, 0] == 0.0:  # otherwise it is seen as it was
+            show_drift(known, k, gait, out[k])
         if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
             note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 

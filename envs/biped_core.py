@@ -39,6 +39,7 @@ from .nominal_start import NominalStart
 from .push import SIDES
 from .push_batch import assign_pushes, empty_pushes
 from .scenario import Scenario
+from .self_model import empty_self_model, forget
 from .simulations import Simulations, believe
 from .turning import SIZE as YAWS
 from .whole_body import Gains
@@ -91,11 +92,12 @@ class BipedCore:
             turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
         )  # fmt: skip
         self.contacts = Contacts(
-            arrays["qfrc_constraint"], impulse=np.zeros((n, 2)), time=np.zeros(n), velocity=np.zeros((n, 3))
+            arrays["qfrc_constraint"], impulse=np.zeros((n, 3)), time=np.zeros(n), velocity=np.zeros((n, 3))
         )
         self.pushes = empty_pushes(n, 1)
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
+        self.known = empty_self_model(n)
         self.command = np.zeros((n, 3))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
@@ -135,7 +137,8 @@ class BipedCore:
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
             self.truth,
         )  # fmt: skip
-        state, rest = (self.physics, self.gait, self.pushes), (self.errors, self.limit_record, self.schedule)
+        state = self.physics, self.gait, self.pushes
+        rest = self.errors, self.limit_record, self.schedule, self.known
         self._arenas = [
             Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
             for w, (bounds, _) in enumerate(self._bounds)
@@ -171,6 +174,8 @@ class BipedCore:
             self.pushes, self.schedule = pushes, schedule
             self._bind()
         self.contacts.time[k] = 0.0
+        self.contacts.impulse[k] = 0.0
+        forget(self.known, k, self.settings)
         clear_record(self.limit_record, k)
         self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)

@@ -30,7 +30,7 @@ class Contacts(NamedTuple):
     """What the contacts gave n robots since they were last observed, and how fast they were then."""
 
     force: Array  # (n, 20) live generalised forces of contacts and joint limits (qfrc_constraint) [N, N m]
-    impulse: Array  # (n, 2) horizontal, in world axes [N s]
+    impulse: Array  # (n, 3) in world axes [N s]
     time: Array  # (n,) since the last observation [s]
     velocity: Array  # (n, 3) of the CoM at the last observation [m/s]
 
@@ -65,12 +65,13 @@ def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
     """
     contacts.impulse[k, 0] += dt * contacts.force[k, 0]
     contacts.impulse[k, 1] += dt * contacts.force[k, 1]
+    contacts.impulse[k, 2] += dt * contacts.force[k, 2]
     contacts.time[k] += dt
 
 
 @njit(cache=True, forceinline=True)
 def write_push_estimate(
-    contacts: Contacts, k: int, s: GaitSettings, frame: Frame, velocity: Vector, o: Array
+    contacts: Contacts, k: int, mass: float, s: GaitSettings, frame: Frame, velocity: Vector, o: Array
 ) -> None:
     """Mean external force over m omega^2 since the last observation (34-35) of one robot, canonical frame.
 
@@ -80,12 +81,13 @@ def write_push_estimate(
     """
     span = contacts.time[k]
     if span > 0.0:
-        scale = 1.0 / (s.mass * s.omega**2 * span)
-        x = scale * (s.mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
-        y = scale * (s.mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
+        scale = 1.0 / (mass * s.omega**2 * span)
+        x = scale * (mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
+        y = scale * (mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
         o[34], o[35] = canonical(frame, x, y)
-    contacts.impulse[k, 0] = contacts.impulse[k, 1] = contacts.time[k] = 0.0
+    contacts.time[k] = 0.0
     for i in range(3):
+        contacts.impulse[k, i] = 0.0
         contacts.velocity[k, i] = velocity[i]
 
 
@@ -185,7 +187,7 @@ def tracks_plan(
 
 @njit(cache=True)
 def observe(
-    phys: Physics, gait: Gait, k: int, contacts: Contacts, s: GaitSettings, command: Array,
+    phys: Physics, gait: Gait, k: int, contacts: Contacts, mass: float, s: GaitSettings, command: Array,
     previous: Array, capture: Array, o: Array, world: Array,
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
@@ -198,6 +200,6 @@ def observe(
     o[25], o[26] = command[0], frame.sign * command[1]
     for i in range(previous.shape[0]):
         o[27 + i] = previous[i]
-    write_push_estimate(contacts, k, s, frame, velocity, o)
+    write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     return capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)

@@ -1,0 +1,164 @@
+"""What a biped learns of itself and of its floor while it walks: its weight, and a steady force on it.
+
+Both come from what joint encoders, inertial sensor and force sensors in the feet tell, and from the forces
+that whole-body control itself expects. With the impulse J of the floor and the velocity v of the CoM over a
+planning period,
+
+    mass = sum J_z / sum (g dt + v_z - v_z,before)              sums that forget with MEMORY,
+
+over the model's mass, is the factor of its mass matrix and its bias, which is exact where every body is off
+by the same share. And where whole-body control expected the impulse J_w of the floor,
+
+    drift = (m (v - v_before) - J_w) / (m omega^2 dt)   [m]
+
+is where a CMP would have to lie, seen from the foot, to push like all that was not foreseen: a slope, a CoM
+that is elsewhere, torques that come late. Its mean over two steps, weighted with exp(-omega t) as the DCM at
+their ends weighs it, is taken off the point that the pendulum stands on: xi + drift moves on a slope as xi
+does on the level, so the planner is shown CoM and DCM moved by it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..controllers.robot import GRAVITY
+from .biped_gait import Gait, GaitSettings, side_sign
+from .biped_kinematics import Array, Physics
+from .biped_observation import Contacts
+from .mass_matrix import com_velocity
+
+MEMORY = 0.5  # of the mass [s]
+MASS_RANGE = (0.5, 2.0)  # of the factor
+MASS_KNOWN = 0.01  # a mass this near to the model's is left at the model's
+PUSH_MEANS = (0.05, 0.5)  # time constants of two running means of the external force [s]
+PUSHED = 0.04  # a step in which they differ by more teaches nothing [m]
+DRIFT_GAIN = 0.5  # share of the difference that is taken over at each touchdown
+DRIFT_CHANGE = 0.04  # largest difference [m]
+DRIFT_MAX = 0.1  # [m]
+DRIFT_KNOWN = 0.002  # a smaller one is left out [m]
+
+# Columns of `SelfModel.step`: 0-1 sum of the drift
+WEIGHT = 2  # sum of its weights
+LAST = 3  # mean drift of the last step, 2
+NUMBER = 5  # of the step
+QUIET = 6  # how many steps in a row were without a push
+PUSH = 7  # running means of the external force, 2 of each
+
+
+class SelfModel(NamedTuple):
+    """What n robots have learned."""
+
+    mass: Array  # (n,) over the model's
+    weighed: Array  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
+    asked: Array  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
+    drift: Array  # (n, 2) in the heading frame [m]
+    step: (
+        Array  # (n, 11) sums over the step: drift, weight; means of the last; its number; quiet steps; pushes
+    )
+
+
+def empty_self_model(n: int) -> SelfModel:
+    """Arrays of n robots."""
+    return SelfModel(np.ones(n), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 11)))
+
+
+def forget(known: SelfModel, k: int, s: GaitSettings) -> None:
+    """Let robot k begin anew with its model, which counts for MEMORY seconds of weighing."""
+    known.mass[k] = 1.0
+    known.weighed[k] = s.mass * GRAVITY * MEMORY
+    known.asked[k] = known.drift[k] = 0.0
+    known.step[k] = 0.0
+    known.step[k, QUIET] = 1.0  # the first step counts
+
+
+@njit(cache=True, forceinline=True)
+def scale_mass(known: SelfModel, k: int, phys: Physics) -> None:
+    """Give mass matrix and bias of robot k, just computed from its model, the mass that it has found."""
+    factor = known.mass[k]
+    if factor != 1.0:
+        for i in range(phys.mass_matrix.shape[1]):
+            phys.mass_matrix[k, i] *= factor
+        for i in range(phys.bias.shape[1]):
+            phys.bias[k, i] *= factor
+
+
+@njit(cache=True, forceinline=True)
+def count_asked(known: SelfModel, k: int, gait: Gait, dt: float) -> None:
+    """Add the force that whole-body control expects of the floor in the physics step to come."""
+    known.asked[k, 0] += dt * gait.wrench[k, 0]
+    known.asked[k, 1] += dt * gait.wrench[k, 1]
+
+
+@njit(cache=True)
+def weigh(known: SelfModel, k: int, s: GaitSettings, impulse: float, climb: float, span: float) -> None:
+    """Take a period's vertical impulse [N s] and change of the CoM's velocity [m/s] into the mass."""
+    keep = math.exp(-span / MEMORY)
+    known.weighed[k, 0] = keep * known.weighed[k, 0] + impulse
+    known.weighed[k, 1] = keep * known.weighed[k, 1] + s.mass * (GRAVITY * span + climb)
+    factor = min(max(known.weighed[k, 0] / max(known.weighed[k, 1], 1e-9), MASS_RANGE[0]), MASS_RANGE[1])
+    known.mass[k] = 1.0 if abs(factor - 1.0) < MASS_KNOWN else factor
+
+
+@njit(cache=True)
+def end_step(known: SelfModel, k: int) -> None:
+    """Take the mean over the step that is over, and the one before, into the drift."""
+    step, drift = known.step[k], known.drift[k]
+    if step[QUIET] > 0.0:
+        for axis in range(2):
+            mean = step[axis] / max(step[WEIGHT], 1e-9)
+            if step[QUIET] > 1.0:
+                change = 0.5 * (mean + step[LAST + axis]) - drift[axis]
+                drift[axis] += DRIFT_GAIN * min(max(change, -DRIFT_CHANGE), DRIFT_CHANGE)
+                drift[axis] = min(max(drift[axis], -DRIFT_MAX), DRIFT_MAX)
+            step[LAST + axis] = mean
+    step[QUIET] += 1.0
+    step[0] = step[1] = step[WEIGHT] = 0.0
+
+
+@njit(cache=True)
+def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts, s: GaitSettings) -> None:
+    """Take in the period since the last observation of robot k; to be called before it is observed."""
+    span = contacts.time[k]
+    if span <= 0.0:
+        return
+    x, y, z = com_velocity(phys, k)
+    x, y, z = x - contacts.velocity[k, 0], y - contacts.velocity[k, 1], z - contacts.velocity[k, 2]
+    step, mass = known.step[k], s.mass * known.mass[k]
+    if step[NUMBER] != gait.steps[k]:
+        end_step(known, k)
+        step[NUMBER] = gait.steps[k]
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    scale = 1.0 / (mass * s.omega**2 * span)
+    push_x = scale * (mass * x - contacts.impulse[k, 0])
+    push_y = scale * (mass * y - contacts.impulse[k, 1])
+    push_x, push_y = cos * push_x + sin * push_y, cos * push_y - sin * push_x
+    for i in range(2):
+        share = 1.0 - math.exp(-span / PUSH_MEANS[i])
+        step[PUSH + 2 * i] += share * (push_x - step[PUSH + 2 * i])
+        step[PUSH + 2 * i + 1] += share * (push_y - step[PUSH + 2 * i + 1])
+    if math.hypot(step[PUSH] - step[PUSH + 2], step[PUSH + 1] - step[PUSH + 3]) > PUSHED:
+        step[QUIET] = -1.0
+    x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
+    weight = span * math.exp(-s.omega * gait.elapsed[k])
+    step[0] += weight * (cos * x + sin * y)
+    step[1] += weight * (cos * y - sin * x)
+    step[WEIGHT] += weight
+    known.asked[k] = 0.0
+    weigh(known, k, s, contacts.impulse[k, 2], z, span)
+
+
+@njit(cache=True)
+def show_drift(known: SelfModel, k: int, gait: Gait, seen: Array) -> None:
+    """Move DCM and CoM (1-4) of an observation (36,) by the drift, and take that off its push (34-35)."""
+    if math.hypot(known.drift[k, 0], known.drift[k, 1]) < DRIFT_KNOWN:
+        return
+    sign = side_sign(gait.stance[k])
+    for axis in range(2):
+        drift = known.drift[k, axis] * (sign if axis == 1 else 1.0)
+        seen[1 + axis] += drift
+        seen[3 + axis] += drift
+        seen[34 + axis] -= drift

@@ -1,0 +1,92 @@
+"""What the biped learns of its mass and of a steady force; nothing where there is nothing to learn."""
+
+import math
+
+import numpy as np
+import pytest
+from push_recovery.controllers.observation import COM, DCM, PUSH_ESTIMATE
+from push_recovery.controllers.policies import make_policy
+from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
+from push_recovery.envs.model_errors import ModelErrors
+from push_recovery.envs.push import Push
+from push_recovery.envs.scenario import Command, Scenario
+from push_recovery.envs.self_model import DRIFT_KNOWN
+
+POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+PERIOD = 0.01  # [s]
+
+
+def walk(core, begin, seconds: float, *pushes: Push, command=(0.0, 0.0), **errors):
+    """Walk for so long; returns the mean velocity in the world over the second half [m/s] (2,)."""
+    begin(core, 0, Scenario("a", pushes, Command(*command), errors=ModelErrors(**errors)))
+    places = []
+    for _ in range(round(seconds / PERIOD)):
+        action = POLICY.predict(core.observation)[0]
+        core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+        places.append(core.simulations.data[0].subtree_com[0].copy())
+    assert core.gait.failure[0] == 0
+    half = len(places) // 2
+    return (places[-1] - places[half])[:2] / ((len(places) - 1 - half) * PERIOD)
+
+
+@pytest.mark.parametrize("mass", [-0.3, -0.1, 0.1, 0.3])
+def test_a_walking_robot_weighs_itself(biped_core, begin, mass):
+    core = biped_core()
+    walk(core, begin, 4.0, mass=mass)
+    assert core.known.mass[0] == pytest.approx(1.0 + mass, abs=2e-3)
+    assert abs(core.truth[0, 7]) < 5e-4  # the CoM's height; with the model's mass 1.6 mm per 10 %
+
+
+def test_a_payload_counts_as_mass(biped_core, begin):
+    core = biped_core()
+    walk(core, begin, 4.0, payload=5.0)
+    assert core.known.mass[0] == pytest.approx(65.0 / 60.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("mass", [-0.1, 0.1])
+def test_with_its_mass_found_it_walks_at_the_speed_of_the_nominal_robot(biped_core, begin, mass):
+    core, command = biped_core(), (0.4, 0.1)
+    nominal = walk(core, begin, 5.0, command=command)
+    np.testing.assert_allclose(walk(core, begin, 5.0, command=command, mass=mass), nominal, atol=0.02)
+
+
+@pytest.mark.parametrize("slopes", [(0.05, 0.0), (0.0, -0.05), (0.03, 0.04)])
+def test_it_walks_in_place_on_a_slope(biped_core, begin, slopes):
+    """The steady force is m g tan(slope) downhill, -h tan(slope) over m omega^2."""
+    core = biped_core()
+    velocity = walk(core, begin, 8.0, slope_forward=slopes[0], slope_left=slopes[1])
+    np.testing.assert_allclose(velocity, 0.0, atol=0.03)  # 0.3 where nothing is learned
+    np.testing.assert_allclose(core.known.drift[0], -BIPED.com_height * np.tan(slopes), atol=3e-3)
+
+
+def test_what_is_seen_is_moved_by_the_drift(biped_core, begin):
+    core = biped_core()
+    walk(core, begin, 5.0, slope_forward=0.05, slope_left=0.02)
+    x, y = core.known.drift[0]
+    drift = np.array([x, y if core.gait.stance[0] == 1 else -y])
+    assert math.hypot(x, y) > 0.03
+    off = core.observation[0] - core.truth[0]
+    for part in (DCM, COM):
+        np.testing.assert_allclose(off[part], drift, atol=1e-14)
+    np.testing.assert_allclose(off[PUSH_ESTIMATE], -drift, atol=1e-14)
+    assert not np.delete(off, [1, 2, 3, 4, 34, 35]).any()
+
+
+def test_late_torques_do_not_make_it_faster(biped_core, begin):
+    core = biped_core()
+    velocity = walk(core, begin, 6.0, command=(0.4, 0.0), delay=0.01)
+    assert velocity[0] == pytest.approx(0.4, abs=0.03)  # 0.46 where nothing is learned
+
+
+@pytest.mark.parametrize("force", [60.0, 400.0])
+def test_a_robot_that_is_as_its_model_learns_nothing_not_even_from_a_push(biped_core, begin, force):
+    core = biped_core()
+    push = Push((force, 0.4 * force, 0.0), 0.1, 1.0)
+    begin(core, 0, Scenario("a", (push,), Command(0.3, 0.1)))
+    for _ in range(500):
+        action = POLICY.predict(core.observation)[0]
+        core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+        assert core.known.mass[0] == 1.0
+        assert np.linalg.norm(core.known.drift[0]) < DRIFT_KNOWN
+        assert core.observation.tobytes() == core.truth.tobytes()
+    assert core.gait.failure[0] == 0
