@@ -137,8 +137,8 @@ def schedule_of(t: Ints) -> Schedule:
 
 @njit(cache=True)
 def known_of(t: Ints) -> SelfModel:
-    """Rows 71-75."""
-    return SelfModel(floats_1(t[71]), floats_2(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]))
+    """Rows 72-76."""
+    return SelfModel(floats_1(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]), floats_2(t[76]))
 
 
 @njit(cache=True)
