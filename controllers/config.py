@@ -45,7 +45,6 @@ class PlannerConfig:
     beta_trunk_rate: float = 1e-2  # beta_4 [s^2/rad^2]
     beta_dcm: float = 1e5  # beta_5 [1/m^2]
     beta_trunk_angle: float = 1.0  # [1/rad^2]
-    terminal_off: float = 0.0  # the terminal term is dropped when less than this remains [s]
     cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
     cop_margin_y: float = 0.0  # [m]
     trunk_gravity: float = (
@@ -125,7 +124,6 @@ PRESETS: dict[str, PlannerConfig] = {
         cop_margin_x=0.00876,
         cop_margin_y=0.00412,
         beta_dcm=17000.0,
-        terminal_off=0.0329,
         beta_trunk=0.00203,
         beta_trunk_rate=0.11,
         beta_trunk_angle=1.09,

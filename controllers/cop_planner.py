@@ -92,8 +92,8 @@ class CopPlanner:
         self.constants = Constants(
             robot.omega, robot.cmp_per_trunk_acceleration, *bounds, limits.trunk_acceleration_max,
             robot.trunk_torque_max / robot.trunk_inertia, config.trunk_gravity / robot.trunk_inertia,
-            robot.trunk_angle_max, config.sampling_time, config.first_interval_min, config.terminal_off,
-            config.beta_cop, config.beta_trunk, config.use_cop, config.use_trunk,
+            robot.trunk_angle_max, config.sampling_time, config.first_interval_min, config.beta_cop,
+            config.beta_trunk, config.use_cop, config.use_trunk,
         )  # fmt: skip
         self.tables, matrices = build(robot, config, self.longest)
         self.threads = RangeThreads(threads)

@@ -125,21 +125,20 @@ class JerkCopPlanner:
     ) -> QuadraticProgram:
         """The program of one axis; state: (7,) as the arguments of `plan` from `dcm` on."""
         durations = grid(self.config, max(remaining, SHORTEST))
-        workspace = self._assemble(durations, remaining, axis, state)[0]
+        workspace = self._assemble(durations, axis, state)[0]
         soft = self.constants.repaired if soft is None else soft
         weight = np.where(workspace.soft, self.config.beta_trunk_limit if soft else 0.0, 0.0)
         low, high = workspace.low.copy(), workspace.high.copy()
         return QuadraticProgram(workspace.H.copy(), workspace.f.copy(), workspace.A.copy(), low, high, weight)
 
     def _assemble(
-        self, durations: NDArray[np.float64], remaining: float, axis: int, state: NDArray[np.float64]
+        self, durations: NDArray[np.float64], axis: int, state: NDArray[np.float64]
     ) -> tuple[Workspace, LeastDistance, LeastDistance]:
         found = self._workspaces.get(durations.size)
         if found is None:
             found = self._workspaces[durations.size] = self._allocate(durations.size)
         workspace = found[0]
-        terminal = self.config.beta_dcm if max(remaining, SHORTEST) > self.config.terminal_off else 0.0
-        build(durations, state, terminal, self.constants, workspace)
+        build(durations, state, self.config.beta_dcm, self.constants, workspace)
         cop_low, cop_high = -self.cop_max[axis], self.cop_max[axis]
         if not self.config.use_cop:
             cop_low = cop_high = min(max(state[4], cop_low), cop_high)
@@ -165,7 +164,7 @@ class JerkCopPlanner:
         result: NDArray[np.float64],
     ) -> str:
         """Fill (cop, trunk acceleration, dcm at touchdown) and return the status."""
-        workspace, hard, soft = self._assemble(durations, remaining, axis, state)
+        workspace, hard, soft = self._assemble(durations, axis, state)
         period, status = min(self.config.first_interval_min, durations[0]), "solved"
         if self.config.solver == "osqp":
             solution = solve_qp(self.program(remaining, axis, state), "osqp")

@@ -23,7 +23,7 @@ from .least_distance import solve_least_distance
 
 INPUTS, OUTPUTS = 11, 7  # columns of the rows that `plan_rows` reads and writes
 HANDLE = 6  # length of a solver's handle
-HEADER = 8  # counts before the tables of integers
+HEADER = 7  # counts before the tables of integers
 
 
 class Constants(NamedTuple):
@@ -39,7 +39,6 @@ class Constants(NamedTuple):
     angle: float  # [rad]
     dt: float
     first_min: float
-    terminal_off: float
     beta_cop: float
     beta_trunk: float
     use_cop: bool
@@ -81,29 +80,28 @@ def packed_numbers(c: Constants, tables: Tables) -> NDArray[np.float64]:
 def packed_counts(tables: Tables, memory: Memory) -> NDArray[np.int64]:
     """Sizes, integer tables and the handles of the memory's solvers as one array."""
     sizes = [
-        len(tables.rest), tables.entries.shape[1], tables.steps.shape[1], tables.inputs.shape[1],
-        tables.angles.shape[1], memory.matrices.shape[1], len(memory.lower), len(memory.solution),
+        len(tables.rest), tables.steps.shape[1], tables.inputs.shape[1], tables.angles.shape[1],
+        memory.matrices.shape[1], len(memory.lower), len(memory.solution),
     ]  # fmt: skip
-    arrays = (tables.entries, tables.rest, tables.cops, tables.nodes, memory.handles)
+    arrays = (tables.rest, tables.cops, tables.nodes, memory.handles)
     return np.concatenate([np.array(sizes, dtype=np.int64), *(array.ravel() for array in arrays)])
 
 
 @njit(cache=True)
 def _constants_of(numbers: Any) -> Constants:
-    return Constants(*(to_fixed_tuple(numbers[:13], 13) + (numbers[13] != 0.0, numbers[14] != 0.0)))
+    return Constants(*(to_fixed_tuple(numbers[:12], 12) + (numbers[12] != 0.0, numbers[13] != 0.0)))
 
 
 @njit(cache=True)
 def _tables_of(numbers: Any, counts: Any) -> Tables:
-    e, lengths, nodes, inputs, angles = counts[0], counts[1], counts[2], counts[3], counts[4]
-    a = HEADER + 2 * lengths
-    b = 15 + e * nodes
+    e, nodes, inputs, angles = counts[0], counts[1], counts[2], counts[3]
+    a = HEADER + e
+    b = 14 + e * nodes
     c = b + e * inputs * 4
     d = c + e * angles * 4
     g = d + e * inputs
     return Tables(
-        counts[HEADER:a].reshape((2, lengths)), counts[a : a + e], counts[a + e : a + 2 * e],
-        counts[a + 2 * e : a + 3 * e], numbers[15:b].reshape((e, nodes)),
+        counts[HEADER:a], counts[a : a + e], counts[a + e : a + 2 * e], numbers[14:b].reshape((e, nodes)),
         numbers[b:c].reshape((e, inputs, 4)), numbers[c:d].reshape((e, angles, 4)),
         numbers[d:g].reshape((e, inputs)), numbers[g : g + e * 16].reshape((e, 4, 4)),
     )  # fmt: skip
@@ -111,8 +109,8 @@ def _tables_of(numbers: Any, counts: Any) -> Tables:
 
 @njit(cache=True)
 def _memory_of(counts: Any, scratch: Any) -> Memory:
-    e, size, rows, n = counts[0], counts[5], counts[6], counts[7]
-    a = HEADER + 2 * counts[1] + 3 * e
+    e, size, rows, n = counts[0], counts[4], counts[5], counts[6]
+    a = HEADER + 3 * e
     b = e * size
     c = b + 3 * rows
     return Memory(
@@ -142,16 +140,15 @@ def plan_rows(rows: Any, out: Any, numbers: Any, counts: Any, scratch: Any) -> i
             finite = finite and math.isfinite(row[k])
         remaining = max(row[0], SHORTEST)
         whole = int(max(math.floor((remaining - c.first_min) / c.dt + 1e-9), 0.0))
-        if not finite or whole + 1 >= tables.entries.shape[1]:
+        if not finite or whole >= len(tables.rest):
             out[i, 6] = 2
             invalid += 1
             continue
         out[i, 6] = 0
-        e = tables.entries[0 if remaining <= c.terminal_off else 1, whole + 1]
         first = remaining - whole * c.dt
         for axis in range(2):
             cop, acceleration, end, status = _plan_axis(
-                e, first, remaining, row[1 + axis], row[3 + axis], row[5 + axis], row[7 + axis],
+                whole, first, remaining, row[1 + axis], row[3 + axis], row[5 + axis], row[7 + axis],
                 row[9 + axis], c.cop_x if axis == 0 else c.cop_y, c, tables, memory,
             )  # fmt: skip
             out[i, axis], out[i, 2 + axis], out[i, 4 + axis] = cop, acceleration, end

@@ -78,7 +78,6 @@ def write_out(
         acceleration_high: [rad/s^2].
     """
     dcm, angle, rate, target = state
-    terminal = float(until.sum()) > config.terminal_off
     durations = np.concatenate([until, np.full(config.tail_intervals, config.tail_sampling_time)])
     N, K = until.size, durations.size
     cops, accelerations = N if config.use_cop else 0, K if config.use_trunk else 0
@@ -113,7 +112,7 @@ def write_out(
     own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:accelerations]])
     H += np.diag(own)
     f[:cops] -= own[:cops] * references[:cops]
-    terms = [(config.beta_dcm if terminal else 0.0, xi - np.eye(n + 1)[0] * target)]
+    terms = [(config.beta_dcm, xi - np.eye(n + 1)[0] * target)]
     if accelerations:
         terms += [(config.beta_trunk_rate, r) for r in rates] + [(config.beta_trunk_angle, t) for t in angles]
     for weight, row in terms:

@@ -27,12 +27,11 @@ TERMINAL, RATE, ANGLE, REFERENCE = 0, 1, 2, 3  # the directions T, S, O, Z
 
 
 class Tables(NamedTuple):
-    """Stacked tables, one entry e per horizon length N and terminal term on or off.
+    """Stacked tables, one entry e for each horizon length N = e + 1.
 
     Rows of the constraint matrix M = A R_full^-1: one per input (bounds), then one per node (trunk angle).
     """
 
-    entries: NDArray[np.int64]  # (2, N_max + 1): entry of (terminal on, N), -1 where there is none
     rest: NDArray[np.int64]  # (E,): number of inputs of the whole intervals, n - first
     cops: NDArray[np.int64]  # (E,): how many of them are CoPs
     nodes: NDArray[np.int64]  # (E,): number of trunk nodes
@@ -54,7 +53,7 @@ class Horizon(NamedTuple):
     constraints: NDArray[np.float64]  # (n_rest + nodes, n_rest): M without the first interval
 
 
-def horizon(robot: RobotModel, config: PlannerConfig, intervals: int, terminal: bool) -> Horizon:
+def horizon(robot: RobotModel, config: PlannerConfig, intervals: int) -> Horizon:
     """Tables for `intervals` = N until touchdown, the first of them partial."""
     dt = config.sampling_time
     durations = np.array([dt] * (intervals - 1) + [config.tail_sampling_time] * config.tail_intervals)
@@ -80,7 +79,7 @@ def horizon(robot: RobotModel, config: PlannerConfig, intervals: int, terminal: 
     # Residual rows: own weights of the inputs | terminal | rates | angles. Columns: CoPs | accelerations.
     own = np.sqrt(np.concatenate([np.full(cops, config.beta_cop), np.full(accelerations, config.beta_trunk)]))
     n = own.size
-    dcm_scale = math.sqrt(config.beta_dcm) if terminal else 0.0
+    dcm_scale = math.sqrt(config.beta_dcm)
     rate_scale, angle_scale = math.sqrt(config.beta_trunk_rate), math.sqrt(config.beta_trunk_angle)
     G = np.zeros((n + 1 + 2 * nodes, n))
     G[:n] = np.diag(own)
@@ -114,21 +113,14 @@ def build(robot: RobotModel, config: PlannerConfig, longest: float) -> tuple[Tab
     for name in ("beta_cop", "beta_trunk"):
         if not getattr(config, name) > 0:
             raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
-    count = math.ceil(longest / config.sampling_time)
-    short = (
-        min(count, math.ceil(config.terminal_off / config.sampling_time) + 1)
-        if config.terminal_off > 0
-        else 0
-    )
-    keys = [(1, N) for N in range(1, count + 1)] + [(0, N) for N in range(1, short + 1)]
-    parts = [horizon(robot, config, N, bool(terminal)) for terminal, N in keys]
+    E = math.ceil(longest / config.sampling_time)
+    parts = [horizon(robot, config, e + 1) for e in range(E)]
     first = int(config.use_cop) + int(config.use_trunk)
-    E, n, nodes = len(keys), max(p.weights.size for p in parts) + first, max(p.steps.size for p in parts)
+    n, nodes = max(p.weights.size for p in parts) + first, max(p.steps.size for p in parts)
     rest = np.array([p.weights.size for p in parts])
     tables = Tables(
-        entries=np.full((2, count + 1), -1),
         rest=rest,
-        cops=np.array([N - 1 if config.use_cop else 0 for _, N in keys]),
+        cops=np.array([e if config.use_cop else 0 for e in range(E)]),
         nodes=np.array([p.steps.size for p in parts]),
         steps=np.zeros((E, nodes)),
         inputs=np.zeros((E, n, 4)),
@@ -138,9 +130,8 @@ def build(robot: RobotModel, config: PlannerConfig, longest: float) -> tuple[Tab
     )
     # Packed without padding inside an entry: (rows, n) row after row, as the solver reads them
     matrices = np.zeros((E, (n + nodes) * n))
-    for e, (key, p) in enumerate(zip(keys, parts, strict=True)):
+    for e, p in enumerate(parts):
         r, k = p.weights.size, p.steps.size
-        tables.entries[key] = e
         tables.steps[e, :k] = p.steps
         tables.inputs[e, :r] = p.inputs
         tables.angles[e, :k] = p.angles

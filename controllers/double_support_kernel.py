@@ -43,7 +43,6 @@ class Constants(NamedTuple):
     tail: int
     tail_dt: float
     debt: bool
-    terminal_off: float
     beta_cop: float
     beta_trunk: float
     beta_rate: float
@@ -178,17 +177,12 @@ def _lean(w: Memory, node: int, j: int) -> float:
 
 
 @njit(cache=True)
-def _terminal(g: Grid, c: Constants, w: Memory) -> float:
-    return c.beta_dcm if w.ends[g.until - 1] > c.terminal_off else 0.0
-
-
-@njit(cache=True)
 def _factorise(g: Grid, c: Constants, w: Memory) -> None:
     """L of H = own + beta_dcm weights weights' + rates + angles, lower triangle, in place."""
-    n, L, beta = g.inputs, w.factor, _terminal(g, c, w)
+    n, L = g.inputs, w.factor
     for i in range(n):
         for j in range(i + 1):
-            L[i, j] = beta * w.weights[i] * w.weights[j]
+            L[i, j] = c.beta_dcm * w.weights[i] * w.weights[j]
         L[i, i] += w.own[i]
     for i in range(n - g.cops):
         for j in range(i + 1):
@@ -223,7 +217,7 @@ def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
     n, L, at, other = g.inputs, w.factor, axis * g.rows, row[2 + axis]
     angle, rate = row[6 + axis], row[8 + axis]
     y = w.optimum[at : at + g.rows]
-    error = _terminal(g, c, w) * (_free(axis, row, g, c, w) - row[10 + axis])
+    error = c.beta_dcm * (_free(axis, row, g, c, w) - row[10 + axis])
     for i in range(n):
         y[i] = error * w.weights[i]
         if i < g.cops:

@@ -60,9 +60,9 @@ class DoubleSupportPlanner:
             limits.trunk_acceleration_max, robot.trunk_torque_max / robot.trunk_inertia,
             config.trunk_gravity / robot.trunk_inertia, robot.trunk_angle_max, config.double_support,
             config.first_interval_min, config.sampling_time, config.tail_intervals,
-            config.tail_sampling_time, config.trunk_debt, config.terminal_off, config.beta_cop,
-            config.beta_trunk, config.beta_trunk_rate, config.beta_trunk_angle, config.beta_dcm,
-            config.use_cop, config.use_trunk,
+            config.tail_sampling_time, config.trunk_debt, config.beta_cop, config.beta_trunk,
+            config.beta_trunk_rate, config.beta_trunk_angle, config.beta_dcm, config.use_cop,
+            config.use_trunk,
         )  # fmt: skip
         self._problems: dict[tuple[int, int], LeastDistance] = {}
         self.memory = self._allocate(math.ceil(self.longest / config.sampling_time) + 1)

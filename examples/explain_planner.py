@@ -243,7 +243,6 @@ def biped_step() -> Any:
     need.legend(loc="lower right")
     moments = (
         (-s.commit, "55 ms before T: place and time final"),
-        (config.touchdown_delay - config.terminal_off, "15.7 ms before T: no DCM goal"),
         (-s.early, "3 ms before T: contact counts"),
         (0.0, "T"),
         (config.touchdown_delay, "T + 4.3 ms: new foot carries,\nas planned"),
@@ -256,7 +255,7 @@ def biped_step() -> Any:
         line.text(1000 * at + 4, height, text, va="center")
     line.axvspan(-95, -1000 * s.commit, color="#dcecf7")
     line.text(-93, 0.3, "stage 1\nchooses")
-    line.set(xlim=(-95, 135), ylim=(0, 6), xlabel="time from the planned touchdown T [ms]", yticks=[])
+    line.set(xlim=(-95, 135), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
     line.grid(visible=False)
     return figure
 

@@ -32,7 +32,6 @@ STAGE_1 = (
 )
 STAGE_2 = (
     _weight("beta_dcm"),
-    _planner("terminal_off", 0.0, 0.2, 0.015),  # [s]
     _planner("sampling_time", 0.04, 0.1, 0.005),  # [s]
 )
 COP = (

@@ -17,7 +17,7 @@ PLANNER = CopPlanner(ROBOT, LIMITS, CONFIG)
 SPREAD = np.array(
     [0.08, 0.08, 0.4, 0.4, 2.0, 2.0, 0.3, 0.3, 0.02, 0.02]
 )  # dcm, angle, rate, target, reference
-ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"terminal_off": 0.3}, {"trunk_gravity": 70.0},
+ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_gravity": 70.0},
         {"trunk_debt": True}, {"trunk_debt": True, "use_cop": False}]  # fmt: skip
 
 
@@ -171,13 +171,6 @@ def test_gravity_of_the_trunk_is_taken_from_the_torque():
     assert high == LIMITS.trunk_acceleration_max
     _, mirrored_low, mirrored_high = planner.bounds(0, -0.5)
     assert (mirrored_low, mirrored_high) == (-high, -low)
-
-
-def test_terminal_term_is_dropped_near_touchdown():
-    planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, terminal_off=0.06))
-    plan = planner.plan(0.06, (0.2, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.01, 0.0))
-    assert plan.cop[0] == pytest.approx(0.01, abs=1e-12)
-    assert planner.plan(0.07, (0.2, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)).cop[0] == LIMITS.cop_x_max
 
 
 def test_margins_keep_the_cop_from_the_edge():
