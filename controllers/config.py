@@ -22,7 +22,7 @@ class PlannerConfig:
     adapt_duration: bool = True  # False keeps the nominal time
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
     swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
-    freeze: float = 0.0  # the step plan is held when less than this remains [s]
+    freeze: float = 0.0  # the plan of both stages is held when less than this remains [s]
     touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
     double_support: float = 0.0  # d: both feet stand for this long from touchdown on, part of T [s]
 

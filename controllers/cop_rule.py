@@ -17,10 +17,11 @@ from .errors import InvalidValueError
 from .limits import GaitLimits
 from .observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from .robot import RobotModel
-from .stage_1 import DCM_AHEAD, REMAINING, TARGET
+from .stage_1 import DCM_AHEAD, HELD, REMAINING, TARGET
 
 TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
 _TRUNK, _AHEAD, _TARGET = TRUNK_ANGLE.start, DCM_AHEAD.start, TARGET.start
+_PREVIOUS = PREVIOUS_ACTION.start
 
 Floats = NDArray[np.float64]
 CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
@@ -92,6 +93,19 @@ def write_input(obs, row, out):  # pragma: no cover
         out[3 + k], out[5 + k] = obs[_TRUNK + k], obs[_TRUNK + 2 + k]
         out[7 + k] = row[_TARGET + k]
         out[9 + k] = 0.0
+
+
+@njit(cache=True)
+def hold_inputs(obs, row, low, high, use_cop, use_trunk, result):  # pragma: no cover
+    """Where the step plan is held, so are CoP and trunk acceleration (`result` 0-3): the previous action's.
+
+    As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
+    """
+    if row[HELD] > 0.0:
+        for i in range(4):
+            if use_cop if i < 2 else use_trunk:
+                j = 3 + i
+                result[i] = low[j] + 0.5 * (obs[_PREVIOUS + j] + 1.0) * (high[j] - low[j])
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .config import PAPER_WEIGHTS, PlannerConfig, preset_config
 from .cop_planner import STATUS
-from .cop_rule import CompiledRule, make_cop_rule
+from .cop_rule import CompiledRule, hold_inputs, make_cop_rule
 from .errors import InvalidValueError, UnknownNameError
 from .first_compile import announce_compilation
 from .limits import GAIT_SIZE, GaitLimits
@@ -211,6 +211,9 @@ class TwoStagePolicy:
         assert self._cop_rule is not None  # noqa: S101
         result, statuses = self._cop_rule(batch, rows)
         self._statuses = statuses
+        for i in range(len(batch)):
+            uses = self.config.use_cop, self.config.use_trunk
+            hold_inputs(batch[i], rows[i], self._low, self._high, *uses, result[i])
         rows[:, 3:5] = result[:, 0:2]
         if self.config.use_trunk:
             rows[:, 5:7] = result[:, 2:4]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .config import PlannerConfig
 from .cop_planner import ROWS_A_THREAD, CopPlanner
 from .cop_planner_kernel import INPUTS, OUTPUTS, plan_rows
-from .cop_rule import write_input
+from .cop_rule import hold_inputs, write_input
 from .limits import GAIT_SIZE, GaitLimits
 from .robot import RobotModel
 from .stage_1 import ROW_SIZE, all_finite, scale_action, stage_1_constants, stage_1_row
@@ -27,8 +27,8 @@ def two_stage_actions(
     """Actions (n, 7) of observations (n, 36), and stage 2's results (n, 7); False where one is impossible."""
     if not all_finite(observations):
         return False
-    own, low, high = c[: -2 * GAIT_SIZE - 2], c[-2 * GAIT_SIZE - 2 : -GAIT_SIZE - 2], c[-GAIT_SIZE - 2 : -2]
-    adapt, use_trunk = c[-2] > 0.0, c[-1] > 0.0
+    own, low, high = c[: -2 * GAIT_SIZE - 3], c[-2 * GAIT_SIZE - 3 : -GAIT_SIZE - 3], c[-GAIT_SIZE - 3 : -3]
+    adapt, use_cop, use_trunk = c[-3] > 0.0, c[-2] > 0.0, c[-1] > 0.0
     n = observations.shape[0]
     rows, inputs = np.empty((n, ROW_SIZE)), np.empty((n, INPUTS))
     for i in range(n):
@@ -37,6 +37,7 @@ def two_stage_actions(
     if plan_rows(inputs, results, numbers, counts, scratch) > 0:
         return False
     for i in range(n):
+        hold_inputs(observations[i], rows[i], low, high, use_cop, use_trunk, results[i])
         rows[i, 3], rows[i, 4] = results[i, 0], results[i, 1]
         if use_trunk:
             rows[i, 5], rows[i, 6] = results[i, 2], results[i, 3]
@@ -59,7 +60,7 @@ class CompiledTwoStage:
             adapt: False walks the nominal gait without reaction.
             planner: stage 2 of the same robot, limits and configuration.
         """
-        flags = float(adapt), float(config.use_trunk)
+        flags = float(adapt), float(config.use_cop), float(config.use_trunk)
         constants = stage_1_constants(robot, limits, config)
         self._constants = np.concatenate([constants, limits.low, limits.high, flags])
         self._planner = planner

@@ -246,3 +246,24 @@ def test_the_step_lasts_as_long_as_the_swing_foot_needs():
         assert plan.duration >= before.duration
         waited += plan.duration > before.duration
     assert 20 < waited < 180
+
+
+@pytest.mark.parametrize("name", ["stage-1+cop", "stage-1+momentum", "two-stage"])
+def test_the_whole_plan_is_held_shortly_before_landing(name):
+    """From T - freeze on an arm repeats the previous action, except where only the upright law moves the trunk."""
+    policy = make_policy(name, ROBOT, LIMITS, "biped")
+    rng = np.random.default_rng(4)
+    observations = rng.normal(0.0, 0.1, (50, 36))
+    previous = rng.uniform(-0.9, 0.9, (50, 7))
+    previous[:, 3:5] *= policy.config.use_cop
+    previous[:, 5:7] *= policy.config.use_trunk
+    observations[:, PREVIOUS_ACTION] = previous
+    durations = LIMITS.from_action(previous)[:, 2]
+    kept = 7 if policy.config.use_trunk else 5
+    for before, holds in ((0.9, True), (1.1, False)):
+        observations[:, ELAPSED] = durations - before * policy.config.freeze
+        actions = policy.predict(observations)[0]
+        same = np.isclose(actions[:, :kept], previous[:, :kept], atol=1e-6).all(axis=1)
+        assert same.all() == holds
+        one_by_one = np.array([policy.plan(obs).gait for obs in observations])
+        np.testing.assert_allclose(LIMITS.to_action(one_by_one), actions, atol=1e-6)
