@@ -19,7 +19,7 @@ from .biped_observation import Contacts, count_contacts, observe, tracks_plan
 from .command_schedule import Schedule, follow
 from .limit_record import DCM_TRACKING, LimitRecord, note_limits, plan_limits
 from .push_batch import Pushes
-from .self_model import SelfModel, count_asked, learn, scale_mass, show_drift
+from .self_model import SelfModel, count_asked, learn, scale_mass, show_known
 from .simulations import Handles, advance
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
@@ -137,8 +137,10 @@ def schedule_of(t: Ints) -> Schedule:
 
 @njit(cache=True)
 def known_of(t: Ints) -> SelfModel:
-    """Rows 72-76."""
-    return SelfModel(floats_1(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]), floats_2(t[76]))
+    """Rows 72-77."""
+    return SelfModel(
+        floats_1(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]), floats_2(t[76]), floats_2(t[77])
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -209,7 +211,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
         )
         show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
         if span > 0.0 or errors.noise[k, 0] == 0.0:  # otherwise it is seen as it was
-            show_drift(known, k, gait, out[k])
+            show_known(known, k, gait, span, out[k])
         if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
             note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 

@@ -15,6 +15,9 @@ is where a CMP would have to lie, seen from the foot, to push like all that was 
 that is elsewhere, torques that come late. Its mean over two steps, weighted with exp(-omega t) as the DCM at
 their ends weighs it, is taken off the point that the pendulum stands on: xi + drift moves on a slope as xi
 does on the level, so the planner is shown CoM and DCM moved by it.
+
+The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
+from one period to the next, in the median, tells its noise; a push that does not rise above that is not shown.
 """
 
 from __future__ import annotations
@@ -40,6 +43,9 @@ DRIFT_GAIN = 0.5  # share of the difference that is taken over at each touchdown
 DRIFT_CHANGE = 0.04  # largest difference [m]
 DRIFT_MAX = 0.1  # [m]
 DRIFT_KNOWN = 0.002  # a smaller one is left out [m]
+NOISE_RATE = 0.01  # change of the push estimate's noise in a period [m]
+NOISE_KNOWN = 0.03  # less counts as none [m]
+NOISE_SHARE = 2.0  # of the noise that a push must rise above
 
 # Columns of `SelfModel.step`: 0-1 sum of the drift
 WEIGHT = 2  # sum of its weights
@@ -56,14 +62,15 @@ class SelfModel(NamedTuple):
     weighed: Array  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
     asked: Array  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
     drift: Array  # (n, 2) in the heading frame [m]
-    step: (
-        Array  # (n, 11) sums over the step: drift, weight; means of the last; its number; quiet steps; pushes
-    )
+    step: Array  # (n, 11) of the step that goes on and the last one, columns see above
+    felt: Array  # (n, 3) push estimate of the last period, heading frame, and the median of its jumps [m]
 
 
 def empty_self_model(n: int) -> SelfModel:
     """Arrays of n robots."""
-    return SelfModel(np.ones(n), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 11)))
+    return SelfModel(
+        np.ones(n), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 11)), np.zeros((n, 3))
+    )
 
 
 def forget(known: SelfModel, k: int, s: GaitSettings) -> None:
@@ -71,7 +78,7 @@ def forget(known: SelfModel, k: int, s: GaitSettings) -> None:
     known.mass[k] = 1.0
     known.weighed[k] = s.mass * GRAVITY * MEMORY
     known.asked[k] = known.drift[k] = 0.0
-    known.step[k] = 0.0
+    known.step[k] = known.felt[k] = 0.0
     known.step[k, QUIET] = 1.0  # the first step counts
 
 
@@ -152,13 +159,32 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
 
 
 @njit(cache=True)
-def show_drift(known: SelfModel, k: int, gait: Gait, seen: Array) -> None:
+def show_drift(known: SelfModel, k: int, sign: float, seen: Array) -> None:
     """Move DCM and CoM (1-4) of an observation (36,) by the drift, and take that off its push (34-35)."""
     if math.hypot(known.drift[k, 0], known.drift[k, 1]) < DRIFT_KNOWN:
         return
-    sign = side_sign(gait.stance[k])
     for axis in range(2):
         drift = known.drift[k, axis] * (sign if axis == 1 else 1.0)
         seen[1 + axis] += drift
         seen[3 + axis] += drift
         seen[34 + axis] -= drift
+
+
+@njit(cache=True)
+def show_push(known: SelfModel, k: int, sign: float, span: float, seen: Array) -> None:
+    """Leave a push (34-35) that does not rise above its noise out of an observation (36,)."""
+    felt, x, y = known.felt[k], seen[34], sign * seen[35]
+    if span > 0.0:
+        jump = math.hypot(x - felt[0], y - felt[1])
+        felt[2] = max(felt[2] + (NOISE_RATE if jump > felt[2] else -NOISE_RATE), 0.0)
+        felt[0], felt[1] = x, y
+    if felt[2] > NOISE_KNOWN and math.hypot(x, y) < NOISE_SHARE * felt[2]:
+        seen[34] = seen[35] = 0.0
+
+
+@njit(cache=True)
+def show_known(known: SelfModel, k: int, gait: Gait, span: float, seen: Array) -> None:
+    """Make the observation (36,) of robot k, as sensors give it over `span` [s], the one to plan on."""
+    sign = side_sign(gait.stance[k])
+    show_drift(known, k, sign, seen)
+    show_push(known, k, sign, span, seen)

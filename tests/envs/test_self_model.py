@@ -90,3 +90,25 @@ def test_a_robot_that_is_as_its_model_learns_nothing_not_even_from_a_push(biped_
         assert np.linalg.norm(core.known.drift[0]) < DRIFT_KNOWN
         assert core.observation.tobytes() == core.truth.tobytes()
     assert core.gait.failure[0] == 0
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.01])
+def test_a_push_below_its_own_noise_is_not_shown(biped_core, begin, noise):
+    """White noise s of the DCM is sqrt(2) s / (sqrt(2) omega dt) of the push estimate, each axis."""
+    core, shown, felt = biped_core(), [], []
+    push = Push((0.0, 400.0, 0.0), 0.1, 2.5)
+    begin(core, 0, Scenario("a", (push,), errors=ModelErrors(dcm_noise=noise)))
+    for _ in range(270):
+        action = POLICY.predict(core.observation)[0]
+        core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+        shown.append(np.linalg.norm(core.observation[0, PUSH_ESTIMATE]))
+        felt.append(core.known.felt[0].copy())
+    felt = np.array(felt)
+    assert felt[100:250, :2].std() == pytest.approx(noise / (BIPED.omega * PERIOD), rel=0.15)
+    # jumps are second differences of white noise: sqrt(3) as large, in the median of two axes sqrt(2 ln 2)
+    median = np.median(felt[100:250, 2])
+    assert median == pytest.approx(math.sqrt(6.0 * math.log(2.0)) * noise / (BIPED.omega * PERIOD), rel=0.2)
+    assert np.mean(np.array(shown[100:250]) == 0.0) > 0.98
+    rises = np.linalg.norm(felt[252:259, :2], axis=1) > 2.0 * felt[252:259, 2]
+    assert (np.array(shown[252:259]) > 0.0).tolist() == rises.tolist()
+    assert rises.all() == (noise < 0.005)
