@@ -17,7 +17,7 @@ their ends weighs it, is taken off the point that the pendulum stands on: xi + d
 does on the level, so the planner is shown CoM and DCM moved by it.
 
 The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
-from one period to the next, in the median, tells its noise; a push that does not rise above that is not shown.
+from one period to the next, in the median, tells its noise; a push that does not rise above it is not shown.
 """
 
 from __future__ import annotations
