@@ -250,7 +250,7 @@ def test_the_step_lasts_as_long_as_the_swing_foot_needs():
 
 @pytest.mark.parametrize("name", ["stage-1+cop", "stage-1+momentum", "two-stage"])
 def test_the_whole_plan_is_held_shortly_before_landing(name):
-    """From T - freeze on an arm repeats the previous action, except where only the upright law moves the trunk."""
+    """From T - freeze on an arm repeats its action, except where only the upright law moves the trunk."""
     policy = make_policy(name, ROBOT, LIMITS, "biped")
     rng = np.random.default_rng(4)
     observations = rng.normal(0.0, 0.1, (50, 36))
