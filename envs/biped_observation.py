@@ -21,6 +21,7 @@ from .biped_kinematics import (
     sole_position,
 )
 from .mass_matrix import com_velocity
+from .turning import turned_command
 from .vector_3 import Vector, add, scaled, subtract, vector_at
 
 CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM counts as off its plan [m]
@@ -198,6 +199,10 @@ def observe(
     write_motion(phys, gait, k, s, frame, velocity, omega, o)
     write_posture(phys, gait, k, frame, omega, o)
     o[25], o[26] = command[0], frame.sign * command[1]
+    if command[2] != 0.0:
+        period = gait.plan[k, 2] + s.landing_delay
+        told = turned_command(command[0], command[1], command[2], period, s.omega)
+        o[25], o[26] = told[0], frame.sign * told[1]
     for i in range(previous.shape[0]):
         o[27 + i] = previous[i]
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)

@@ -7,6 +7,9 @@ between the soles by then, turns on at the commanded rate. No reference jumps.
 
 from __future__ import annotations
 
+import cmath
+import math
+
 from numba import njit
 from numpy.typing import NDArray
 
@@ -38,6 +41,23 @@ def turn_references(
     horizon, pace = max(remaining, SHORTEST), goal / duration
     goal = 0.5 * goal + pace * (horizon - remaining)  # it turns on beyond T
     yaw[3], yaw[4], yaw[5] = quintic_step(yaw[3], yaw[4], yaw[5], goal, pace, horizon, dt)
+
+
+@njit(cache=True)
+def turned_command(vx: float, vy: float, rate: float, period: float, omega: float) -> tuple[float, float]:
+    """Velocity that a planner of straight steps has to be told for (vx, vy) along the turning heading [m/s].
+
+    The DCM at touchdown is the sum of all steps to come, b = sum over j >= 1 of u_j lambda^-j. Of steps
+    u_j = L exp(i theta (j + 1/2)) that turn by theta = rate * period each, seen from the stance sole,
+
+        b = L exp(3 i theta / 2) / (lambda - exp(i theta)),    lambda = exp(omega period),
+
+    which straight ones give where L is larger by the factor (lambda - 1) exp(3 i theta / 2) / (lambda -
+    exp(i theta)).
+    """
+    theta, growth = rate * period, math.exp(omega * period)
+    told = complex(vx, vy) * (growth - 1.0) * cmath.exp(1.5j * theta) / (growth - cmath.exp(1j * theta))
+    return told.real, told.imag
 
 
 @njit(cache=True, forceinline=True)

@@ -12,7 +12,7 @@ from push_recovery.envs.gait_monitor import GaitMonitor, record_touchdown
 from push_recovery.envs.pendulum_env import PendulumEpisodes
 from push_recovery.envs.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario import Scenario
-from push_recovery.envs.turning import SIZE, exchange_soles, turn_references
+from push_recovery.envs.turning import SIZE, exchange_soles, turn_references, turned_command
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 RATE, DURATION, FINAL, DT = 0.4, 0.5, 0.055, 0.002
@@ -70,6 +70,36 @@ def test_the_yaw_at_landing_is_final_shortly_before():
     assert yaw[0] == pytest.approx(RATE * DURATION, abs=1e-5)
 
 
+@pytest.mark.parametrize("rate", [0.6, -0.3, 0.0])
+def test_a_planner_of_straight_steps_told_the_turned_command_turns_at_the_commanded_speed(rate):
+    """It lands with b = L / (lambda - 1) in its stance frame; the next one is turned by theta.
+
+    In the periodic gait the DCM starts at exp(-i theta) b, so the foot goes to u = lambda exp(-i theta) b
+    - b: v P towards the mean of the headings before and after, theta / 2.
+    """
+    velocity, period, omega = 0.4 + 0.1j, 0.37, BIPED.omega
+    theta, growth = rate * period, np.exp(omega * period)
+    told = complex(*turned_command(velocity.real, velocity.imag, rate, period, omega))
+    offset = told * period / (growth - 1.0)
+    step = growth * np.exp(-1j * theta) * offset - offset
+    assert step == pytest.approx(velocity * period * np.exp(0.5j * theta), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("command", "off"),
+    [
+        (Command(0.3, turn=0.3), 0.03),
+        (Command(0.5, turn=-0.6), 0.06),
+        (Command(0.5, 0.2, turn=0.6), 0.06),
+        (Command(-0.25, turn=0.6), 0.04),
+    ],
+)
+def test_it_keeps_the_commanded_speed_while_it_turns(command, off):
+    episodes, *_ = walk(command, 8.0)
+    assert episodes.monitor.state.speed_error[0] < off
+    assert episodes.monitor.recovered_at(0) is not None
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_it_walks_on_a_circle(side):
     episodes, com, heading, seen = walk(Command(0.3, turn=side * 0.3), 20.0)
@@ -79,7 +109,8 @@ def test_it_walks_on_a_circle(side):
     A = np.stack([2.0 * x, 2.0 * y, np.ones_like(x)], axis=1)
     a, b, c = np.linalg.lstsq(A, x * x + y * y, rcond=None)[0]  # circle through the points
     assert np.sqrt(c + a * a + b * b) == pytest.approx(0.3 / 0.3, rel=0.1)
-    np.testing.assert_allclose(seen[:, COMMAND.start], 0.3)  # whichever way it looks
+    np.testing.assert_allclose(np.hypot(*seen[:, COMMAND].T), 0.3, rtol=0.01)
+    np.testing.assert_allclose(seen[200:, COMMAND.start], seen[200, COMMAND.start], atol=0.01)  # in its frame
     assert episodes.monitor.recovered_at(0) is not None
 
 
