@@ -51,6 +51,12 @@ def _int_pointer(typingctx, address):
 
 
 @njit(cache=True)
+def floats_at(address, count):
+    """View (count,) float64 of what lies at an address."""
+    return carray(_float_pointer(address), (count,))
+
+
+@njit(cache=True)
 def floats_1(row):
     """View (n,) float64 of a table row."""
     return as_strided(carray(_float_pointer(row[0]), (1,)), (row[1],), (row[4],))

@@ -21,6 +21,7 @@ from .limit_record import DCM_TRACKING, LimitRecord, note_limits, plan_limits
 from .push_batch import Pushes
 from .self_model import SelfModel, count_asked, learn, scale_mass, show_known
 from .simulations import Handles, advance
+from .uneven_floor import Floor, place_tiles
 from .whole_body import Gains
 from .wrench_bounds import Bounds, BoundSettings
 
@@ -53,6 +54,7 @@ class Arena(NamedTuple):
     limits: LimitRecord
     schedule: Schedule
     known: SelfModel
+    floors: Floor
 
 
 def arena_table(arena: Arena) -> Ints:
@@ -60,7 +62,7 @@ def arena_table(arena: Arena) -> Ints:
     bounds = arena.bounds
     robots = [*arena.physics, *arena.gait, *arena.pushes]
     rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors, *arena.limits, *arena.schedule,
-            *arena.known]  # fmt: skip
+            *arena.known, *arena.floors]  # fmt: skip
     return address_table([*robots, *bounds[1:], *rest])
 
 
@@ -144,6 +146,12 @@ def known_of(t: Ints) -> SelfModel:
 
 
 @njit(cache=True)
+def floors_of(t: Ints) -> Floor:
+    """Rows 77-80."""
+    return Floor(floats_1(t[77]), ints_1(t[78]), floats_1(t[79]), ints_2(t[80]))
+
+
+@njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
     """Rows 33-40, and the last constants."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
@@ -174,6 +182,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     """
     phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
     handles, errors, known = handles_of(t), errors_of(t), known_of(t)
+    floors = floors_of(t)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
     settings, bounds, limits = settings_of(c), bounds_of(t, c), limits_of(t)
     for k in range(first, end):
@@ -181,6 +190,8 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             continue
         for _ in range(steps):
             control(phys, gait, k, pushes, settings, gains, bounds, limits, dt)
+            if floors.places[k, 0] != 0:
+                place_tiles(floors, k)
             if errors.physical[k] == 0:
                 advance(handles, k)
             else:

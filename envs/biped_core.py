@@ -42,6 +42,7 @@ from .scenario import Scenario
 from .self_model import empty_self_model, forget
 from .simulations import Simulations, believe
 from .turning import SIZE as YAWS
+from .uneven_floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
 from .whole_body import Gains
 from .wrench_bounds import BoundSettings, make_bounds
 
@@ -98,6 +99,7 @@ class BipedCore:
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
         self.known = empty_self_model(n)
+        self.floors = level_floors(n)
         self.command = np.zeros((n, 3))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
@@ -138,7 +140,7 @@ class BipedCore:
             self.truth,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
-        rest = self.errors, self.limit_record, self.schedule, self.known
+        rest = self.errors, self.limit_record, self.schedule, self.known, self.floors
         self._arenas = [
             Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
             for w, (bounds, _) in enumerate(self._bounds)
@@ -149,14 +151,18 @@ class BipedCore:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
 
         `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones. The posture is
-        that of the nominal robot; model errors act from here on.
+        that of the nominal robot, each sole on its tiles where the floor has them; model errors act from
+        here on.
         """
         check_biped_errors(scenario.errors)
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
         soles = np.zeros((2, 3))
         soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
-        com = np.array([start.com[0], sign * start.com[1], self.robot.com_height])
+        assign_floor(self.floors, k, scenario)
+        for sole in soles:
+            sole[2] = floor_height(self.floors, k, sole[0], sole[1])
+        com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(com, velocity, soles)
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario))
@@ -182,6 +188,8 @@ class BipedCore:
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (21,), (20,), nothing acting on it; the gait machine stays as it is."""
+        if has_tiles(self.simulations.models[k]):
+            connect_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)

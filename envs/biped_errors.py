@@ -8,6 +8,7 @@ loads and forces of the contacts, and the pose of the pelvis over the floor, are
 
 from __future__ import annotations
 
+import copy
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from .noise import counter_seed, normal_pair
 from .observation_noise import JOINT_CHANNEL, add_motion_noise, motion_noise
 from .scenario import Scenario
 from .simulations import Handles, advance, advance_measured, believe, simulated
+from .uneven_floor import tiled_model
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
@@ -63,7 +65,7 @@ def check_biped_errors(errors: ModelErrors) -> None:
 
 
 def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjModel | None:
-    """Give robot k the errors of a scenario, at its beginning; returns its own model where it needs one."""
+    """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another."""
     errors = scenario.errors
     for field in table:
         field[k] = 0
@@ -77,14 +79,15 @@ def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjMo
         errors.friction,
         errors.slope_forward,
         errors.slope_left,
+        errors.floor_step > 0.0,
     )
-    unknown = model is not None and errors.names != ("friction",)
+    unknown = model is not None and not set(errors.names) <= {"friction", "floor_step"}
     table.believes[k] = unknown or errors.joint_noise > 0.0
     table.delay[k] = round(errors.delay / PHYSICS_DT)
     table.physical[k] = table.believes[k] or table.delay[k] > 0
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
-    return model
+    return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
 
 
 @lru_cache(maxsize=8)
@@ -95,19 +98,23 @@ def altered_model(
     friction: float | None,
     slope_forward: float,
     slope_left: float,
+    uneven: bool = False,
 ) -> mujoco.MjModel | None:
-    """The biped with such errors (fields of `ModelErrors`), never modified; None where there are none."""
+    """The biped with such errors (fields of `ModelErrors`), never modified; None where there are none.
+
+    `uneven`: on tiles, see `uneven_floor`.
+    """
     offset = np.array(trunk_com)
-    if not (mass or payload or offset.any() or friction is not None or slope_forward or slope_left):
+    level = friction is None and not (slope_forward or slope_left or uneven)
+    if level and not (mass or payload or offset.any()):
         return None
-    model = simulated(biped_model())
+    model = simulated(tiled_model() if uneven else biped_model())
     for values in (model.body_mass, model.body_inertia, model.dof_armature):
         values *= 1.0 + mass
     model.body_mass[TRUNK] += payload
     model.body_ipos[TRUNK] += offset
     if friction is not None:
-        on_floor = model.pair_geom1 == model.geom("floor").id
-        model.pair_friction[on_floor, :2] = friction
+        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = friction  # of floor and tiles
     downhill = np.array([-np.tan(slope_forward), -np.tan(slope_left), -1.0])
     if slope_forward or slope_left:
         model.opt.gravity[:] = GRAVITY / np.linalg.norm(downhill) * downhill

@@ -36,6 +36,7 @@ class ErrorRanges:
     delay: Range | None = None  # [s]
     dcm_noise: Range | None = None  # [m]
     joint_noise: Range | None = None  # [rad]
+    floor_step: Range | None = None  # [m]
 
     def __post_init__(self) -> None:
         for field in fields(self):

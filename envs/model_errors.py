@@ -24,6 +24,7 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "delay": (" [s]", 0.0, 0.05),
     "dcm_noise": (" [m]", 0.0, 0.1),
     "joint_noise": (" [rad]", 0.0, 0.05),
+    "floor_step": (" [m]", 0.0, 0.05),
 }
 
 
@@ -43,6 +44,7 @@ class ModelErrors:
     delay: float = 0.0  # between computing an actuator's command and its action [s]
     dcm_noise: float = 0.0  # standard deviation of the observed DCM, each axis and period [m]
     joint_noise: float = 0.0  # standard deviation of a measured joint angle, each physics step [rad]
+    floor_step: float = 0.0  # tiles of the floor are up to this much higher than others [m]
 
     def __post_init__(self) -> None:
         for name, (unit, low, high) in BOUNDS.items():

@@ -33,14 +33,27 @@ def scrambled(bits):  # pragma: no cover
 
 
 @njit(cache=True)
+def _key(seed: int, index: int, channel: int):  # pragma: no cover
+    """64 bits of a seed, an index and a channel."""
+    bits = scrambled(np.uint64(seed) + _GOLDEN)
+    bits = scrambled(bits + _GOLDEN * np.uint64(index))
+    return scrambled(bits + _GOLDEN * np.uint64(channel))
+
+
+@njit(cache=True)
+def uniform(seed: int, index: int, channel: int) -> float:  # pragma: no cover
+    """A number in [0, 1), independent of `normal_pair` of the same arguments (each within int64)."""
+    bits = _key(seed, index, channel)
+    return np.float64(scrambled(bits + _GOLDEN + _GOLDEN + _GOLDEN) >> _S11) * _ULP
+
+
+@njit(cache=True)
 def normal_pair(seed: int, index: int, channel: int) -> tuple[float, float]:  # pragma: no cover
     """Two independent standard normal numbers of a seed, a moment and a channel (each within int64).
 
     r = sqrt(-2 ln u), u in (0, 1], at the angle 2 pi v, v in [0, 1); |r| is at most 8.6.
     """
-    bits = scrambled(np.uint64(seed) + _GOLDEN)
-    bits = scrambled(bits + _GOLDEN * np.uint64(index))
-    bits = scrambled(bits + _GOLDEN * np.uint64(channel))
+    bits = _key(seed, index, channel)
     first, second = scrambled(bits + _GOLDEN), scrambled(bits + _GOLDEN + _GOLDEN)
     radius = math.sqrt(-2.0 * math.log((np.float64(first >> _S11) + 1.0) * _ULP))
     angle = 2.0 * math.pi * np.float64(second >> _S11) * _ULP

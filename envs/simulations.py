@@ -94,11 +94,14 @@ class Simulations:
         return Handles(*self._common, np.array(row, dtype=np.int64))
 
     def use_model(self, k: int, model: mujoco.MjModel | None) -> None:
-        """Give simulation k a model of its own, with the sizes of the common one, or that again (None).
+        """Give simulation k a model of its own, or the common one again (None).
 
-        It has to be put into a state next.
+        It may have more geoms than the common one. It has to be put into a state next.
         """
-        self.models[k] = self.model if model is None else model
+        before, self.models[k] = self.models[k], self.model if model is None else model
+        if self.models[k].ngeom != before.ngeom:
+            self.data[k] = mujoco.MjData(self.models[k])
+            self.handles.addresses[k, DATA:] = [self.data[k]._address, *_fields(self.data[k], self._names)]
         self.handles.addresses[k, MODEL] = self.models[k]._address
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:

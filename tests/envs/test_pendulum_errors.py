@@ -181,7 +181,7 @@ def test_the_mirrored_scenario_gives_the_mirrored_motion(errors):
     assert np.array_equal(clean.core.state.com[0], many.core.state.com[0]) == (errors == ModelErrors())
 
 
-@pytest.mark.parametrize("name", ["payload", "friction", "joint_noise"])
+@pytest.mark.parametrize("name", ["payload", "friction", "joint_noise", "floor_step"])
 def test_errors_that_a_pendulum_cannot_have_are_refused(name):
     many = episodes([Scenario("x")])
     text = (
