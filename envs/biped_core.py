@@ -88,7 +88,7 @@ class BipedCore:
         self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
-            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 3)),
+            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)),
             plan=np.zeros((n, GAIT_SIZE)), failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
             turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
         )  # fmt: skip
@@ -171,7 +171,7 @@ class BipedCore:
             field[k] = 0
         self.gait.stance[k] = stance
         self.gait.swing[k, :3] = soles[1 - stance]
-        self.gait.height[k, 0] = self.robot.com_height
+        self.gait.height[k, 0], self.gait.height[k, 3] = self.robot.com_height, soles[stance, 2]
         self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
         self.gait.plan[k] = gait
         self.previous_action[k] = action

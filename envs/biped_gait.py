@@ -41,7 +41,7 @@ class Gait(NamedTuple):
     time: Array  # (n,) since reset [s]
     heading: Array  # (n,) of the stance sole and the canonical frame [rad]
     swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
-    height: Array  # (n, 3) reference of the CoM's height, its velocity and acceleration
+    height: Array  # (n, 4) reference of the CoM's height, its velocity, acceleration; height of the floor
     plan: Array  # (n, 7) gait variables, held for a planning period
     failure: Ints  # (n,) index into FAILURES
     wrench: Array  # (n, 6) that the last torque asks of the stance sole
@@ -57,13 +57,14 @@ class GaitSettings(NamedTuple):
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
     apex: float = 0.0557  # height of the swing sole in mid-step [m]
-    landing_delay: float = 0.00996  # the swing sole aims at the floor this long after T [s]
+    landing_delay: float = 0.0165  # the swing sole aims at the floor this long after T [s]
     commit: float = 0.0316  # place and time of the step are final from T - this [s]
     early: float = 0.00739  # contact counts as touchdown from T - this [s]
     early_load: float = 14.4  # with this load [N]
     forced_load: float = 101.0  # or with this load, late in the step
     forced_phase: float = 0.67  # fraction of T from which forced_load counts
-    descent: float = 0.192  # of the swing foot when late [m/s]
+    descent: float = 0.8  # of the swing foot when late [m/s]
+    settled: float = 0.1  # the floor is taken for as high as the stance sole is this long after touchdown [s]
     reach: float = 0.662  # longest leg, hip to ankle [m]
     height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
     height_lead: float = 0.0313  # the CoM is at the height of the step this long before T [s]
@@ -99,6 +100,7 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.heading[k] += exchange_soles(gait.yaw[k])
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
+    gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
     gait.plan[k, 3:5] = 0.0
     gait.plan[k, 6] = -gait.plan[k, 6]
 
@@ -192,9 +194,13 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     met = LEG_REACH if target != asked or height <= s.com_height - s.height_drop else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
     lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
+    if gait.elapsed[k] < s.settled:
+        lift[3] = sole[2]
+    gait.swing[k, 2] -= lift[3]
     swing_update(
         gait.swing[k], target[0], target[1], gait.elapsed[k], plan[2] + s.landing_delay, dt, s.apex, s.descent
     )
+    gait.swing[k, 2] += lift[3]
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[5], -sign * plan[6]
     yaw = gait.yaw[k]

@@ -114,7 +114,7 @@ def write_motion(
     place = subtract(foot.position, sole)
     o[9], o[10] = canonical(frame, place[0], place[1])
     o[12], o[13] = canonical(frame, foot.velocity[0], foot.velocity[1])
-    o[11], o[14] = foot.position[2], foot.velocity[2]
+    o[11], o[14] = foot.position[2] - gait.height[k, 3], foot.velocity[2]
 
 
 @njit(cache=True, forceinline=True)

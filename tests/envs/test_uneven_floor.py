@@ -109,7 +109,7 @@ def test_tiles_of_no_height_are_the_plane(biped_core, begin):
     begin(core, 0, uneven(1e-9))
     begin(core, 1, Scenario("b", (PUSH,), Command(0.3)))
     walk(core, 1.0)
-    np.testing.assert_allclose(core.physics.com[0, 0], core.physics.com[1, 0], atol=3e-3)
+    np.testing.assert_allclose(core.physics.com[0, 0], core.physics.com[1, 0], atol=0.01)
 
 
 def test_friction_holds_on_tiles_and_each_robot_has_tiles_of_its_own(biped_core, begin):
