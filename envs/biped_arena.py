@@ -147,8 +147,8 @@ def known_of(t: Ints) -> SelfModel:
 
 @njit(cache=True)
 def floors_of(t: Ints) -> Floor:
-    """Rows 77-80."""
-    return Floor(floats_1(t[77]), ints_1(t[78]), floats_1(t[79]), ints_2(t[80]))
+    """Rows 78-81."""
+    return Floor(floats_1(t[78]), ints_1(t[79]), floats_1(t[80]), ints_2(t[81]))
 
 
 @njit(cache=True)
