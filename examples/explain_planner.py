@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/planner.md from the planner itself: python examples/explain_planner.py [DIR]."""
+"""Draw the pictures of docs/planner.md and print its figures: python examples/explain_planner.py [DIR]."""
 
 from __future__ import annotations
 
@@ -20,26 +20,20 @@ from push_recovery.controllers.cop_planner_problem import explicit_problem
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.nominal_gait import nominal_gait
 from push_recovery.controllers.qp import solve_qp
-from push_recovery.controllers.robot import RobotModel
-from push_recovery.controllers.stage_1 import swing_time
+from push_recovery.controllers.robot import GRAVITY, RobotModel
+from push_recovery.controllers.stage_1 import stopping_debt, swing_time
 from push_recovery.controllers.step_planner import StepPlan, StepProblem, solve_step
-from push_recovery.envs.biped_settings import BIPED_GAIT, BIPED_LIMITS
-from push_recovery.eval.reproduction.style import (
-    COM_COLOUR,
-    COP_COLOUR,
-    DCM_COLOUR,
-    PUSH_COLOUR,
-    WIDTH,
-    new_figure,
-    print_style,
-    save,
-)
+from push_recovery.envs.biped_model import biped_model
+from push_recovery.envs.biped_settings import BIPED, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.eval.reproduction import style
+from push_recovery.eval.reproduction.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
 OMEGA = ROBOT.omega
 NOMINAL = nominal_gait(ROBOT, LIMITS)
 START = step_start_dcm(NOMINAL, ROBOT.pelvis_width, OMEGA)  # DCM of the nominal gait [m]
+PUSH_COLOUR = style.PUSH_COLOUR
 ARROW = {"arrowstyle": "-|>", "color": PUSH_COLOUR}
 LATE, EARLY = "#c44601", "#0064a8"
 GREY = "#777777"
@@ -146,6 +140,7 @@ def step_choice() -> Any:
         when.plot(t, found.step[0] + found.offset[0], "o", color=colour, ms=7)
         text = f"{name}: T = {t:.3f} s, b_x = {1000 * found.offset[0]:.1f} mm"
         when.plot([], [], "o", color=colour, label=text)
+        print(f"{text}, tau = {found.tau:.4f}, u = {found.step[0]:.3f}, {found.step[1]:.3f} m")
     when.set(xlabel="step duration T [s]", ylabel="[m]", xlim=(0.25, 0.75), ylim=(0, 1.5))
     when.legend(loc="upper left")
     return figure
@@ -211,6 +206,7 @@ def limit() -> Any:
         corner, size = (b.low[0], b.low[1]), b.high - b.low
         axes.add_patch(Rectangle(corner, *size, fc=colour, ec="#35648c", lw=0.8))
         axes.text(b.low[0] + 0.01, b.low[1] + 0.01, label)
+        print(f"{label}: {np.round(b.low, 3)} to {np.round(b.high, 3)} m")
     size = ROBOT.foot_length, ROBOT.foot_width
     axes.add_patch(Rectangle((-size[0] / 2, -size[1] / 2), *size, fc="none", ec=COM_COLOUR, lw=1.4))
     axes.text(0.105, -0.045, "stance sole")
@@ -242,22 +238,46 @@ def biped_step() -> Any:
     need.set(xlabel="way left for the foot [m]", ylabel="time it needs [s]", xlim=(0, 0.9), ylim=(0, 0.32))
     need.legend(loc="lower right")
     moments = (
-        (-s.commit, "55 ms before T: place and time final"),
-        (-s.early, "3 ms before T: contact counts"),
+        (-config.freeze, f"{1000 * config.freeze:.0f} ms before T: the plan is held"),
+        (-s.early, f"{1000 * s.early:.0f} ms before T: contact counts"),
         (0.0, "T"),
-        (config.touchdown_delay, "T + 4.3 ms: new foot carries,\nas planned"),
-        (s.landing_delay, "T + 5 ms: sole aims at floor"),
+        (
+            config.touchdown_delay,
+            f"T + {1000 * config.touchdown_delay:.1f} ms: new foot carries,\nas planned",
+        ),
+        (s.landing_delay, f"T + {1000 * s.landing_delay:.1f} ms: sole aims at floor"),
     )
     for row, (at, text) in enumerate(moments):
         height = len(moments) - row - 0.5
         line.plot([1000 * at] * 2, [0, height], color=GREY, lw=1)
         line.plot(1000 * at, height, "o", color=DCM_COLOUR, ms=5)
         line.text(1000 * at + 4, height, text, va="center")
-    line.axvspan(-95, -1000 * s.commit, color="#dcecf7")
-    line.text(-93, 0.3, "stage 1\nchooses")
-    line.set(xlim=(-95, 135), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
+    line.axvspan(-95, -1000 * config.freeze, color="#dcecf7")
+    line.text(-93, 0.3, "both stages\nchoose")
+    line.set(xlim=(-95, 165), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
     line.grid(visible=False)
     return figure
+
+
+def report() -> None:
+    """Print the page's figures that no picture shows."""
+    print(f"omega {OMEGA:.3f} 1/s; 21 N s move the DCM by {21 / (ROBOT.mass * OMEGA):.3f} m")
+    print(
+        f"the waist moves the CMP by {LIMITS.trunk_acceleration_max * ROBOT.cmp_per_trunk_acceleration:.3f} m"
+    )
+    debt = stopping_debt(3.0, ROBOT.cmp_per_trunk_acceleration, LIMITS.trunk_acceleration_max, OMEGA)
+    print(f"stopping the trunk at 3 rad/s: {debt:.3f} m")
+    config, trunk = PRESETS["biped"], biped_model().body("trunk")
+    print(config, BIPED_LIMITS, sep="\n")
+    torque = float(trunk.mass[0] * GRAVITY * trunk.ipos[2])
+    print(f"trunk: {trunk.mass[0]:g} kg x g x {trunk.ipos[2]:.3f} m = {torque:.0f} N m")
+    print(f"push_threshold: {config.push_threshold * BIPED.mass * BIPED.omega**2:.0f} N")
+    for robot, limits, late in ((ROBOT, LIMITS, 0.0), (BIPED, BIPED_LIMITS, config.touchdown_delay)):
+        for speed in (0.0, 0.5):
+            n = nominal_gait(robot, limits, (speed, 0.0), late)
+            b, growth = (n.offset_x, n.offset_y), math.exp(OMEGA * (n.duration + late))
+            print(f"{speed:g} m/s: L {n.length:.3f}, W {n.width:.3f} m, T {n.duration:.4f} s, "
+                  f"b {np.round(b, 4)} m, lambda {growth:.2f}")  # fmt: skip
 
 
 PICTURES = {
@@ -272,9 +292,10 @@ PICTURES = {
 def main() -> None:
     """Write the pictures into the directory given, docs/pictures by default."""
     directory = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "pictures")
-    with print_style():
+    report()
+    with style.print_style():
         for name, draw in PICTURES.items():
-            png, svg = save(draw(), directory, name)
+            png, svg = style.save(draw(), directory, name)
             svg.unlink()
             print(f"{png} {png.stat().st_size // 1000} kB")
 

@@ -1,23 +1,25 @@
-"""Draw the pictures of docs/whole-body.md from the robot: python examples/explain_whole_body.py [DIR]."""
+"""Draw the pictures of docs/whole-body.md from the robot: python examples/explain_whole_body.py [DIR].
+
+It prints the figures of the page, too, settings first.
+"""
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
-from push_recovery.controllers.policies import make_policy
+from push_recovery.controllers.config import PRESETS
+from push_recovery.controllers.nominal_gait import nominal_gait
 from push_recovery.envs.biped_model import biped_model
 from push_recovery.envs.biped_scene import set_posture
-from push_recovery.envs.biped_settings import BIPED_BOUNDS
+from push_recovery.envs.biped_settings import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.canvas import Canvas
 from push_recovery.envs.leg_kinematics import SHANK, THIGH
-from push_recovery.envs.motors import driving_share
-from push_recovery.envs.push import GaitEvent, Push
-from push_recovery.envs.scenario import Scenario
+from push_recovery.envs.motors import driving_share, motor_limits
 from push_recovery.eval.reproduction.style import (
     COM_COLOUR,
     COP_COLOUR,
@@ -27,83 +29,14 @@ from push_recovery.eval.reproduction.style import (
     print_style,
     save,
 )
+from whole_body_record import KNEES, Recorder, Walk, leg_momentum
 
-FORCE, DURATION = -700.0, 0.1  # of the push, backward [N], [s]
+FORCE, DURATION = 800.0, 0.1  # of the push, backward [N], [s]
 BEFORE, AFTER = 0.1, 1.1  # of the time shown about the onset [s]
 SHOT = 0.28  # of the rendered picture, from the onset [s]
 BLUE, ORANGE, GREY = "#0064a8", "#c44601", "#777777"
-KNEES, FIRST_LEG_JOINT = (5, 11), 3  # motors of the knees, in the order of the model; hip joint in xanchor
+MOTORS = motor_limits(biped_model())  # torque [N m], speed without load [rad/s]
 CROP = 130  # of the rendered picture, left and right [pixels]
-
-
-class Recorder:
-    """What one push does, sampled at every physics step."""
-
-    def __init__(self) -> None:
-        env = gym.make("push_recovery:PushRecovery/Biped-v0")
-        self.biped: Any = env.unwrapped
-        self.core = self.biped.core
-        self.rows: list[dict[str, float]] = []
-        self.knee: list[tuple[float, float]] = []  # speed [rad/s], torque [N m]
-        self._speed = np.zeros(14)
-        policy = make_policy("two-stage", self.biped.robot, self.biped.limits, self.biped.preset)
-        self.core.after_physics_step = self._look
-        push = Push((FORCE, 0.0, 0.0), DURATION, GaitEvent(4, "left"))
-        observation, info = env.reset(options={"scenario": Scenario("backward", (push,))})
-        self._com, self._sole = self._points()
-        self.picture: Any = None
-        over = False
-        while not over:
-            observation, _, terminated, truncated, info = env.step(policy.predict(observation)[0])
-            over = terminated or truncated
-            begun = info["push"]["start"]  # None before
-            if self.picture is None and begun is not None and info["time"] >= begun + SHOT:
-                self.picture, self.marks = render(self.core)
-        self.start, self.recovered_at = info["push"]["start"], info["recovered_at"]
-        self.series = {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
-        self.time = self.series["time"] - self.start
-
-    def _points(self) -> tuple[np.ndarray, np.ndarray]:
-        """CoM, and the centre of both soles, in the world."""
-        data = self.core.physics
-        feet = [biped_model().body(name).id for name in ("left_foot", "right_foot")]
-        soles = [data.xpos[0, b] + data.xmat[0, b].reshape(3, 3) @ (0.0, 0.0, -0.06) for b in feet]
-        return data.com[0, 0].copy(), np.array(soles)
-
-    def _look(self) -> None:
-        core, robot = self.core, self.biped.robot
-        stance, plan, wrench = int(core.gait.stance[0]), core.gait.plan[0], core.gait.wrench[0]
-        cmp = plan[3] + robot.cmp_per_trunk_acceleration * plan[5]
-        asked = robot.omega**2 * (self._com[0] - self._sole[stance, 0] - cmp)  # as `walk` saw it
-        torque, speed = core.physics.ctrl[0].copy(), core.physics.qvel[0, 6:].copy()
-        com, sole = self._com, self._sole = self._points()
-        hips = core.physics.xanchor[0, [3, 9]]
-        ankles = core.physics.xanchor[0, [7, 13]]
-        lengths = np.linalg.norm(hips - ankles, axis=1)
-        self.rows.append({
-            "time": core.gait.time[0], "asked": asked, "given": wrench[0] / robot.mass,
-            "cop": -wrench[4] / wrench[2], "planned_cop": plan[3], "waist": torque[0],
-            "height_asked": core.gait.height[0, 0], "height": com[2] - sole[stance, 2],
-            "stance_leg": lengths[stance], "swing_leg": lengths[1 - stance], "elapsed": core.gait.elapsed[0],
-            "knee": np.abs(speed[list(KNEES)]).max(), "at_bound": float(self._at_bound(torque, wrench)),
-        })  # fmt: skip
-        self.knee += [(float(self._speed[i]), float(torque[i])) for i in KNEES]
-        self._speed = speed
-
-    def _at_bound(self, torque: np.ndarray, wrench: np.ndarray) -> bool:
-        model, s = biped_model(), BIPED_BOUNDS
-        top, free = model.actuator_forcerange[:, 1], model.actuator_user[:, 0]
-        share = [driving_share(v * np.sign(t), f) for v, t, f in zip(self._speed, torque, free, strict=True)]
-        x, y = -wrench[4] / wrench[2], wrench[3] / wrench[2]
-        yaw = wrench[5] - x * wrench[1] + y * wrench[0]
-        near = 1e-3
-        return bool(
-            (np.abs(torque) > top * np.array(share) - near * top).any()
-            or abs(x) > s.cop_x_max - near * 0.1
-            or abs(y) > s.cop_y_max - near * 0.1
-            or abs(yaw) > (s.yaw_friction - near * 0.01) * wrench[2]
-            or np.abs(wrench[:2]).max() > (s.friction - near) * wrench[2]
-        )
 
 
 def render(core: Any) -> tuple[np.ndarray, dict[str, tuple[float, float]]]:
@@ -140,13 +73,27 @@ def render(core: Any) -> tuple[np.ndarray, dict[str, tuple[float, float]]]:
     return image, marks
 
 
-def tasks(record: Recorder) -> Any:
+class Shot:
+    """The picture of the robot once SHOT has passed since the push."""
+
+    def __init__(self) -> None:
+        self.picture: Any = None
+        self.marks: dict[str, tuple[float, float]] = {}
+
+    def __call__(self, core: Any, info: dict[str, Any]) -> None:
+        """Look at the robot after a planning period."""
+        begun = info["push"]["start"]  # None before
+        if self.picture is None and begun is not None and info["time"] >= begun + SHOT:
+            self.picture, self.marks = render(core)
+
+
+def tasks(shot: Shot) -> Any:
     """The robot in a hard step, with what every part of it is asked to do."""
     figure = new_figure(WIDTH, 4.1)
     axes = figure.subplots()
-    height, width = record.picture.shape[:2]
+    height, width = shot.picture.shape[:2]
     left, right = CROP, width - CROP
-    axes.imshow(record.picture[:, left:right], extent=(left, right, height, 0))
+    axes.imshow(shot.picture[:, left:right], extent=(left, right, height, 0))
     texts = {
         "waist": ("waist (2 rows):\ntrunk'' of the plan", (left - 20, 60)),
         "com": ("CoM (3): as the pendulum,\nheight on its quintic", (left - 20, 200)),
@@ -157,28 +104,32 @@ def tasks(record: Recorder) -> Any:
     for name, (text, place) in texts.items():
         look: dict[str, Any] = {"color": BLUE, "va": "center", "ha": "right" if place[0] < left else "left"}
         arrow = {"arrowstyle": "-", "color": BLUE, "lw": 1.0}
-        axes.annotate(text, record.marks[name], place, arrowprops=arrow, **look)
-        axes.plot(*record.marks[name], "o", color=BLUE, mec="white", ms=6)
+        axes.annotate(text, shot.marks[name], place, arrowprops=arrow, **look)
+        axes.plot(*shot.marks[name], "o", color=BLUE, mec="white", ms=6)
     axes.set(xlim=(left - 240, right + 220), ylim=(height, 0))
     axes.axis("off")
     return figure
+
+
+def knee_rate(length: Any) -> Any:
+    """Rate of the knee for one metre a second of a leg of this length [1/m]."""
+    cosine = (length**2 - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK)
+    return length / (THIGH * SHANK * np.sqrt(1 - cosine**2))
 
 
 def knee(record: Recorder) -> Any:
     """How fast a knee has to turn for one metre a second of leg, and what its motor gives at that speed."""
     figure = new_figure(WIDTH, 2.9)
     geometry, motor = figure.subplots(1, 2)
-    model = biped_model()
-    top, free = model.actuator("left_knee").forcerange[1], model.actuator("left_knee").user[0]
+    top, free = MOTORS[:, KNEES[0]]
     angle = np.radians(np.linspace(2.0, 130.0, 400))
     length = np.sqrt(THIGH**2 + SHANK**2 + 2 * THIGH * SHANK * np.cos(angle))
-    rate = length / (THIGH * SHANK * np.sin(angle))
-    geometry.plot(length, rate, color=BLUE, lw=2)
+    geometry.plot(length, knee_rate(length), color=BLUE, lw=2)
     geometry.axhline(free, color=ORANGE, ls="--")
     geometry.text(0.46, free + 0.5, "the motor gives nothing beyond", color=ORANGE)
     geometry.axvline(THIGH + SHANK, color=GREY, ls=":")
-    geometry.axvline(0.673, color=GREY)
-    geometry.text(0.668, 22, "reach of\nthe plan", ha="right", color=GREY)
+    geometry.axvline(BIPED_GAIT.reach, color=GREY)
+    geometry.text(BIPED_GAIT.reach - 0.005, 22, "reach of\nthe plan", ha="right", color=GREY)
     geometry.set(xlabel="hip to ankle [m]", ylabel="knee [rad/s] per 1 m/s", xlim=(0.45, 0.73), ylim=(0, 30))
     speed = np.linspace(-20.0, 20.0, 400)
     upper = [top * driving_share(v, free) for v in speed]
@@ -186,7 +137,7 @@ def knee(record: Recorder) -> Any:
     motor.fill_between(speed, lower, upper, color="#dcecf7")
     motor.plot(speed, upper, color=BLUE)
     motor.plot(speed, lower, color=BLUE)
-    motor.plot(*np.array(record.knee).T, ".", color=COM_COLOUR, ms=2)
+    motor.plot(record.series["knee_speed"], record.series["knee_torque"], ".", color=COM_COLOUR, ms=2)
     motor.set(xlabel="speed of the knee [rad/s]", ylabel="torque [N m]", xlim=(-20, 20), ylim=(-345, 345))
     return figure
 
@@ -207,16 +158,17 @@ def height(record: Recorder) -> Any:
     rows, s, time = figure.subplots(3, 1, sharex=True), record.series, record.time
     rows[0].plot(time, s["height_asked"], color=BLUE, lw=2.4, label="asked: the quintic")
     rows[0].plot(time, s["height"], "--", color=COM_COLOUR, label="of the robot")
-    rows[0].set(ylabel="CoM height [m]", ylim=(0.755, 0.815))
+    lowest = s["height"][(time > -BEFORE) & (time < AFTER)].min()
+    rows[0].set(ylabel="CoM height [m]", ylim=(lowest - 0.01, 0.815))
     rows[0].legend(loc="lower right")
     rows[1].plot(time, s["stance_leg"], color=COM_COLOUR, label="stance leg")
     rows[1].plot(time, s["swing_leg"], "--", color=GREY, label="swing leg")
     rows[1].axhline(THIGH + SHANK, color=ORANGE, ls=":")
-    rows[1].axhline(0.673, color=BLUE, ls=":")
-    rows[1].set(ylabel="hip to ankle [m]", ylim=(0.5, 0.745))
+    rows[1].axhline(BIPED_GAIT.reach, color=BLUE, ls=":")
+    rows[1].set(ylabel="hip to ankle [m]", ylim=(0.46, 0.745))
     rows[1].legend(loc="lower right", ncols=2)
     rows[2].plot(time, s["knee"], color=COM_COLOUR)
-    rows[2].axhline(14.0, color=ORANGE, ls=":")
+    rows[2].axhline(MOTORS[1, KNEES[0]], color=ORANGE, ls=":")
     rows[2].set(ylabel="faster knee [rad/s]", xlabel="time from the push [s]", xlim=(-BEFORE, AFTER))
     for i, axes in enumerate(rows):
         bind(record, axes, i == 0)
@@ -227,19 +179,20 @@ def bounds(record: Recorder) -> Any:
     """What was asked of the CoM and what the bounds left of it."""
     figure = new_figure(WIDTH, 4.2)
     rows, s, time = figure.subplots(3, 1, sharex=True, height_ratios=[1.3, 1, 1]), record.series, record.time
-    rows[0].plot(time, s["asked"], color=BLUE, lw=2.4, label="asked: ω² (x - p)")
+    rows[0].plot(time, s["of_plan"], color=GREY, lw=1.0, label="of the plan: ω² (x - p)")
+    rows[0].plot(time, s["asked"], color=BLUE, lw=2.4, label="asked: with what the leg adds")
     rows[0].plot(time, s["given"], "--", color=COM_COLOUR, label="kept within the bounds")
-    rows[0].set(ylabel="CoM'' forward\n[m/s²]")
-    rows[0].legend(loc="lower right")
+    rows[0].set(ylabel="CoM'' forward\n[m/s²]", ylim=(-2.0, 1.25 * s["asked"].max()))
+    rows[0].legend(loc="upper right")
     rows[1].plot(time, s["planned_cop"], color=BLUE, lw=2.4, label="planned")
     rows[1].plot(time, s["cop"], "--", color=COP_COLOUR, label="of the contact wrench")
     for side in (-1.0, 1.0):
-        rows[1].axhline(side * 0.0791, color=GREY, ls=":")
+        rows[1].axhline(side * BIPED_BOUNDS.cop_x_max, color=GREY, ls=":")
     rows[1].set(ylabel="CoP forward [m]", ylim=(-0.17, 0.115))
     rows[1].legend(loc="lower right", ncols=2)
     rows[2].plot(time, s["waist"], color=COM_COLOUR)
     for side in (-1.0, 1.0):
-        rows[2].axhline(side * 150.0, color=GREY, ls=":")
+        rows[2].axhline(side * MOTORS[0, 0], color=GREY, ls=":")
     rows[2].set(
         ylabel="waist [N m]", xlabel="time from the push [s]", xlim=(-BEFORE, AFTER), ylim=(-190, 190)
     )
@@ -251,29 +204,72 @@ def bounds(record: Recorder) -> Any:
     return figure
 
 
-def report(record: Recorder) -> None:
-    """Print the figures that the page gives."""
+def report_settings() -> None:
+    """Print the constants of the page, and what follows from them."""
+    for settings in (BIPED_GAINS, BIPED_GAIT, BIPED_BOUNDS):
+        print(settings)
+    model = biped_model()
+    for i, (torque, speed) in enumerate(MOTORS.T):
+        print(f"{model.actuator(i).name}: {torque:g} N m, {speed:g} rad/s")
+    for length in (0.55, BIPED_GAIT.reach, 0.71):
+        print(f"leg of {length:.3f} m: knee {knee_rate(length):.1f} rad/s per m/s")
+    delay = PRESETS["biped"].touchdown_delay
+    nominal = nominal_gait(BIPED, BIPED_LIMITS, (0.5, 0.0), delay)
+    growth = math.exp(BIPED.omega * (nominal.duration + delay))
+    print(f"walking at 0.5 m/s: the DCM grows {growth:.2f} times in a step, "
+          f"at its end by {BIPED.omega * (nominal.length + nominal.offset_x):.2f} m/s")  # fmt: skip
+
+
+def report_probes() -> None:
+    """Print what the robot does when asked for one thing at a time."""
+    forward, aside = leg_momentum()
+    print(f"CoP for an acceleration of the swing sole: {forward:.5f} s^2 forward, {aside:.5f} s^2 aside")
+    for delay in (BIPED_GAIT.landing_delay, BIPED_GAIT.landing_delay - 0.006):
+        walk = Walk(delay)
+        landed = 1000 * np.array(walk.landed[4:])
+        print(
+            f"aiming at the floor {1000 * delay:.1f} ms after T: lands {landed.min():.1f} to "
+            f"{landed.max():.1f} ms after T, walks at {walk.speed:.3f} m/s, "
+            f"sole {1000 * np.median(walk.depth):.2f} mm deep"
+        )
+
+
+def report_push(record: Recorder) -> None:
+    """Print what the push does."""
     s, seen = record.series, (record.time > -BEFORE) & (record.time < AFTER)
     after = (record.time >= 0) & (record.time < AFTER)
-    print(f"{FORCE:.0f} N for {DURATION:g} s: recovered at {record.recovered_at}")
+    print(f"{FORCE:.0f} N backward for {DURATION:g} s: recovered at {record.recovered_at}")
     print(f"height: error at most {1000 * np.abs(s['height'] - s['height_asked'])[seen].max():.1f} mm, "
           f"lowest {s['height'][seen].min():.3f} m")  # fmt: skip
     print(f"longest leg: stance {s['stance_leg'][seen].max():.3f}, swing {s['swing_leg'][seen].max():.3f} m; "
           f"fastest knee {s['knee'][seen].max():.1f} rad/s")  # fmt: skip
-    print(f"at a bound in {100 * s['at_bound'][after].mean():.0f} % of the physics steps after the onset")
-    short = np.abs(s["asked"] - s["given"])
-    print(f"CoM'' asked less given: largest {short[seen].max():.2f} m/s^2, "
-          f"from 0.2 s on {short[seen & (record.time > 0.2)].max():.2f} m/s^2")  # fmt: skip
+    k = np.argmax(s["swing"] * after)
+    swing, length, duration = s["swing"][k], s["length"][k], s["duration"][k]
+    print(f"swing sole: at most {swing:.0f} m/s^2, in a step of {length:.2f} m in {duration:.3f} s, "
+          f"which moves the CMP by {BIPED_GAIT.leg_momentum * swing:.2f} m")  # fmt: skip
+    added = np.abs(s["asked"] - s["of_plan"])[after].max()
+    print(f"the leg adds at most {added:.1f} m/s^2, {added / BIPED.omega**2:.2f} m of CMP")
+    for end in (0.5, AFTER):
+        share = s["at_bound"][after & (record.time < end)].mean()
+        print(f"at a bound in {100 * share:.0f} % of the first {end} s")
+    for start in (0.0, 0.2, 0.3, 0.5, 0.6):
+        short = np.abs(s["asked"] - s["given"])[after & (record.time >= start)]
+        print(f"CoM'' asked less given from {start} s on: at most {short.max():.2f} m/s^2")
 
 
 def main() -> None:
     """Write the pictures into the directory given, docs/pictures by default."""
     directory = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "pictures")
-    record = Recorder()
-    report(record)
+    shot = Shot()
+    record = Recorder(FORCE, DURATION, shot)
+    report_settings()
+    report_probes()
+    report_push(record)
     with print_style():
-        for draw in (tasks, knee, height, bounds):
-            png, svg = save(draw(record), directory, f"whole-body-{draw.__name__}")
+        figures = {"tasks": tasks(shot), "knee": knee(record), "height": height(record),
+                   "bounds": bounds(record)}  # fmt: skip
+        for name, figure in figures.items():
+            png, svg = save(figure, directory, f"whole-body-{name}")
             svg.unlink()
             print(f"{png} {png.stat().st_size // 1000} kB")
 
