@@ -3,6 +3,10 @@
 Numba checks and unpacks every array of a call, about 0.15 us each; a control cycle that takes sixty of them
 spends as much time there as on control. A table row is (address, shape, strides) of an array that Python
 keeps alive; the compiled side rebuilds views of it.
+
+Parts, NamedTuples of arrays, lie in a table one after the other. Where each begins follows from how many
+arrays the parts before it have (`first_rows`); a number written by hand would be wrong, and another array
+read, as soon as a part gets one more.
 """
 
 # The arguments of an intrinsic are those of its signature, less the typing context.
@@ -10,7 +14,9 @@ keeps alive; the compiled side rebuilds views of it.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterable
+from typing import Any, get_origin, get_type_hints
 
 import numpy as np
 from numba import njit, types
@@ -32,6 +38,23 @@ def address_table(arrays: Iterable[NDArray]) -> NDArray[np.int64]:
         pad = [0] * (DIMENSIONS - array.ndim)
         rows.append([array.ctypes.data, *array.shape, *pad, *array.strides, *pad])
     return np.array(rows, dtype=np.int64)
+
+
+def parts_table(parts: Iterable[Iterable[Any]]) -> NDArray[np.int64]:
+    """Address table of all arrays of parts, in their order; settings and the like are left out."""
+    return address_table(value for part in parts for value in part if isinstance(value, np.ndarray))
+
+
+def first_rows(parts: type) -> Any:
+    """Row of its `parts_table` at which each part of a NamedTuple of parts begins, under the part's name.
+
+    Counted are the fields of a part that are annotated as arrays. The result is a constant to compiled code.
+    """
+    hints, rows, row = get_type_hints(parts), [], 0
+    for part in hints.values():
+        rows.append(row)
+        row += sum(get_origin(kind) is np.ndarray for kind in get_type_hints(part).values())
+    return namedtuple("FirstRows", hints)(*rows)
 
 
 @intrinsic

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from .address_table import address_table, floats_1, floats_2, floats_3, ints_1, ints_2
+from .address_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2, parts_table
 from .biped_errors import RobotErrors, advance_with_errors, show
 from .biped_gait import Gait, GaitSettings, accept, check_failure, control
 from .biped_kinematics import Array, Ints, Physics
@@ -47,7 +47,7 @@ class Arena(NamedTuple):
     gait: Gait
     pushes: Pushes
     bounds: Bounds
-    view: View
+    exchange: View  # numba keeps the name `view` for itself
     contacts: Contacts
     handles: Handles  # of the simulations
     errors: RobotErrors
@@ -57,13 +57,12 @@ class Arena(NamedTuple):
     floors: Floor
 
 
+FIRST = first_rows(Arena)  # row of the address table at which each part begins
+
+
 def arena_table(arena: Arena) -> Ints:
-    """Address table in the order in which the functions below read it."""
-    bounds = arena.bounds
-    robots = [*arena.physics, *arena.gait, *arena.pushes]
-    rest = [*arena.view, *arena.contacts, *arena.handles, *arena.errors, *arena.limits, *arena.schedule,
-            *arena.known, *arena.floors]  # fmt: skip
-    return address_table([*robots, *bounds[1:], *rest])
+    """Address table of all arrays, part by part."""
+    return parts_table(arena)
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -73,35 +72,49 @@ def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings)
 
 @njit(cache=True)
 def physics_of(t: Ints) -> Physics:
-    """Rows 0-11."""
+    """Rows from FIRST.physics on."""
+    r = t[FIRST.physics :]
     return Physics(
-        floats_2(t[0]), floats_2(t[1]), floats_3(t[2]), floats_3(t[3]), floats_3(t[4]), floats_3(t[5]),
-        floats_3(t[6]), floats_2(t[7]), floats_2(t[8]), floats_2(t[9]), floats_2(t[10]), floats_3(t[11]),
+        floats_2(r[0]), floats_2(r[1]), floats_3(r[2]), floats_3(r[3]), floats_3(r[4]), floats_3(r[5]),
+        floats_3(r[6]), floats_2(r[7]), floats_2(r[8]), floats_2(r[9]), floats_2(r[10]), floats_3(r[11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def gait_of(t: Ints) -> Gait:
-    """Rows 12-23."""
+    """Rows from FIRST.gait on."""
+    r = t[FIRST.gait :]
     return Gait(
-        ints_1(t[12]), ints_1(t[13]), floats_1(t[14]), floats_1(t[15]), floats_1(t[16]), floats_2(t[17]),
-        floats_2(t[18]), floats_2(t[19]), ints_1(t[20]), floats_2(t[21]), floats_1(t[22]), floats_2(t[23]),
+        ints_1(r[0]), ints_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_1(r[4]), floats_2(r[5]),
+        floats_2(r[6]), floats_2(r[7]), ints_1(r[8]), floats_2(r[9]), floats_1(r[10]), floats_2(r[11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def pushes_of(t: Ints) -> Pushes:
-    """Rows 24-32."""
+    """Rows from FIRST.pushes on."""
+    r = t[FIRST.pushes :]
     return Pushes(
-        floats_3(t[24]), floats_2(t[25]), floats_2(t[26]), ints_2(t[27]), floats_2(t[28]), ints_2(t[29]),
-        floats_3(t[30]), ints_2(t[31]), floats_3(t[32]),
+        floats_3(r[0]), floats_2(r[1]), floats_2(r[2]), ints_2(r[3]), floats_2(r[4]), ints_2(r[5]),
+        floats_3(r[6]), ints_2(r[7]), floats_3(r[8]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def exchange_of(t: Ints) -> View:
+    """Rows from FIRST.exchange on."""
+    r = t[FIRST.exchange :]
+    return View(
+        floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), floats_2(r[3]), floats_1(r[4]), floats_2(r[5]),
+        floats_2(r[6]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
-    """Rows 48-51."""
-    return Contacts(floats_2(t[48]), floats_2(t[49]), floats_1(t[50]), floats_2(t[51]))
+    """Rows from FIRST.contacts on."""
+    r = t[FIRST.contacts :]
+    return Contacts(floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), floats_2(r[3]))
 
 
 @njit(cache=True)
@@ -112,60 +125,68 @@ def settings_of(c: Array) -> GaitSettings:
 
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
-    """Rows 52-55."""
-    return Handles(ints_2(t[52]), ints_2(t[53]), ints_1(t[54]), ints_1(t[55]))
+    """Rows from FIRST.handles on."""
+    r = t[FIRST.handles :]
+    return Handles(ints_2(r[0]), ints_2(r[1]), ints_1(r[2]), ints_1(r[3]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
-    """Rows 56-63."""
+    """Rows from FIRST.errors on."""
+    r = t[FIRST.errors :]
     return RobotErrors(
-        ints_1(t[56]), ints_1(t[57]), ints_1(t[58]), floats_2(t[59]), ints_1(t[60]), ints_1(t[61]),
-        ints_1(t[62]), floats_3(t[63]),
+        ints_1(r[0]), ints_1(r[1]), ints_1(r[2]), floats_2(r[3]), ints_1(r[4]), ints_1(r[5]),
+        ints_1(r[6]), floats_3(r[7]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def limits_of(t: Ints) -> LimitRecord:
-    """Rows 64-68."""
-    return LimitRecord(floats_2(t[64]), floats_2(t[65]), ints_1(t[66]), ints_1(t[67]), floats_1(t[68]))
+    """Rows from FIRST.limits on."""
+    r = t[FIRST.limits :]
+    return LimitRecord(floats_2(r[0]), floats_2(r[1]), ints_1(r[2]), ints_1(r[3]), floats_1(r[4]))
 
 
 @njit(cache=True)
 def schedule_of(t: Ints) -> Schedule:
-    """Rows 69-71."""
-    return Schedule(floats_2(t[69]), floats_3(t[70]), ints_1(t[71]))
+    """Rows from FIRST.schedule on."""
+    r = t[FIRST.schedule :]
+    return Schedule(floats_2(r[0]), floats_3(r[1]), ints_1(r[2]))
 
 
 @njit(cache=True)
 def known_of(t: Ints) -> SelfModel:
-    """Rows 72-77."""
+    """Rows from FIRST.known on."""
+    r = t[FIRST.known :]
     return SelfModel(
-        floats_1(t[72]), floats_2(t[73]), floats_2(t[74]), floats_2(t[75]), floats_2(t[76]), floats_2(t[77])
+        floats_1(r[0]), floats_2(r[1]), floats_2(r[2]), floats_2(r[3]), floats_2(r[4]), floats_2(r[5])
     )  # fmt: skip
 
 
 @njit(cache=True)
 def floors_of(t: Ints) -> Floor:
-    """Rows 78-81."""
-    return Floor(floats_1(t[78]), ints_1(t[79]), floats_1(t[80]), ints_2(t[81]))
+    """Rows from FIRST.floors on."""
+    r = t[FIRST.floors :]
+    return Floor(floats_1(r[0]), ints_1(r[1]), floats_1(r[2]), ints_2(r[3]))
 
 
 @njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
-    """Rows 33-40, and the last constants."""
+    """The last constants, and rows from FIRST.bounds on."""
+    r = t[FIRST.bounds :]
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
-        settings, floats_2(t[33]), floats_2(t[34]), floats_1(t[35]), ints_1(t[36]), floats_2(t[37]),
-        floats_1(t[38]), floats_1(t[39]), floats_1(t[40]),
+        settings, floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), ints_1(r[3]), floats_2(r[4]),
+        floats_1(r[5]), floats_1(r[6]), floats_1(r[7]),
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1; row 42 is the previous action."""
-    gait, settings, previous, errors = gait_of(t), settings_of(c), floats_2(t[42]), errors_of(t)
-    seen, limits = floats_2(t[44]), limits_of(t)
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1."""
+    gait, settings, errors, limits = gait_of(t), settings_of(c), errors_of(t), limits_of(t)
+    exchange = exchange_of(t)
+    seen, previous = exchange.observation, exchange.previous_action
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
@@ -204,11 +225,10 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, commands, observations and margins of robots first..end-1; rows 41-47 are the view's."""
+    """Falls, commands, observations and margins of robots first..end-1."""
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    command, previous, capture = floats_2(t[41]), floats_2(t[42]), floats_1(t[43])
-    out, margin, world, truth = floats_2(t[44]), floats_1(t[45]), floats_2(t[46]), floats_2(t[47])
-    errors, limits, starts = errors_of(t), limits_of(t), floats_2(t[26])
+    command, previous, capture, out, margin, world, truth = exchange_of(t)
+    errors, limits, starts = errors_of(t), limits_of(t), pushes_of(t).start
     schedule, known = schedule_of(t), known_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)

@@ -15,7 +15,7 @@ from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import nominal_gait_kernel
 from ..controllers.observation import COMMAND
 from ..controllers.robot import RobotModel
-from .address_table import address_table, floats_1, floats_2, floats_3, ints_1
+from .address_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
 from .gait_monitor import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
 from .gait_reward import write_reward
 
@@ -66,9 +66,20 @@ class Episodes(NamedTuple):
     total: Array  # (n,) reward, written
 
 
+class Judged(NamedTuple):
+    """Everything that `end_period` reads and writes."""
+
+    robots: Robots
+    episodes: Episodes
+    monitor: MonitorState
+
+
+FIRST = first_rows(Judged)  # row of the address table at which each part begins
+
+
 def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> Ints:
-    """Address table in the order in which `end_period` reads it; the arrays must stay alive."""
-    return address_table([*robots, *episodes, *monitor])
+    """Address table of all arrays, part by part; they must stay alive."""
+    return parts_table(Judged(robots, episodes, monitor))
 
 
 def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double_support: float) -> Array:
@@ -79,29 +90,32 @@ def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double
 
 
 @njit(cache=True)
-def _robots_of(t):  # pragma: no cover
-    """Rows 0-11."""
+def robots_of(t):  # pragma: no cover
+    """Rows from FIRST.robots on."""
+    r = t[FIRST.robots :]
     return Robots(
-        ints_1(t[0]), floats_2(t[1]), floats_1(t[2]), ints_1(t[3]), floats_1(t[4]), ints_1(t[5]),
-        floats_2(t[6]), floats_1(t[7]), floats_2(t[8]), floats_2(t[9]), floats_2(t[10]), floats_2(t[11]),
+        ints_1(r[0]), floats_2(r[1]), floats_1(r[2]), ints_1(r[3]), floats_1(r[4]), ints_1(r[5]),
+        floats_2(r[6]), floats_1(r[7]), floats_2(r[8]), floats_2(r[9]), floats_2(r[10]), floats_2(r[11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
-def _episodes_of(t):  # pragma: no cover
-    """Rows 12-19."""
+def episodes_of(t):  # pragma: no cover
+    """Rows from FIRST.episodes on."""
+    r = t[FIRST.episodes :]
     return Episodes(
-        ints_1(t[12]), floats_1(t[13]), floats_1(t[14]), floats_1(t[15]), floats_2(t[16]), floats_1(t[17]),
-        floats_2(t[18]), floats_1(t[19]),
+        ints_1(r[0]), floats_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_2(r[4]), floats_1(r[5]),
+        floats_2(r[6]), floats_1(r[7]),
     )  # fmt: skip
 
 
 @njit(cache=True)
-def _monitor_of(t):  # pragma: no cover
-    """Rows 20-27."""
+def monitor_of(t):  # pragma: no cover
+    """Rows from FIRST.monitor on."""
+    r = t[FIRST.monitor :]
     return MonitorState(
-        ints_1(t[20]), ints_1(t[21]), floats_2(t[22]), floats_3(t[23]), floats_2(t[24]), floats_1(t[25]),
-        floats_1(t[26]), floats_2(t[27]),
+        ints_1(r[0]), ints_1(r[1]), floats_2(r[2]), floats_3(r[3]), floats_2(r[4]), floats_1(r[5]),
+        floats_1(r[6]), floats_2(r[7]),
     )  # fmt: skip
 
 
@@ -117,7 +131,7 @@ def last_push_end(robots, k, count):  # pragma: no cover
 @njit(cache=True)
 def end_period(t, c, gaits, ends):  # pragma: no cover
     """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
-    robots, episodes, monitor = _robots_of(t), _episodes_of(t), _monitor_of(t)
+    robots, episodes, monitor = robots_of(t), episodes_of(t), monitor_of(t)
     omega, width, delay, double_support = c[0], c[1], c[2], c[3]
     low, high = c[4 : 4 + GAIT_SIZE], c[4 + GAIT_SIZE :]
     nominal, start, started = np.empty(5), np.empty(2), np.empty(2)
