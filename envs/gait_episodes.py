@@ -14,7 +14,7 @@ from ..controllers.first_compile import announce_compilation
 from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.nominal_gait import NominalGait, nominal_gait
 from ..controllers.robot import RobotModel
-from .gait_monitor import GaitMonitor
+from .gait_monitor import GaitMonitor, uphill_dcm
 from .gait_period import Episodes, Motion, Robots, end_period, period_constants, period_table
 from .gait_reward import REWARD_TERMS, Reward
 from .nominal_start import nominal_start
@@ -83,8 +83,8 @@ class GaitEpisodes(ABC):
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
         self._episodes = Episodes(
             pushes=np.zeros(n, np.int64), changed=np.zeros(n), fixed=np.full(n, np.nan), settle=np.zeros(n),
-            before=np.zeros((n, GAIT_SIZE)), planned=self.planned, terms=np.zeros((n, len(REWARD_TERMS))),
-            total=np.zeros(n),
+            uphill=np.zeros((n, 2)), before=np.zeros((n, GAIT_SIZE)), planned=self.planned,
+            terms=np.zeros((n, len(REWARD_TERMS))), total=np.zeros(n),
         )  # fmt: skip
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
         self._constants = period_constants(robot, limits, *timing)
@@ -138,6 +138,8 @@ class GaitEpisodes(ABC):
         self._episodes.changed[k] = scenario.last_change
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
+        slopes = scenario.errors.slope_forward, scenario.errors.slope_left
+        self._episodes.uphill[k] = uphill_dcm(self.robot.com_height, *slopes)
 
     def _check_turns(self, scenario: Scenario) -> None:
         commands = [scenario.command, *(change.command for change in scenario.changes)]

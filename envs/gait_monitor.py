@@ -1,7 +1,8 @@
 """Has the robot recovered? Gait statistics at every touchdown, for n robots.
 
 A step counts as good where the DCM at its start lies within OFFSET_TOLERANCE of the nominal gait's; what the
-CoP's transfer in double support will take off it, p kappa, counts in both.
+CoP's transfer in double support will take off it, p kappa, counts in both. On a slope the nominal gait is the
+slope's own: gravity along the floor acts like a CoP h tan(slope) further uphill, and moves the DCM there.
 Recovered means: after the last push and the last change of command two good steps in a row, over which the
 mean velocity is within SPEED_TOLERANCE of the command. It is judged anew at each touchdown, and taken back
 where it no longer holds.
@@ -56,12 +57,32 @@ def nominal_dcm_kernel(nominal, width, omega, delay, double_support, out):  # pr
     out[1] = (nominal[1] - width) / (growth - 1.0) + width / (growth + 1.0)
 
 
+def uphill_dcm(com_height: float, slope_forward: float, slope_left: float) -> tuple[float, float]:
+    """How far a slope moves the DCM of a gait: h tan(slope), world axes [m].
+
+    x'' = omega^2 (x - p) - g tan(slope) = omega^2 (x - (p + h tan(slope))) with omega^2 = g / h.
+    """
+    return com_height * math.tan(slope_forward), com_height * math.tan(slope_left)
+
+
 @njit(cache=True)
-def started_dcm_kernel(obs, double_support, omega, out):  # pragma: no cover
-    """Trace the DCM (2,) of an observation (36,), less the transfer to come, back to the step's start."""
+def to_canonical(world, heading, side, out):  # pragma: no cover
+    """Turn a vector (2,) of the world into the canonical frame of a heading [rad] and stance side."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    sign = -1.0 if side == 0 else 1.0
+    out[0] = cos * world[0] + sin * world[1]
+    out[1] = sign * (cos * world[1] - sin * world[0])
+
+
+@njit(cache=True)
+def started_dcm_kernel(obs, uphill, double_support, omega, out):  # pragma: no cover
+    """Trace the DCM (2,) of an observation (36,), less the transfer to come, back to the step's start.
+
+    What the slope moves it by, `uphill` (2,), canonical frame [m], is left out.
+    """
     back, shift = math.exp(-omega * obs[ELAPSED]), transfer_weight(obs[ELAPSED], double_support, omega)
     for axis in range(2):
-        out[axis] = obs[_DCM + axis] * back
+        out[axis] = (obs[_DCM + axis] - uphill[axis]) * back
         if shift > 0.0:
             out[axis] -= shift * obs[_SWING + axis] * back
 

@@ -16,7 +16,7 @@ from ..controllers.nominal_gait import nominal_gait_kernel
 from ..controllers.observation import COMMAND
 from ..controllers.robot import RobotModel
 from .address_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
-from .gait_monitor import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
+from .gait_monitor import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel, to_canonical
 from .gait_reward import write_reward
 
 Array = NDArray[np.float64]
@@ -60,6 +60,7 @@ class Episodes(NamedTuple):
     changed: Array  # (n,) when the command changes for the last time [s], 0: never
     fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
     settle: Array  # (n,) [s]
+    uphill: Array  # (n, 2) what the slope moves the DCM by, world axes [m]
     before: Array  # (n, 7) action in force in the period before, written for the next one
     planned: Array  # (n,) step duration T that the last action asked for [s], written
     terms: Array  # (n, 7) of the reward, in the order of REWARD_TERMS, written
@@ -104,8 +105,8 @@ def episodes_of(t):  # pragma: no cover
     """Rows from FIRST.episodes on."""
     r = t[FIRST.episodes :]
     return Episodes(
-        ints_1(r[0]), floats_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_2(r[4]), floats_1(r[5]),
-        floats_2(r[6]), floats_1(r[7]),
+        ints_1(r[0]), floats_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_2(r[4]), floats_2(r[5]),
+        floats_1(r[6]), floats_2(r[7]), floats_1(r[8]),
     )  # fmt: skip
 
 
@@ -134,13 +135,14 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
     robots, episodes, monitor = robots_of(t), episodes_of(t), monitor_of(t)
     omega, width, delay, double_support = c[0], c[1], c[2], c[3]
     low, high = c[4 : 4 + GAIT_SIZE], c[4 + GAIT_SIZE :]
-    nominal, start, started = np.empty(5), np.empty(2), np.empty(2)
+    nominal, start, started, uphill = np.empty(5), np.empty(2), np.empty(2), np.empty(2)
     for k in range(ends.shape[1]):
         obs, time = robots.observation[k], robots.time[k]
         vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
         nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
         nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
-        started_dcm_kernel(obs, double_support, omega, started)
+        to_canonical(episodes.uphill[k], robots.heading[k], robots.side[k], uphill)
+        started_dcm_kernel(obs, uphill, double_support, omega, started)
         event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
         if robots.steps[k] != monitor.steps[k]:
             monitor.steps[k] = robots.steps[k]

@@ -10,11 +10,11 @@ from push_recovery.controllers.double_support import transfer_weight
 from push_recovery.controllers.limits import GaitLimits
 from push_recovery.controllers.nominal_gait import nominal_gait
 from push_recovery.controllers.robot import RobotModel
-from push_recovery.envs.gait_monitor import GaitMonitor
+from push_recovery.envs.gait_monitor import GaitMonitor, uphill_dcm
 from push_recovery.envs.gait_period import Episodes, Robots, end_period, period_constants, period_table
 from push_recovery.envs.gait_reward import REWARD_TERMS
 from push_recovery.envs.pendulum_env import PendulumEnv, PendulumEpisodes
-from push_recovery.envs.push import Push
+from push_recovery.envs.push import SIDES, Push
 from push_recovery.envs.scenario import Scenario
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
@@ -36,8 +36,8 @@ def draw(n):
     episodes = Episodes(
         pushes=rng.integers(0, 3, n), changed=np.where(rng.random(n) < 0.5, 0.0, rng.uniform(0.0, 4.0, n)),
         fixed=np.where(rng.random(n) < 0.5, np.nan, rng.uniform(0.0, 4.0, n)),
-        settle=rng.uniform(0.0, 2.0, n), before=rng.uniform(-1.0, 1.0, (n, 7)), planned=np.zeros(n),
-        terms=np.zeros((n, 7)), total=np.zeros(n),
+        settle=rng.uniform(0.0, 2.0, n), uphill=np.zeros((n, 2)), before=rng.uniform(-1.0, 1.0, (n, 7)),
+        planned=np.zeros(n), terms=np.zeros((n, 7)), total=np.zeros(n),
     )  # fmt: skip
     return robots, episodes, rng.uniform(0.2, 0.7, (n, 7))
 
@@ -82,6 +82,23 @@ def test_reward_terms_are_their_formulas(timing):
         assert monitor.error[k, 0] == pytest.approx(error if robots.steps[k] else 0.0, rel=1e-12)
     np.testing.assert_array_equal(episodes.before, robots.action)
     np.testing.assert_array_equal(episodes.planned, gaits[:, 2])
+
+
+@pytest.mark.parametrize("double_support", [0.0, 0.1])
+def test_a_slope_is_judged_by_its_own_gait(double_support):
+    """A DCM that is h tan(slope) further uphill is judged as the level one is, whatever heading and side."""
+    (level, on_level, gaits), (tilted, on_slope, _) = draw(40), draw(40)
+    slopes = np.random.default_rng(3).uniform(-0.08, 0.08, (40, 2))
+    for k in range(40):
+        on_slope.uphill[k] = uphill_dcm(ROBOT.com_height, *slopes[k])
+        np.testing.assert_allclose(on_slope.uphill[k], ROBOT.com_height * np.tan(slopes[k]), rtol=1e-15)
+        cos, sin = math.cos(tilted.heading[k]), math.sin(tilted.heading[k])
+        lean = np.array([[cos, sin], [-sin, cos]]) @ on_slope.uphill[k]
+        tilted.observation[k, 1:3] += lean * [1.0, -1.0 if SIDES[tilted.side[k]] == "left" else 1.0]
+    expected, _ = judge(level, on_level, gaits, (0.0, double_support))
+    monitor, _ = judge(tilted, on_slope, gaits, (0.0, double_support))
+    np.testing.assert_allclose(monitor.error, expected.error, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(on_slope.total, on_level.total, rtol=1e-12)
 
 
 def test_an_episode_ends_by_a_fall_its_own_length_or_after_the_last_event():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.observation import COM, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
-from push_recovery.envs.model_errors import ModelErrors
+from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.push import Push
 from push_recovery.envs.scenario import Command, Scenario
 from push_recovery.envs.self_model import DRIFT_KNOWN
@@ -57,6 +57,20 @@ def test_it_walks_in_place_on_a_slope(biped_core, begin, slopes):
     velocity = walk(core, begin, 8.0, slope_forward=slopes[0], slope_left=slopes[1])
     np.testing.assert_allclose(velocity, 0.0, atol=0.03)  # 0.3 where nothing is learned
     np.testing.assert_allclose(core.known.drift[0], -BIPED.com_height * np.tan(slopes), atol=3e-3)
+
+
+@pytest.mark.parametrize("command", [Command(), Command(0.3, 0.1), Command(0.3, turn=0.1)], ids=str)
+@pytest.mark.parametrize("slopes", [(STEEPEST_SLOPE, 0.0), (0.0, STEEPEST_SLOPE)])
+def test_an_undisturbed_walk_on_the_steepest_slope_counts_as_recovered(slopes, command):
+    """The DCM is 7 cm from the level's nominal gait: beyond the tolerance of 5 cm."""
+    episodes = BipedEpisodes(1)
+    errors = ModelErrors(slope_forward=slopes[0], slope_left=slopes[1])
+    episodes.begin(0, Scenario("a", (), command, duration=6.0, errors=errors))
+    while not (period := episodes.step(POLICY.predict(episodes.core.observation)[0])).truncated[0]:
+        assert not period.failed[0]
+    assert episodes.monitor.recovered_at(0) is not None
+    assert episodes.monitor.recovered_at(0) < 4.0
+    assert episodes.monitor.state.error[0].max() < (0.02 if command.turn else 0.003)
 
 
 def test_what_is_seen_is_moved_by_the_drift(biped_core, begin):
