@@ -73,48 +73,50 @@ def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings)
 @njit(cache=True)
 def physics_of(t: Ints) -> Physics:
     """Rows from FIRST.physics on."""
-    r = t[FIRST.physics :]
+    r = FIRST.physics
     return Physics(
-        floats_2(r[0]), floats_2(r[1]), floats_3(r[2]), floats_3(r[3]), floats_3(r[4]), floats_3(r[5]),
-        floats_3(r[6]), floats_2(r[7]), floats_2(r[8]), floats_2(r[9]), floats_2(r[10]), floats_3(r[11]),
+        floats_2(t[r]), floats_2(t[r + 1]), floats_3(t[r + 2]), floats_3(t[r + 3]), floats_3(t[r + 4]),
+        floats_3(t[r + 5]), floats_3(t[r + 6]), floats_2(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
+        floats_2(t[r + 10]), floats_3(t[r + 11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def gait_of(t: Ints) -> Gait:
     """Rows from FIRST.gait on."""
-    r = t[FIRST.gait :]
+    r = FIRST.gait
     return Gait(
-        ints_1(r[0]), ints_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_1(r[4]), floats_2(r[5]),
-        floats_2(r[6]), floats_2(r[7]), ints_1(r[8]), floats_2(r[9]), floats_1(r[10]), floats_2(r[11]),
+        ints_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_1(t[r + 4]),
+        floats_2(t[r + 5]), floats_2(t[r + 6]), floats_2(t[r + 7]), ints_1(t[r + 8]), floats_2(t[r + 9]),
+        floats_1(t[r + 10]), floats_2(t[r + 11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def pushes_of(t: Ints) -> Pushes:
     """Rows from FIRST.pushes on."""
-    r = t[FIRST.pushes :]
+    r = FIRST.pushes
     return Pushes(
-        floats_3(r[0]), floats_2(r[1]), floats_2(r[2]), ints_2(r[3]), floats_2(r[4]), ints_2(r[5]),
-        floats_3(r[6]), ints_2(r[7]), floats_3(r[8]),
+        floats_3(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), ints_2(t[r + 3]), floats_2(t[r + 4]),
+        ints_2(t[r + 5]), floats_3(t[r + 6]), ints_2(t[r + 7]), floats_3(t[r + 8]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def exchange_of(t: Ints) -> View:
     """Rows from FIRST.exchange on."""
-    r = t[FIRST.exchange :]
+    r = FIRST.exchange
     return View(
-        floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), floats_2(r[3]), floats_1(r[4]), floats_2(r[5]),
-        floats_2(r[6]),
+        floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]), floats_1(t[r + 4]),
+        floats_2(t[r + 5]), floats_2(t[r + 6]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def contacts_of(t: Ints) -> Contacts:
     """Rows from FIRST.contacts on."""
-    r = t[FIRST.contacts :]
-    return Contacts(floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), floats_2(r[3]))
+    r = FIRST.contacts
+    return Contacts(floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]))
 
 
 @njit(cache=True)
@@ -126,58 +128,61 @@ def settings_of(c: Array) -> GaitSettings:
 @njit(cache=True)
 def handles_of(t: Ints) -> Handles:
     """Rows from FIRST.handles on."""
-    r = t[FIRST.handles :]
-    return Handles(ints_2(r[0]), ints_2(r[1]), ints_1(r[2]), ints_1(r[3]))
+    r = FIRST.handles
+    return Handles(ints_2(t[r]), ints_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]))
 
 
 @njit(cache=True)
 def errors_of(t: Ints) -> RobotErrors:
     """Rows from FIRST.errors on."""
-    r = t[FIRST.errors :]
+    r = FIRST.errors
     return RobotErrors(
-        ints_1(r[0]), ints_1(r[1]), ints_1(r[2]), floats_2(r[3]), ints_1(r[4]), ints_1(r[5]),
-        ints_1(r[6]), floats_3(r[7]),
+        ints_1(t[r]), ints_1(t[r + 1]), ints_1(t[r + 2]), floats_2(t[r + 3]), ints_1(t[r + 4]),
+        ints_1(t[r + 5]), ints_1(t[r + 6]), floats_3(t[r + 7]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def limits_of(t: Ints) -> LimitRecord:
     """Rows from FIRST.limits on."""
-    r = t[FIRST.limits :]
-    return LimitRecord(floats_2(r[0]), floats_2(r[1]), ints_1(r[2]), ints_1(r[3]), floats_1(r[4]))
+    r = FIRST.limits
+    return LimitRecord(
+        floats_2(t[r]), floats_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
+    )  # fmt: skip
 
 
 @njit(cache=True)
 def schedule_of(t: Ints) -> Schedule:
     """Rows from FIRST.schedule on."""
-    r = t[FIRST.schedule :]
-    return Schedule(floats_2(r[0]), floats_3(r[1]), ints_1(r[2]))
+    r = FIRST.schedule
+    return Schedule(floats_2(t[r]), floats_3(t[r + 1]), ints_1(t[r + 2]))
 
 
 @njit(cache=True)
 def known_of(t: Ints) -> SelfModel:
     """Rows from FIRST.known on."""
-    r = t[FIRST.known :]
+    r = FIRST.known
     return SelfModel(
-        floats_1(r[0]), floats_2(r[1]), floats_2(r[2]), floats_2(r[3]), floats_2(r[4]), floats_2(r[5])
+        floats_1(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), floats_2(t[r + 3]), floats_2(t[r + 4]),
+        floats_2(t[r + 5]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def floors_of(t: Ints) -> Floor:
     """Rows from FIRST.floors on."""
-    r = t[FIRST.floors :]
-    return Floor(floats_1(r[0]), ints_1(r[1]), floats_1(r[2]), ints_2(r[3]))
+    r = FIRST.floors
+    return Floor(floats_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), ints_2(t[r + 3]))
 
 
 @njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
     """The last constants, and rows from FIRST.bounds on."""
-    r = t[FIRST.bounds :]
+    r = FIRST.bounds
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
-        settings, floats_2(r[0]), floats_2(r[1]), floats_1(r[2]), ints_1(r[3]), floats_2(r[4]),
-        floats_1(r[5]), floats_1(r[6]), floats_1(r[7]),
+        settings, floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]),
+        floats_2(t[r + 4]), floats_1(t[r + 5]), floats_1(t[r + 6]), floats_1(t[r + 7]),
     )  # fmt: skip
 
 

@@ -93,30 +93,31 @@ def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double
 @njit(cache=True)
 def robots_of(t):  # pragma: no cover
     """Rows from FIRST.robots on."""
-    r = t[FIRST.robots :]
+    r = FIRST.robots
     return Robots(
-        ints_1(r[0]), floats_2(r[1]), floats_1(r[2]), ints_1(r[3]), floats_1(r[4]), ints_1(r[5]),
-        floats_2(r[6]), floats_1(r[7]), floats_2(r[8]), floats_2(r[9]), floats_2(r[10]), floats_2(r[11]),
+        ints_1(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
+        ints_1(t[r + 5]), floats_2(t[r + 6]), floats_1(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
+        floats_2(t[r + 10]), floats_2(t[r + 11]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def episodes_of(t):  # pragma: no cover
     """Rows from FIRST.episodes on."""
-    r = t[FIRST.episodes :]
+    r = FIRST.episodes
     return Episodes(
-        ints_1(r[0]), floats_1(r[1]), floats_1(r[2]), floats_1(r[3]), floats_2(r[4]), floats_2(r[5]),
-        floats_1(r[6]), floats_2(r[7]), floats_1(r[8]),
+        ints_1(t[r]), floats_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_2(t[r + 4]),
+        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]), floats_1(t[r + 8]),
     )  # fmt: skip
 
 
 @njit(cache=True)
 def monitor_of(t):  # pragma: no cover
     """Rows from FIRST.monitor on."""
-    r = t[FIRST.monitor :]
+    r = FIRST.monitor
     return MonitorState(
-        ints_1(r[0]), ints_1(r[1]), floats_2(r[2]), floats_3(r[3]), floats_2(r[4]), floats_1(r[5]),
-        floats_1(r[6]), floats_2(r[7]),
+        ints_1(t[r]), ints_1(t[r + 1]), floats_2(t[r + 2]), floats_3(t[r + 3]), floats_2(t[r + 4]),
+        floats_1(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
     )  # fmt: skip
 
 
