@@ -56,20 +56,20 @@ class GaitSettings(NamedTuple):
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
-    apex: float = 0.0557  # height of the swing sole in mid-step [m]
+    apex: float = 0.0674  # height of the swing sole in mid-step [m]
     landing_delay: float = 0.0165  # the swing sole aims at the floor this long after T [s]
     commit: float = 0.0316  # place and time of the step are final from T - this [s]
     early: float = 0.00739  # contact counts as touchdown from T - this [s]
-    early_load: float = 14.4  # with this load [N]
-    forced_load: float = 101.0  # or with this load, late in the step
-    forced_phase: float = 0.67  # fraction of T from which forced_load counts
-    descent: float = 0.8  # of the swing foot when late [m/s]
+    early_load: float = 14.0  # with this load [N]
+    forced_load: float = 64.7  # or with this load, late in the step
+    forced_phase: float = 0.705  # fraction of T from which forced_load counts
+    descent: float = 0.962  # of the swing foot when late [m/s]
     settled: float = 0.1  # the floor is taken for as high as the stance sole is this long after touchdown [s]
-    reach: float = 0.662  # longest leg, hip to ankle [m]
+    reach: float = 0.626  # longest leg, hip to ankle [m]
     height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
-    height_lead: float = 0.0313  # the CoM is at the height of the step this long before T [s]
-    height_time: float = 0.0705  # shortest horizon of the height reference [s]
-    leg_momentum: float = 0.0031  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
+    height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
+    height_time: float = 0.0824  # shortest horizon of the height reference [s]
+    leg_momentum: float = 0.0029  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
 
 
 @njit(cache=True, forceinline=True)

@@ -62,7 +62,7 @@ from .vector_3 import (
     vector_in,
     vector_of,
 )
-from .wrench_bounds import Bounds, keep_bounds, price_waist, within_bounds
+from .wrench_bounds import Bounds, keep_bounds, within_bounds
 
 
 class Gains(NamedTuple):
@@ -70,17 +70,17 @@ class Gains(NamedTuple):
 
     stance_kp: float = 300.0  # levels the stance foot
     stance_kd: float = 35.0
-    swing_kp: float = 362.0  # sole position
-    swing_kd: float = 71.8
-    swing_max: float = 154.0  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_kp: float = 363.0  # sole position
+    swing_kd: float = 118.0
+    swing_max: float = 172.0  # bound of the acceleration asked of the swing sole [m/s^2]
     swing_turn_kp: float = 400.0  # sole orientation
     swing_turn_kd: float = 40.0
-    pelvis_kp: float = 139.0  # upright
-    pelvis_kd: float = 36.6
+    pelvis_kp: float = 172.0  # upright
+    pelvis_kd: float = 57.1
     heading_kp: float = 205.0
     heading_kd: float = 28.6
-    height_kp: float = 598.0  # CoM height
-    height_kd: float = 62.0
+    height_kp: float = 289.0  # CoM height
+    height_kd: float = 40.5
     damping: float = 1e-6  # of the leg inverse near a straight knee
 
 
@@ -235,5 +235,4 @@ def whole_body_torque(
     write_torque_range(phys, k, bounds.motors, bounds.torque_range)
     if within_bounds(wrench, torque, axis, bounds):
         return 0
-    price_waist(bounds, task.waist, (phys.qvel[k, WAIST_DOF], phys.qvel[k, WAIST_DOF + 1]))
     return keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)

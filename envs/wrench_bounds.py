@@ -14,7 +14,6 @@ With v = Q^(1/2) d it is a least-distance problem for DAQP, every row soft, so t
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from numba.np.numpy_support import carray
 
 from ..controllers.least_distance import LeastDistance, solve_least_distance
 from .biped_kinematics import NU, Array, Heading, Ints, Physics
-from .deviation import TASKS, WAIST_TASK, Legs, write_deviation_maps
+from .deviation import TASKS, Legs, write_deviation_maps
 from .limit_record import CONTACT, JOINT_TORQUE, SOLE_EDGE
 from .stack_array import stack_floats
 from .vector_3 import ZERO, Vector
@@ -38,19 +37,18 @@ AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.068  # [m], from the centre of the sole
-    cop_y_max: float = 0.0357  # [m]
-    yaw_friction: float = 0.0273  # bound of |M_z| / f_z about the CoP [m]
-    friction: float = 0.723  # bound of |f_x| / f_z and |f_y| / f_z
-    force_min: float = 100.0  # lowest vertical force [N]
+    cop_x_max: float = 0.0622  # [m], from the centre of the sole
+    cop_y_max: float = 0.039  # [m]
+    yaw_friction: float = 0.0149  # bound of |M_z| / f_z about the CoP [m]
+    friction: float = 0.709  # bound of |f_x| / f_z and |f_y| / f_z
+    force_min: float = 54.9  # lowest vertical force [N]
     com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.591  # of (1 m/s^2)^2
-    pelvis_price: float = 0.00855  # of (1 rad/s^2)^2, pitch and roll
-    heading_price: float = 0.005  # of (1 rad/s^2)^2
-    swing_price: float = 0.0566  # of (1 m/s^2)^2
-    swing_turn_price: float = 0.00173  # of (1 rad/s^2)^2
-    waist_price: float = 0.01  # of (1 rad/s^2)^2, while the trunk speeds up
-    brake_price: float = 0.2  # of (1 rad/s^2)^2, while it slows down: its lean has an end
+    height_price: float = 0.251  # of (1 m/s^2)^2
+    pelvis_price: float = 0.0146  # of (1 rad/s^2)^2, pitch and roll
+    heading_price: float = 0.00475  # of (1 rad/s^2)^2
+    swing_price: float = 0.0643  # of (1 m/s^2)^2
+    swing_turn_price: float = 0.00113  # of (1 rad/s^2)^2
+    waist_price: float = 0.0101  # of (1 rad/s^2)^2
     row_price: float = 1e4  # of a bound passed by one unit of its row
 
 
@@ -81,15 +79,6 @@ def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDi
         problem.upper, problem.x,
     )  # fmt: skip
     return bounds, problem
-
-
-@njit(cache=True, forceinline=True)
-def price_waist(bounds: Bounds, acceleration: tuple[float, float], rate: tuple[float, float]) -> None:
-    """Price the deviation of waist pitch and roll by whether the trunk is to speed up or to slow down."""
-    for i in range(2):
-        slows = acceleration[i] * rate[i] < 0.0
-        price = bounds.settings.brake_price if slows else bounds.settings.waist_price
-        bounds.scale[WAIST_TASK + i] = 1.0 / math.sqrt(price)
 
 
 @njit(cache=True, forceinline=True)

@@ -34,7 +34,6 @@ from push_recovery.envs.wrench_bounds import (
     BoundSettings,
     centre_of_pressure,
     make_bounds,
-    price_waist,
 )
 
 MODEL = biped_model()
@@ -225,13 +224,3 @@ def test_the_cop_makes_up_for_the_swing_legs_momentum(biped_core, begin, axis):
         wrench = torques(core, task, GAINS, LOOSE, np.empty(NU))
         cops.append(centre_of_pressure(wrench, (1.0, 0.0))[axis])
     assert cops[1] - cops[0] == pytest.approx(BIPED_GAIT.leg_momentum * a, rel=0.1)
-
-
-def test_a_trunk_that_slows_down_is_dearer_than_one_that_speeds_up():
-    bounds, _memory = make_bounds(BoundSettings(waist_price=0.04, brake_price=0.25), MOTORS)
-    others = bounds.scale[:12].copy()
-    price_waist(bounds, (3.0, -3.0), (1.0, 1.0))
-    np.testing.assert_allclose(bounds.scale[12:], [1.0 / 0.2, 1.0 / 0.5])
-    price_waist(bounds, (3.0, -3.0), (-1.0, -1.0))
-    np.testing.assert_allclose(bounds.scale[12:], [1.0 / 0.5, 1.0 / 0.2])
-    np.testing.assert_array_equal(bounds.scale[:12], others)
