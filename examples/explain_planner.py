@@ -138,7 +138,7 @@ def step_choice() -> Any:
         t = found.duration(OMEGA)
         when.plot([t, t], [found.step[0], found.step[0] + found.offset[0]], color=colour, lw=4)
         when.plot(t, found.step[0] + found.offset[0], "o", color=colour, ms=7)
-        text = f"{name}: T = {t:.3f} s, b_x = {1000 * found.offset[0]:.1f} mm"
+        text = f"{name}: T = {t:.3f} s, b_x = {1000 * found.offset[0]:.2f} mm"
         when.plot([], [], "o", color=colour, label=text)
         print(f"{text}, tau = {found.tau:.4f}, u = {found.step[0]:.3f}, {found.step[1]:.3f} m")
     when.set(xlabel="step duration T [s]", ylabel="[m]", xlim=(0.25, 0.75), ylim=(0, 1.5))
@@ -254,7 +254,7 @@ def biped_step() -> Any:
         line.text(1000 * at + 4, height, text, va="center")
     line.axvspan(-95, -1000 * config.freeze, color="#dcecf7")
     line.text(-93, 0.3, "both stages\nchoose")
-    line.set(xlim=(-95, 165), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
+    line.set(xlim=(-95, 185), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
     line.grid(visible=False)
     return figure
 
@@ -272,6 +272,10 @@ def report() -> None:
     torque = float(trunk.mass[0] * GRAVITY * trunk.ipos[2])
     print(f"trunk: {trunk.mass[0]:g} kg x g x {trunk.ipos[2]:.3f} m = {torque:.0f} N m")
     print(f"push_threshold: {config.push_threshold * BIPED.mass * BIPED.omega**2:.0f} N")
+    held = config.freeze + config.touchdown_delay
+    print(
+        f"a DCM off by d, {held:.3f} s before the foot carries: CoP off by {1 / -math.expm1(-OMEGA * held):.1f} d"
+    )
     for robot, limits, late in ((ROBOT, LIMITS, 0.0), (BIPED, BIPED_LIMITS, config.touchdown_delay)):
         for speed in (0.0, 0.5):
             n = nominal_gait(robot, limits, (speed, 0.0), late)

@@ -182,7 +182,7 @@ def bounds(record: Recorder) -> Any:
     rows[0].plot(time, s["of_plan"], color=GREY, lw=1.0, label="of the plan: ω² (x - p)")
     rows[0].plot(time, s["asked"], color=BLUE, lw=2.4, label="asked: with what the leg adds")
     rows[0].plot(time, s["given"], "--", color=COM_COLOUR, label="kept within the bounds")
-    rows[0].set(ylabel="CoM'' forward\n[m/s²]", ylim=(-2.0, 1.25 * s["asked"].max()))
+    rows[0].set(ylabel="CoM'' forward\n[m/s²]", ylim=(-2.6, 1.25 * s["asked"].max()))
     rows[0].legend(loc="upper right")
     rows[1].plot(time, s["planned_cop"], color=BLUE, lw=2.4, label="planned")
     rows[1].plot(time, s["cop"], "--", color=COP_COLOUR, label="of the contact wrench")
@@ -224,7 +224,8 @@ def report_probes() -> None:
     """Print what the robot does when asked for one thing at a time."""
     forward, aside = leg_momentum()
     print(f"CoP for an acceleration of the swing sole: {forward:.5f} s^2 forward, {aside:.5f} s^2 aside")
-    for delay in (BIPED_GAIT.landing_delay, BIPED_GAIT.landing_delay - 0.006):
+    for change in (-0.003, 0.0, 0.003):
+        delay = BIPED_GAIT.landing_delay + change
         walk = Walk(delay)
         landed = 1000 * np.array(walk.landed[4:])
         print(
