@@ -273,9 +273,8 @@ def report() -> None:
     print(f"trunk: {trunk.mass[0]:g} kg x g x {trunk.ipos[2]:.3f} m = {torque:.0f} N m")
     print(f"push_threshold: {config.push_threshold * BIPED.mass * BIPED.omega**2:.0f} N")
     held = config.freeze + config.touchdown_delay
-    print(
-        f"a DCM off by d, {held:.3f} s before the foot carries: CoP off by {1 / -math.expm1(-OMEGA * held):.1f} d"
-    )
+    share = 1.0 / -math.expm1(-OMEGA * held)
+    print(f"a DCM off by d {held:.3f} s before the foot carries asks for a CoP off by {share:.1f} d")
     for robot, limits, late in ((ROBOT, LIMITS, 0.0), (BIPED, BIPED_LIMITS, config.touchdown_delay)):
         for speed in (0.0, 0.5):
             n = nominal_gait(robot, limits, (speed, 0.0), late)
