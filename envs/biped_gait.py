@@ -57,7 +57,7 @@ class GaitSettings(NamedTuple):
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
     apex: float = 0.0674  # height of the swing sole in mid-step [m]
-    landing_delay: float = 0.0165  # the swing sole aims at the floor this long after T [s]
+    landing_delay: float = 0.018  # the swing sole aims at the floor this long after T [s]
     commit: float = 0.0316  # place and time of the step are final from T - this [s]
     early: float = 0.00739  # contact counts as touchdown from T - this [s]
     early_load: float = 14.0  # with this load [N]
@@ -69,7 +69,7 @@ class GaitSettings(NamedTuple):
     height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
     height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
     height_time: float = 0.0824  # shortest horizon of the height reference [s]
-    leg_momentum: float = 0.0029  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
+    leg_momentum: float = 0.0031  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
 
 
 @njit(cache=True, forceinline=True)

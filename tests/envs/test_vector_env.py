@@ -98,7 +98,7 @@ def scenarios():
         (),
         (polar_push(250.0, 0.7, 0.1, GaitEvent(1, "left", 0.3)),),
         (polar_push(300.0, 2.0, 0.1, 0.2), polar_push(120.0, -1.0, 0.05, 0.5)),
-        (polar_push(700.0, 1.6, 0.2, 0.1),),
+        (polar_push(1200.0, 1.6, 0.2, 0.1),),
         (polar_push(200.0, -2.5, 0.1, GaitEvent(9, "left")),),
     ]
     commands = Command(), Command(0.4), Command(-0.2), Command(0.0, 0.15), Command(0.0, -0.15)
