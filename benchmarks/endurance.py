@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.biped_env import BipedEpisodes
-from push_recovery.envs.push import Body, Push, polar_push
+from push_recovery.envs.push import BODIES, Push, polar_push
 from push_recovery.envs.scenario import Command, CommandChange, Scenario
 from push_recovery.eval.frontier import FrontierSettings, frontier
 from push_recovery.eval.outcome import Outcome
@@ -34,7 +34,6 @@ PHASE = 0.6  # a push comes up to this much later: longer than a step [s]
 PUSH_DURATION = 0.1  # [s]
 SLOWEST, FASTEST, SIDEWAYS = -0.25, 0.5, 0.2  # [m/s]
 TURN = 0.3  # [rad/s]
-BOTH: tuple[Body, Body] = ("pelvis", "trunk")
 Tables = dict[str, NDArray[np.float64]]  # by body, (directions, 2): psi [deg], force [N]
 
 
@@ -42,7 +41,7 @@ def measured_frontiers(policy: str, workers: int) -> list[dict[str, Any]]:
     """Survived forces by direction, in place, as `frontier --json` prints them."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        for body in BOTH:
+        for body in BODIES:
             settings = FrontierSettings("PushRecovery/Biped-v0", body=body)
             found.append(frontier(settings, [policy], 16, workers, Path(folder) / body).to_dict(policy))
     return found
@@ -54,7 +53,7 @@ def tables_of(frontiers: list[dict[str, Any]]) -> Tables:
         found["push"]["body"]: np.array([[row["psi_deg"], row["survived_N"]] for row in found["directions"]])
         for found in frontiers
     }
-    if missing := [body for body in BOTH if body not in tables]:
+    if missing := [body for body in BODIES if body not in tables]:
         raise SystemExit(f"--frontier needs a file of each body, missing: {', '.join(missing)}")
     return tables
 
@@ -66,7 +65,7 @@ def random_command(rng: np.random.Generator) -> Command:
 
 def random_push(rng: np.random.Generator, time: float, tables: Tables, share: float) -> Push:
     """A push at `time` [s] or up to PHASE later, `share` of the frontier in its direction."""
-    psi, body = rng.uniform(0.0, 360.0), BOTH[int(rng.integers(len(BOTH)))]
+    psi, body = rng.uniform(0.0, 360.0), BODIES[int(rng.integers(len(BODIES)))]
     psis, survived = tables[body].T
     force = share * float(np.interp(psi, psis, survived, period=360.0))
     start = time + rng.uniform(0.0, PHASE)

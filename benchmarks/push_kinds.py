@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from push_recovery.controllers.policies import make_policy
 from push_recovery.envs.biped_env import BipedEpisodes
-from push_recovery.envs.push import GaitEvent, Push
+from push_recovery.envs.push import Body, GaitEvent, Push
 from push_recovery.envs.scenario import Scenario
 from push_recovery.eval.rollout_batch import rollout_batch
 
@@ -31,7 +31,7 @@ class Kind:
 
     name: str
     duration: float = 0.1  # of each push [s]
-    body: str = "pelvis"
+    body: Body = "pelvis"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the body's CoM [m]
     count: int = 1  # pushes that share it
 
@@ -58,7 +58,7 @@ def scenarios(kind: Kind, impulse: float, directions: int) -> list[Scenario]:
             pushes = tuple(
                 Push(
                     (force * math.cos(psi), force * math.sin(psi), 0.0), kind.duration,
-                    GaitEvent(FIRST_STEP + 2 * share, "left", phase), kind.body, kind.offset,  # type: ignore[arg-type]
+                    GaitEvent(FIRST_STEP + 2 * share, "left", phase), kind.body, kind.offset,
                 )
                 for share in range(kind.count)
             )  # fmt: skip

@@ -14,7 +14,7 @@ from .cop_planner_jerk import JerkCopPlanner
 from .cop_planner_kernel import INPUTS
 from .double_support_planner import DoubleSupportPlanner
 from .errors import InvalidValueError
-from .limits import GaitLimits
+from .limits import GaitLimits, unscaled
 from .observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from .robot import RobotModel
 from .stage_1 import DCM_AHEAD, HELD, REMAINING, TARGET
@@ -105,7 +105,7 @@ def hold_inputs(obs, row, low, high, use_cop, use_trunk, result):  # pragma: no 
         for i in range(4):
             if use_cop if i < 2 else use_trunk:
                 j = 3 + i
-                result[i] = low[j] + 0.5 * (obs[_PREVIOUS + j] + 1.0) * (high[j] - low[j])
+                result[i] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
 
 
 @njit(cache=True)

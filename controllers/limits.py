@@ -96,6 +96,12 @@ class GaitLimits:
 
 
 @njit(cache=True)
+def unscaled(entry, low, high):  # pragma: no cover
+    """The gait variable in [low, high] of an action's entry in [-1, 1]."""
+    return low + 0.5 * (entry + 1.0) * (high - low)
+
+
+@njit(cache=True)
 def _scale(actions, low, high):  # pragma: no cover
     """Put low + (action + 1) (high - low) / 2 in the place of actions (n, 7); NaN stays."""
     for i in range(actions.shape[0]):
@@ -105,7 +111,7 @@ def _scale(actions, low, high):  # pragma: no cover
                 clipped = -1.0
             elif clipped > 1.0:
                 clipped = 1.0
-            actions[i, j] = low[j] + 0.5 * (clipped + 1.0) * (high[j] - low[j])
+            actions[i, j] = unscaled(clipped, low[j], high[j])
 
 
 def _frozen(values: list[float]) -> NDArray[np.float64]:

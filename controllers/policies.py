@@ -211,8 +211,8 @@ class TwoStagePolicy:
         assert self._cop_rule is not None  # noqa: S101
         result, statuses = self._cop_rule(batch, rows)
         self._statuses = statuses
-        for i in range(len(batch)):
-            uses = self.config.use_cop, self.config.use_trunk
+        uses = self.config.use_cop, self.config.use_trunk
+        for i in np.flatnonzero(rows[:, HELD]):
             hold_inputs(batch[i], rows[i], self._low, self._high, *uses, result[i])
         rows[:, 3:5] = result[:, 0:2]
         if self.config.use_trunk:

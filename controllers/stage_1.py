@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .config import PlannerConfig
 from .double_support import check_double_support, cop_range, transfer_mean, transfer_weight
-from .limits import GAIT_SIZE, GaitLimits
+from .limits import GAIT_SIZE, GaitLimits, unscaled
 from .nominal_gait import check_pelvis, nominal_gait_kernel
 from .observation import (
     COMMAND,
@@ -92,14 +92,20 @@ def swing_time(distance, speed, acceleration):  # pragma: no cover
 
 
 @njit(cache=True)
+def time_to_place(obs, x, y, acceleration):  # pragma: no cover
+    """`swing_time` [s] of the observed swing foot to (x, y), canonical frame [m]."""
+    dx, dy = x - obs[_SWING], y - obs[_SWING + 1]
+    distance = math.hypot(dx, dy)
+    speed = (dx * obs[_SPEED] + dy * obs[_SPEED + 1]) / max(distance, 1e-9)
+    return swing_time(distance, speed, acceleration)
+
+
+@njit(cache=True)
 def _wait_for_swing(obs, c, reach, tau_high, problem, solution):  # pragma: no cover
     """Solve again with the T that the swing foot needs for the place found, until it has enough."""
     for _ in range(SWING_ROUNDS):
-        dx = solution[0] / reach - obs[_SWING]
-        dy = solution[1] / reach - obs[_SWING + 1]
-        distance = math.hypot(dx, dy)
-        speed = (dx * obs[_SPEED] + dy * obs[_SPEED + 1]) / max(distance, 1e-9)
-        needed = math.exp(c[0] * (obs[_T0] + swing_time(distance, speed, c[19])))
+        swing = time_to_place(obs, solution[0] / reach, solution[1] / reach, c[19])
+        needed = math.exp(c[0] * (obs[_T0] + swing))
         if solution[2] >= min(needed, tau_high):
             return
         problem[11] = min(needed, tau_high)
@@ -143,12 +149,12 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
 @njit(cache=True)
 def _hold(obs, c, low, high, row):  # pragma: no cover
     """Take place and time from the previous action; True where too little of the step remains."""
-    duration = low[2] + 0.5 * (obs[_T1] + 1.0) * (high[2] - low[2])
+    duration = unscaled(obs[_T1], low[2], high[2])
     if c[8] <= 0.0 or duration - obs[_T0] >= c[8]:
         return False
     growth = math.exp(c[0] * (max(duration, obs[_T0]) + c[9] - obs[_T0]))
     for i in range(3):
-        row[i] = low[i] + 0.5 * (obs[_PREVIOUS + i] + 1.0) * (high[i] - low[i])
+        row[i] = unscaled(obs[_PREVIOUS + i], low[i], high[i])
     for axis in range(2):
         row[7 + axis] = (row[18 + axis] - row[20 + axis]) * growth - row[axis]
     return True

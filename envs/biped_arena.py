@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from .address_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2, parts_table
+from .address_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2
 from .biped_errors import RobotErrors, advance_with_errors, show
 from .biped_gait import Gait, GaitSettings, accept, check_failure, control
 from .biped_kinematics import Array, Ints, Physics
@@ -58,11 +58,6 @@ class Arena(NamedTuple):
 
 
 FIRST = first_rows(Arena)  # row of the address table at which each part begins
-
-
-def arena_table(arena: Arena) -> Ints:
-    """Address table of all arrays, part by part."""
-    return parts_table(arena)
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:

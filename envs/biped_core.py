@@ -17,11 +17,11 @@ from ..controllers.limits import GAIT_SIZE, GaitLimits
 from ..controllers.observation import OBSERVATION_SIZE
 from ..controllers.robot import RobotModel
 from ..controllers.threads import RangeThreads
+from .address_table import parts_table
 from .biped_arena import (
     Arena,
     View,
     arena_constants,
-    arena_table,
     begin_period,
     finish_period,
     physics_steps,
@@ -145,7 +145,7 @@ class BipedCore:
             Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
             for w, (bounds, _) in enumerate(self._bounds)
         ]
-        self._tables = [arena_table(arena) for arena in self._arenas]
+        self._tables = [parts_table(arena) for arena in self._arenas]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.

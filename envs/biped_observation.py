@@ -71,6 +71,17 @@ def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
 
 
 @njit(cache=True, forceinline=True)
+def external_force(
+    contacts: Contacts, k: int, mass: float, s: GaitSettings, velocity: Vector
+) -> tuple[float, float]:
+    """Mean external force over m omega^2 since the last observation of one robot, world axes [m]."""
+    scale = 1.0 / (mass * s.omega**2 * contacts.time[k])
+    x = scale * (mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
+    y = scale * (mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
+    return x, y
+
+
+@njit(cache=True, forceinline=True)
 def write_push_estimate(
     contacts: Contacts, k: int, mass: float, s: GaitSettings, frame: Frame, velocity: Vector, o: Array
 ) -> None:
@@ -80,11 +91,8 @@ def write_push_estimate(
     what inertial sensor, joint encoders and force sensors in the feet would tell of a push.
     Where no time has passed the entries stay.
     """
-    span = contacts.time[k]
-    if span > 0.0:
-        scale = 1.0 / (mass * s.omega**2 * span)
-        x = scale * (mass * (velocity[0] - contacts.velocity[k, 0]) - contacts.impulse[k, 0])
-        y = scale * (mass * (velocity[1] - contacts.velocity[k, 1]) - contacts.impulse[k, 1])
+    if contacts.time[k] > 0.0:
+        x, y = external_force(contacts, k, mass, s, velocity)
         o[34], o[35] = canonical(frame, x, y)
     contacts.time[k] = 0.0
     for i in range(3):

@@ -6,7 +6,6 @@ judged by what its planner could see: the observation and the box.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +14,9 @@ from numba import njit
 from ..controllers.config import PlannerConfig
 from ..controllers.cop_planner_kernel import acceleration_interval
 from ..controllers.limits import GaitLimits
-from ..controllers.observation import ELAPSED, SWING_POSITION, SWING_VELOCITY, TRUNK_ANGLE
+from ..controllers.observation import ELAPSED, TRUNK_ANGLE
 from ..controllers.robot import RobotModel
-from ..controllers.stage_1 import swing_time
+from ..controllers.stage_1 import time_to_place
 from .biped_kinematics import Array, Ints
 
 # In the order in which the limits of one moment are told
@@ -47,7 +46,7 @@ AT_BOUND_TIME = 1e-3  # [s]; the planner finds the time that the swing foot need
 AT_BOUND_TORQUE = 1e-2  # [rad/s^2]
 LEAN_SHARE = 0.95  # of the largest lean, from which it counts as met
 
-_ANGLE, _SWING, _SPEED = TRUNK_ANGLE.start, SWING_POSITION.start, SWING_VELOCITY.start
+_ANGLE = TRUNK_ANGLE.start
 
 
 class LimitRecord(NamedTuple):
@@ -120,11 +119,8 @@ def plan_limits(observation: Array, plan: Array, before: int, edges: Array) -> i
         if plan[2] < edges[4] + AT_BOUND_TIME:
             bits |= STEP_TIME
         elif edges[11] > 0.0:
-            dx, dy = plan[0] - observation[_SWING], plan[1] - observation[_SWING + 1]
-            distance = math.hypot(dx, dy)
-            speed = (dx * observation[_SPEED] + dy * observation[_SPEED + 1]) / max(distance, 1e-9)
-            if remaining < swing_time(distance, speed, edges[11]) + AT_BOUND_TIME:
-                bits |= STEP_TIME
+            swing = time_to_place(observation, plan[0], plan[1], edges[11])
+            bits |= STEP_TIME if remaining < swing + AT_BOUND_TIME else 0
     for axis in range(2):
         if abs(plan[3 + axis]) > edges[5 + axis] - AT_BOUND:
             bits |= COP

@@ -17,7 +17,7 @@ Side = Literal["left", "right"]
 Body = Literal["pelvis", "trunk"]
 PushFrame = Literal["world", "heading"]
 SIDES: tuple[str, ...] = get_args(Side)
-BODIES: tuple[str, ...] = get_args(Body)
+BODIES: tuple[Body, ...] = get_args(Body)
 FRAMES: tuple[str, ...] = get_args(PushFrame)
 
 PENDING = math.inf  # start time of a push whose gait event has not come yet [s]

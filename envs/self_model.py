@@ -31,8 +31,9 @@ from numba import njit
 from ..controllers.robot import GRAVITY
 from .biped_gait import Gait, GaitSettings, side_sign
 from .biped_kinematics import Array, Physics
-from .biped_observation import Contacts
+from .biped_observation import Contacts, external_force
 from .mass_matrix import com_velocity
+from .vector_3 import subtract, vector_of
 
 MEMORY = 0.5  # of the mass [s]
 MASS_RANGE = (0.5, 2.0)  # of the factor
@@ -132,16 +133,14 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     span = contacts.time[k]
     if span <= 0.0:
         return
-    x, y, z = com_velocity(phys, k)
-    x, y, z = x - contacts.velocity[k, 0], y - contacts.velocity[k, 1], z - contacts.velocity[k, 2]
+    velocity = com_velocity(phys, k)
+    x, y, z = subtract(velocity, vector_of(contacts.velocity[k], 0))
     step, mass = known.step[k], s.mass * known.mass[k]
     if step[NUMBER] != gait.steps[k]:
         end_step(known, k)
         step[NUMBER] = gait.steps[k]
     cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
-    scale = 1.0 / (mass * s.omega**2 * span)
-    push_x = scale * (mass * x - contacts.impulse[k, 0])
-    push_y = scale * (mass * y - contacts.impulse[k, 1])
+    push_x, push_y = external_force(contacts, k, mass, s, velocity)
     push_x, push_y = cos * push_x + sin * push_y, cos * push_y - sin * push_x
     for i in range(2):
         share = 1.0 - math.exp(-span / PUSH_MEANS[i])
@@ -149,6 +148,7 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
         step[PUSH + 2 * i + 1] += share * (push_y - step[PUSH + 2 * i + 1])
     if math.hypot(step[PUSH] - step[PUSH + 2], step[PUSH + 1] - step[PUSH + 3]) > PUSHED:
         step[QUIET] = -1.0
+    scale = 1.0 / (mass * s.omega**2 * span)
     x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
     weight = span * math.exp(-s.omega * gait.elapsed[k])
     step[0] += weight * (cos * x + sin * y)
