@@ -116,24 +116,24 @@ PRESETS: dict[str, PlannerConfig] = {
     "biped": replace(
         _BASE,
         alpha_step=2.24,
-        alpha_duration=1.89,
-        alpha_offset=1520.0,
+        alpha_duration=1.46,
+        alpha_offset=436.0,
         freeze=0.0316,  # the biped's gait machine commits the swing foot then
         touchdown_delay=0.0116,
         swing_acceleration=163.0,
-        cop_margin_x=0.00876,
-        cop_margin_y=0.00412,
-        beta_dcm=17000.0,
+        cop_margin_x=0.00873,
+        cop_margin_y=0.00487,
+        beta_dcm=77700.0,
         beta_trunk=0.00203,
         beta_trunk_rate=0.11,
-        beta_trunk_angle=1.09,
-        trunk_gravity=69.2,
-        duration_margin=0.0169,
-        push_carry=0.0137,
-        push_threshold=0.0262,
-        sampling_time=0.0445,
-        beta_trunk_limit=25000.0,
-        tail_sampling_time=0.0667,
+        beta_trunk_angle=1.25,
+        trunk_gravity=93.5,
+        duration_margin=0.00665,
+        push_carry=0.0183,
+        push_threshold=0.112,
+        sampling_time=0.0405,
+        beta_trunk_limit=9620.0,
+        tail_sampling_time=0.0777,
     ),
 }
 PRESETS["double-support"] = replace(
@@ -141,6 +141,48 @@ PRESETS["double-support"] = replace(
     double_support=0.1,  # the paper's 0.55 s + 0.1 s
     beta_trunk_angle=10.0,  # with 1, 16 of 476 survivors of 500 pushes do not recover in time
 )
+
+ARM_GAINS: dict[str, dict[str, dict[str, float]]] = {
+    "biped": {
+        "stage-1": {
+            "alpha_duration": 2.05,
+            "alpha_offset": 2230.0,
+            "duration_margin": 0.0126,
+            "push_carry": 0.0424,
+            "push_threshold": 0.0794,
+            "upright_stiffness": 11.5,
+            "upright_damping": 6.93,
+        },
+        "stage-1+cop": {
+            "alpha_duration": 0.609,
+            "alpha_offset": 71.0,
+            "duration_margin": 0.011,
+            "push_carry": 0.0218,
+            "push_threshold": 0.0865,
+            "beta_dcm": 326000.0,
+            "sampling_time": 0.0509,
+            "cop_margin_x": 0.0122,
+            "cop_margin_y": 0.011,
+            "upright_stiffness": 14.3,
+            "upright_damping": 7.68,
+        },
+        "stage-1+momentum": {
+            "alpha_duration": 0.879,
+            "alpha_offset": 612.0,
+            "duration_margin": 0.0295,
+            "push_carry": 0.022,
+            "push_threshold": 0.0887,
+            "beta_dcm": 35900.0,
+            "sampling_time": 0.0468,
+            "beta_trunk": 0.0596,
+            "beta_trunk_rate": 0.557,
+            "beta_trunk_angle": 1.41,
+            "beta_trunk_limit": 2460.0,
+            "trunk_gravity": 94.4,
+            "tail_sampling_time": 0.083,
+        },
+    },
+}  # by preset and policy: what an arm does not share with the others, see docs/tuning.md
 
 
 def preset_config(name: str) -> PlannerConfig:

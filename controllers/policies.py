@@ -262,9 +262,8 @@ def make_policy(
 ) -> TwoStagePolicy | RandomPolicy:
     """Build an analytic policy by name.
 
-    The arms differ in what they may use, not in their weights: all take them from the preset, except the
-    two `-paper` arms, which put the weights of the paper's Table II into it, and arms with weights of their
-    own in a preset file.
+    The arms differ in what they may use. Their weights are the preset's, except for arms with gains of their
+    own (`ARM_GAINS`, or a preset file), and the two `-paper` arms, which put the paper's Table II into it.
 
     Args:
         name: one of POLICY_NAMES.

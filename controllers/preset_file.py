@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from .config import PRESETS, PlannerConfig
+from .config import ARM_GAINS, PRESETS, PlannerConfig
 from .errors import InvalidValueError, UnknownNameError
 from .policy_file import write_atomically
 
@@ -56,7 +56,8 @@ class PresetFile:
             UnknownNameError: a field that PlannerConfig does not have.
             InvalidValueError: a value that it refuses.
         """
-        values = {**self.planner, **self.arms.get(arm, {})}
+        own = ARM_GAINS.get(self.base, {}).get(arm, {})
+        values = {**own, **self.planner, **self.arms.get(arm, {})}
         valid = [entry.name for entry in fields(PlannerConfig)]
         for name in values:
             if name not in valid:

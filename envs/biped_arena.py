@@ -159,7 +159,7 @@ def known_of(t: Ints) -> SelfModel:
     r = FIRST.known
     return SelfModel(
         floats_1(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), floats_2(t[r + 3]), floats_2(t[r + 4]),
-        floats_2(t[r + 5]),
+        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
     )  # fmt: skip
 
 
@@ -177,7 +177,7 @@ def bounds_of(t: Ints, c: Array) -> Bounds:
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
     return Bounds(
         settings, floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]),
-        floats_2(t[r + 4]), floats_1(t[r + 5]), floats_1(t[r + 6]), floats_1(t[r + 7]),
+        floats_2(t[r + 4]), floats_1(t[r + 5]), floats_1(t[r + 6]), floats_1(t[r + 7]), floats_1(t[r + 8]),
     )  # fmt: skip
 
 
@@ -209,6 +209,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     for k in range(first, end):
         if gait.failure[k] != 0:
             continue
+        bounds.grip[0] = known.grip[k]
         for _ in range(steps):
             control(phys, gait, k, pushes, settings, gains, bounds, limits, dt)
             if floors.places[k, 0] != 0:

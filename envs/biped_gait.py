@@ -65,8 +65,8 @@ class GaitSettings(NamedTuple):
     forced_phase: float = 0.705  # fraction of T from which forced_load counts
     descent: float = 0.962  # of the swing foot when late [m/s]
     settled: float = 0.1  # the floor is taken for as high as the stance sole is this long after touchdown [s]
-    reach: float = 0.626  # longest leg, hip to ankle [m]
-    height_drop: float = 0.192  # how far the CoM is lowered for a long step [m]
+    reach: float = 0.624  # longest leg, hip to ankle [m]
+    height_drop: float = 0.194  # how far the CoM is lowered for a long step [m]
     height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
     height_time: float = 0.0824  # shortest horizon of the height reference [s]
     leg_momentum: float = 0.0031  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]

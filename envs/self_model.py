@@ -1,6 +1,6 @@
-"""What a biped learns of itself and of its floor while it walks: its weight, and a steady force on it.
+"""What a biped learns of itself and its floor while it walks: weight, a steady force on it, friction.
 
-Both come from what joint encoders, inertial sensor and force sensors in the feet tell, and from the forces
+All comes from what joint encoders, inertial sensor and force sensors in the feet tell, and from the forces
 that whole-body control itself expects. With the impulse J of the floor and the velocity v of the CoM over a
 planning period,
 
@@ -18,6 +18,9 @@ does on the level, so the planner is shown CoM and DCM moved by it.
 
 The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
 from one period to the next, in the median, tells its noise; a push that does not rise above it is not shown.
+
+While a sole slides, the horizontal share of the floor's force is the friction: whole-body control asks for no
+more from then on.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from numba import njit
 
 from ..controllers.robot import GRAVITY
 from .biped_gait import Gait, GaitSettings, side_sign
-from .biped_kinematics import Array, Physics
+from .biped_kinematics import Array, Physics, sole_position
 from .biped_observation import Contacts, external_force
 from .mass_matrix import com_velocity
 from .vector_3 import subtract, vector_of
@@ -48,12 +51,20 @@ NOISE_RATE = 0.01  # change of the push estimate's noise in a period [m]
 NOISE_KNOWN = 0.03  # less counts as none [m]
 NOISE_SHARE = 2.0  # of the noise that a push must rise above
 
+STANDING = 0.03  # a sole that has stood for less may still slide from its landing [s]
+SLIDES = 0.3  # speed from which the stance sole slides [m/s]
+SLIDING = 3  # periods of sliding that tell the friction: one alone may be a blow
+GRIP_MIN = 0.4  # the least friction that is believed
+
 # Columns of `SelfModel.step`: 0-1 sum of the drift
 WEIGHT = 2  # sum of its weights
 LAST = 3  # mean drift of the last step, 2
 NUMBER = 5  # of the step
 QUIET = 6  # how many steps in a row were without a push
 PUSH = 7  # running means of the external force, 2 of each
+# Columns of `SelfModel.stood`
+SHARE = 3  # largest horizontal share of the floor's force while the sole has slid
+PERIODS = 4  # for how many periods it has
 
 
 class SelfModel(NamedTuple):
@@ -65,22 +76,33 @@ class SelfModel(NamedTuple):
     drift: Array  # (n, 2) in the heading frame [m]
     step: Array  # (n, 11) of the step that goes on and the last one, columns see above
     felt: Array  # (n, 3) push estimate of the last period, heading frame, and the median of its jumps [m]
+    grip: Array  # (n,) friction that whole-body control may count on
+    stood: Array  # (n, 5) place [m] and step of the stance sole at the last observation; SHARE, PERIODS
 
 
 def empty_self_model(n: int) -> SelfModel:
     """Arrays of n robots."""
     return SelfModel(
-        np.ones(n), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 11)), np.zeros((n, 3))
+        np.ones(n),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 11)),
+        np.zeros((n, 3)),
+        np.ones(n),
+        np.zeros((n, 5)),
     )
 
 
-def forget(known: SelfModel, k: int, s: GaitSettings) -> None:
+def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
     """Let robot k begin anew with its model, which counts for MEMORY seconds of weighing."""
     known.mass[k] = 1.0
     known.weighed[k] = s.mass * GRAVITY * MEMORY
     known.asked[k] = known.drift[k] = 0.0
     known.step[k] = known.felt[k] = 0.0
     known.step[k, QUIET] = 1.0  # the first step counts
+    known.grip[k] = friction
+    known.stood[k] = 0.0
 
 
 @njit(cache=True, forceinline=True)
@@ -128,11 +150,29 @@ def end_step(known: SelfModel, k: int) -> None:
 
 
 @njit(cache=True)
+def feel_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
+    """Take the friction from a period in which the stance sole has slid, if it is not the first or second."""
+    stood, (x, y, _) = known.stood[k], sole_position(phys, k, gait.stance[k])
+    slid = math.hypot(x - stood[0], y - stood[1]) > SLIDES * contacts.time[k]
+    stands = stood[2] == gait.steps[k] and gait.elapsed[k] > STANDING
+    impulse = contacts.impulse[k]
+    if stands and slid and impulse[2] > 0.0:
+        stood[SHARE] = max(stood[SHARE], math.hypot(impulse[0], impulse[1]) / impulse[2])
+        stood[PERIODS] += 1.0
+        if stood[PERIODS] >= SLIDING:
+            known.grip[k] = min(known.grip[k], max(stood[SHARE], GRIP_MIN))
+    else:
+        stood[SHARE] = stood[PERIODS] = 0.0
+    stood[0], stood[1], stood[2] = x, y, gait.steps[k]
+
+
+@njit(cache=True)
 def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts, s: GaitSettings) -> None:
     """Take in the period since the last observation of robot k; to be called before it is observed."""
     span = contacts.time[k]
     if span <= 0.0:
         return
+    feel_grip(known, k, phys, gait, contacts)
     velocity = com_velocity(phys, k)
     x, y, z = subtract(velocity, vector_of(contacts.velocity[k], 0))
     step, mass = known.step[k], s.mass * known.mass[k]

@@ -4,7 +4,7 @@ The exact solution of the tasks, (wrench w, torque tau), changes linearly with a
 CoM acceleration x, y, z; turning of the pelvis x, y, z; swing sole linear and angular; waist pitch and roll,
 
     w(d) = w + W_d d,   tau(d) = tau + T_d d,     min  d' Q d   s.t.  tau in its range,  CoP in the sole,
-                                                     |f_x|, |f_y| <= mu f_z,  |M_z about the CoP| <= nu f_z.
+                                                     |(f_x, f_y)| <= mu f_z,  |M_z about the CoP| <= nu f_z.
 
 With v = Q^(1/2) d it is a least-distance problem for DAQP, every row soft, so that it always has an answer.
 """
@@ -14,6 +14,7 @@ With v = Q^(1/2) d it is a least-distance problem for DAQP, every row soft, so t
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,8 @@ from .limit_record import CONTACT, JOINT_TORQUE, SOLE_EDGE
 from .stack_array import stack_floats
 from .vector_3 import ZERO, Vector
 
-WRENCH_ROWS = 11
+FACES = 8  # of the friction cone
+WRENCH_ROWS = 7 + FACES
 ROWS = NU + WRENCH_ROWS
 FREE = 1e6  # a bound that never binds, in the units of the rows
 FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [N], [N m], [N m]
@@ -37,18 +39,18 @@ AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.0622  # [m], from the centre of the sole
+    cop_x_max: float = 0.0647  # [m], from the centre of the sole
     cop_y_max: float = 0.039  # [m]
-    yaw_friction: float = 0.0149  # bound of |M_z| / f_z about the CoP [m]
-    friction: float = 0.709  # bound of |f_x| / f_z and |f_y| / f_z
-    force_min: float = 54.9  # lowest vertical force [N]
+    yaw_friction: float = 0.0206  # bound of |M_z| / f_z about the CoP [m]
+    friction: float = 0.806  # bound of |(f_x, f_y)| / f_z, until the foot has slipped with less
+    force_min: float = 33.6  # lowest vertical force [N]
     com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.251  # of (1 m/s^2)^2
-    pelvis_price: float = 0.0146  # of (1 rad/s^2)^2, pitch and roll
-    heading_price: float = 0.00475  # of (1 rad/s^2)^2
-    swing_price: float = 0.0643  # of (1 m/s^2)^2
-    swing_turn_price: float = 0.00113  # of (1 rad/s^2)^2
-    waist_price: float = 0.0101  # of (1 rad/s^2)^2
+    height_price: float = 0.2  # of (1 m/s^2)^2
+    pelvis_price: float = 0.0164  # of (1 rad/s^2)^2, pitch and roll
+    heading_price: float = 0.00571  # of (1 rad/s^2)^2
+    swing_price: float = 0.129  # of (1 m/s^2)^2
+    swing_turn_price: float = 0.000974  # of (1 rad/s^2)^2
+    waist_price: float = 0.02  # of (1 rad/s^2)^2
     row_price: float = 1e4  # of a bound passed by one unit of its row
 
 
@@ -64,6 +66,7 @@ class Bounds(NamedTuple):
     lower: Array  # (ROWS,)
     upper: Array  # (ROWS,)
     solution: Array  # (TASKS,) v
+    grip: Array  # (1,) friction that the robot in hand counts on
 
 
 def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:
@@ -76,7 +79,7 @@ def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDi
     problem = LeastDistance(np.ones((ROWS, TASKS)), np.full(ROWS, settings.row_price))
     bounds = Bounds(
         settings, motors, np.zeros((2, NU)), 1.0 / np.sqrt(price), problem.handle, problem.M, problem.lower,
-        problem.upper, problem.x,
+        problem.upper, problem.x, np.array([settings.friction]),
     )  # fmt: skip
     return bounds, problem
 
@@ -110,8 +113,7 @@ def within_bounds(wrench: Array, torque: Array, axis: Heading, bounds: Bounds) -
     x, y = clipped_cop_in_world(wrench, axis, s)
     if abs(wrench[5] - x * wrench[1] + y * wrench[0]) > s.yaw_friction * wrench[2]:
         return False
-    x, y = axis[0] * wrench[0] + axis[1] * wrench[1], axis[0] * wrench[1] - axis[1] * wrench[0]
-    if abs(x) > s.friction * wrench[2] or abs(y) > s.friction * wrench[2]:
+    if math.hypot(wrench[0], wrench[1]) > bounds.grip[0] * wrench[2]:
         return False
     excess = 0.0
     for i in range(NU):
@@ -128,18 +130,24 @@ def write_row(P: Array, row: int, force: Vector, moment: Vector, unit: float) ->
 
 
 @njit(cache=True, forceinline=True)
-def write_wrench_rows(wrench: Array, axis: Heading, s: BoundSettings, P: Array) -> None:
-    """Eleven rows: CoP x, y (4), friction x, y (4), yaw moment (2), vertical force (1), (11, 6)."""
+def write_wrench_rows(wrench: Array, axis: Heading, bounds: Bounds, P: Array) -> None:
+    """Fifteen rows: CoP x, y (4), yaw moment (2), friction (8), vertical force (1), (15, 6).
+
+    The faces of friction touch the cone, one of them where the asked force points.
+    """
+    s, grip = bounds.settings, bounds.grip[0]
     cop_x, cop_y = clipped_cop_in_world(wrench, axis, s)
     for side in range(2):
-        sign, row = 1.0 - 2.0 * side, 5 * side
+        sign, row = 1.0 - 2.0 * side, 3 * side
         x, y = sign * axis[0], sign * axis[1]
         # CoP forward = -(moment to the left) / f_z, and to the left = (moment forward) / f_z
         write_row(P, row, (0.0, 0.0, -s.cop_x_max), (y, -x, 0.0), MOMENT_UNIT)
         write_row(P, row + 1, (0.0, 0.0, -s.cop_y_max), (x, y, 0.0), MOMENT_UNIT)
-        write_row(P, row + 2, (x, y, -s.friction), ZERO, FORCE_UNIT)
-        write_row(P, row + 3, (-y, x, -s.friction), ZERO, FORCE_UNIT)
-        write_row(P, row + 4, (sign * cop_y, -sign * cop_x, -s.yaw_friction), (0.0, 0.0, sign), MOMENT_UNIT)
+        write_row(P, row + 2, (sign * cop_y, -sign * cop_x, -s.yaw_friction), (0.0, 0.0, sign), MOMENT_UNIT)
+    asked = math.atan2(wrench[1], wrench[0])
+    for face in range(FACES):
+        angle = asked + 2.0 * math.pi / FACES * face
+        write_row(P, 6 + face, (math.cos(angle), math.sin(angle), -grip), ZERO, FORCE_UNIT)
     write_row(P, WRENCH_ROWS - 1, (0.0, 0.0, -1.0), ZERO, FORCE_UNIT)
 
 
@@ -151,8 +159,8 @@ def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: A
             bounds.matrix[i, c] = Td[i, c] * bounds.scale[c] / TORQUE_UNIT
         bounds.lower[i] = (bounds.torque_range[0, i] - torque[i]) / TORQUE_UNIT
         bounds.upper[i] = (bounds.torque_range[1, i] - torque[i]) / TORQUE_UNIT
-    P = carray(stack_floats(66), (WRENCH_ROWS, 6))
-    write_wrench_rows(wrench, axis, bounds.settings, P)
+    P = carray(stack_floats(90), (WRENCH_ROWS, 6))
+    write_wrench_rows(wrench, axis, bounds, P)
     for row in range(WRENCH_ROWS):
         value = 0.0
         for i in range(6):
@@ -177,8 +185,7 @@ def bounds_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, fl
     if min(s.cop_x_max - abs(x), s.cop_y_max - abs(y)) * vertical < AT_BOUND * MOMENT_UNIT:
         met |= SOLE_EDGE
     yaw = wrench[5] - cop[0] * wrench[1] + cop[1] * wrench[0]
-    x, y = axis[0] * wrench[0] + axis[1] * wrench[1], axis[0] * wrench[1] - axis[1] * wrench[0]
-    grip = s.friction * vertical - max(abs(x), abs(y))
+    grip = bounds.grip[0] * vertical - math.hypot(wrench[0], wrench[1])
     if (
         s.yaw_friction * vertical - abs(yaw) < AT_BOUND * MOMENT_UNIT
         or min(grip, vertical - s.force_min) < AT_BOUND * FORCE_UNIT

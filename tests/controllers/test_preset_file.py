@@ -2,7 +2,7 @@ import json
 from dataclasses import replace
 
 import pytest
-from push_recovery.controllers.config import PRESETS, preset_config
+from push_recovery.controllers.config import ARM_GAINS, PRESETS, preset_config
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies import make_policy
 from push_recovery.controllers.preset_file import PresetFile, load_preset
@@ -29,7 +29,9 @@ def test_a_file_is_read_as_it_was_written(tmp_path):
 def test_an_arm_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path):
     base = PRESETS["biped"]
     assert PRESET.config() == replace(base, touchdown_delay=0.006)
-    assert PRESET.config("stage-1") == PRESET.config()
+    own = ARM_GAINS["biped"]["stage-1"]
+    assert PRESET.config("stage-1") == replace(base, **{**own, "touchdown_delay": 0.006})
+    assert PRESET.config("passive") == PRESET.config()
     assert PRESET.config("two-stage") == replace(base, touchdown_delay=0.007, beta_dcm=900.0)
     assert preset_config(write(tmp_path / "p.json")) == PRESET.config()
 
@@ -41,7 +43,7 @@ def test_a_name_is_a_file_that_changes_nothing():
 
 def test_policies_take_a_file_for_a_preset(tmp_path):
     policy = make_policy("stage-1", preset=write(tmp_path / "p.json"))
-    assert policy.config == replace(PRESET.config(), use_cop=False, use_trunk=False)
+    assert policy.config == replace(PRESET.config("stage-1"), use_cop=False, use_trunk=False)
 
 
 @pytest.mark.parametrize(

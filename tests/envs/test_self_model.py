@@ -1,4 +1,4 @@
-"""What the biped learns of its mass and of a steady force; nothing where there is nothing to learn."""
+"""What the biped learns of its mass, a steady force and its floor; nothing where nothing is to be learned."""
 
 import math
 
@@ -11,8 +11,9 @@ from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.push import Push
 from push_recovery.envs.scenario import Command, Scenario
-from push_recovery.envs.self_model import DRIFT_KNOWN
+from push_recovery.envs.self_model import DRIFT_KNOWN, GRIP_MIN, SLIDES, SLIDING, feel_grip
 from push_recovery.envs.whole_body import Gains
+from push_recovery.envs.wrench_bounds import BoundSettings
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 PERIOD = 0.01  # [s]
@@ -131,3 +132,32 @@ def test_a_push_below_its_own_noise_is_not_shown(biped_core, begin, noise):
     rises = np.linalg.norm(felt[252:259, :2], axis=1) > 2.0 * felt[252:259, 2]
     assert (np.array(shown[252:259]) > 0.0).tolist() == rises.tolist()
     assert rises.all() == (noise < 0.005)
+
+
+@pytest.mark.parametrize("friction", [0.45, 0.6])
+def test_a_robot_that_slides_knows_the_friction(biped_core, begin, friction):
+    """The contacts' pyramid |f_x| + |f_y| <= mu f_z gives between mu / sqrt(2) and mu."""
+    core, push = biped_core(), Push((500.0, 500.0, 0.0), 0.1, 0.1)
+    walk(core, begin, 3.0, push)
+    assert core.known.grip[0] == BoundSettings().friction
+    walk(core, begin, 3.0, push, friction=friction)
+    assert 0.99 * friction / math.sqrt(2.0) < core.known.grip[0] < 1.01 * friction
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
+def test_only_a_long_slide_tells_the_friction(biped_core, begin, share):
+    core, friction = biped_core(), BoundSettings().friction
+    walk(core, begin, 0.1)
+
+    def slide(speed: float) -> float:
+        core.contacts.time[0], core.contacts.impulse[0] = PERIOD, (6.0 * share, 0.0, 6.0)
+        core.known.stood[0, 0] -= speed * PERIOD
+        feel_grip(core.known, 0, core.physics, core.gait, core.contacts)
+        return core.known.grip[0]
+
+    slide(0.0)
+    assert [slide(0.9 * SLIDES) for _ in range(2 * SLIDING)] == [friction] * 2 * SLIDING
+    assert [slide(1.1 * SLIDES) for _ in range(SLIDING - 1)] == [friction] * (SLIDING - 1)
+    slide(0.0)
+    assert [slide(1.1 * SLIDES) for _ in range(SLIDING - 1)] == [friction] * (SLIDING - 1)
+    assert slide(1.1 * SLIDES) == pytest.approx(min(max(share, GRIP_MIN), friction))

@@ -1,5 +1,7 @@
 """Whole-body control against one dense system of MuJoCo's own matrices."""
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -147,7 +149,7 @@ def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> n
         [
             abs(cop @ x) - s.cop_x_max,
             abs(cop @ y) - s.cop_y_max,
-            max(abs(force[:2] @ x), abs(force[:2] @ y)) / force[2] - s.friction,
+            math.hypot(force[0], force[1]) / force[2] - s.friction,
             abs(yaw) / force[2] - s.yaw_friction,
             (s.force_min - force[2]) / 300.0,
             np.max(np.abs(torque) - torque_limits(core, torque)) / 100.0,
@@ -186,8 +188,14 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robo
         np.testing.assert_allclose(v + M.T @ (settings.row_price * passed), 0.0, atol=1e-7)
         assert np.abs(passed).max() < 5e-3  # in the units of the rows: 300 N, 20 N m, 100 N m
         # the yaw moment is bounded about the CoP of the exact solution, which is among the rows
-        values = np.delete(bound_values(core, wrench, torque, stance), 3)
+        values = np.delete(bound_values(core, wrench, torque, stance), [2, 3])
         assert values.max() < 5e-3
+        asked = torques(core, task, GAINS, LOOSE, np.empty(NU))[:2]
+        grip = (
+            settings.friction * wrench[2] + 300.0 * 5e-3
+        )  # eight faces about the cone, one where it was asked
+        assert wrench[:2] @ asked / np.linalg.norm(asked) < grip
+        assert np.linalg.norm(wrench[:2]) * math.cos(math.pi / 8) < grip
         expected = dense_solution(core, data, task, bounds.scale * v)
         np.testing.assert_allclose(wrench, expected[0], rtol=1e-7, atol=1e-5)
         np.testing.assert_allclose(torque, expected[1], rtol=1e-7, atol=1e-5)
