@@ -129,7 +129,6 @@ class BipedCore:
         self.settings = settings
         self.limit_record.edges[:] = plan_edges(self.robot, self._limits, planner, settings.commit)
         motors = motor_limits(biped_model())
-        self._friction = bounds.friction
         self._bounds = [make_bounds(bounds, motors) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
         self._bind()
@@ -182,7 +181,7 @@ class BipedCore:
             self._bind()
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
-        forget(self.known, k, self.settings, self._friction)
+        forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
         clear_record(self.limit_record, k)
         self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)

@@ -191,9 +191,8 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robo
         values = np.delete(bound_values(core, wrench, torque, stance), [2, 3])
         assert values.max() < 5e-3
         asked = torques(core, task, GAINS, LOOSE, np.empty(NU))[:2]
-        grip = (
-            settings.friction * wrench[2] + 300.0 * 5e-3
-        )  # eight faces about the cone, one where it was asked
+        # eight faces about the cone, one of them where the force was asked
+        grip = settings.friction * wrench[2] + 300.0 * 5e-3
         assert wrench[:2] @ asked / np.linalg.norm(asked) < grip
         assert np.linalg.norm(wrench[:2]) * math.cos(math.pi / 8) < grip
         expected = dense_solution(core, data, task, bounds.scale * v)
