@@ -118,12 +118,15 @@ def time_control(policy: TwoStagePolicy) -> dict[str, Any]:
 
 
 def resident_mib() -> float | None:
-    """Memory of this process that is in use [MiB]; None where the system does not tell."""
+    """Resident memory of this process that no file backs [MiB]; None where the system does not tell.
+
+    Pages of libraries and caches are left out: the system takes them back whenever it likes.
+    """
     try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        resident, of_files = map(int, Path("/proc/self/statm").read_text().split()[1:3])
     except OSError:
         return None
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    return (resident - of_files) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def memory_per_robot(policy: TwoStagePolicy) -> dict[str, float]:
