@@ -14,6 +14,7 @@ from numba.np.numpy_support import carray
 
 from ..controllers.swing_foot import quintic_step, swing_update
 from .biped_kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, TRUNK, Array, Ints, Physics, sole_position
+from .full_sole import missing_cmp
 from .limit_record import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, LimitRecord, note_limits
 from .mass_matrix import com_velocity
 from .motors import clip_torque
@@ -69,7 +70,6 @@ class GaitSettings(NamedTuple):
     height_drop: float = 0.194  # how far the CoM is lowered for a long step [m]
     height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
     height_time: float = 0.0824  # shortest horizon of the height reference [s]
-    leg_momentum: float = 0.0031  # how far an acceleration of the swing sole takes the CMP from the CoP [s^2]
 
 
 @njit(cache=True, forceinline=True)
@@ -152,15 +152,19 @@ def reach_height(
 
 
 @njit(cache=True, forceinline=True)
-def full_cop(cop: float, edge: float, acceleration: float, leg_momentum: float) -> float:
-    """CMP [m] that a planned CoP asks of the whole body, the trunk at rest.
+def lever_and_missing(
+    place: Point, speed: Point, plan: Array, sign: float, growth: float, s: GaitSettings
+) -> tuple[Point, Point]:
+    """Lever of the CoM over the planned CMP, which acceleration = omega^2 lever (eq. 4), and `missing_cmp`.
 
-    A swing sole with this acceleration [m/s^2] has the CMP -leg_momentum * acceleration away from the CoP;
-    as a rule the CoP moves the other way and makes up for it. A CoP planned at the edge of the sole wants all
-    that the sole can give: then what the leg adds to it is kept.
+    Along the heading and to the left, from the stance sole [m]. The DCM's goal is that of stepping in place,
+    u_T + b with b = -W / (1 + exp(omega T)) aside.
     """
-    shift = -leg_momentum * acceleration
-    return cop + shift * min(abs(cop) / edge, 1.0) if cop * shift > 0.0 else cop
+    cmp_x, cmp_y = plan[3] + s.cmp_gain * plan[5], sign * (plan[4] + s.cmp_gain * plan[6])
+    goal_y = sign * plan[1] * (1.0 - 1.0 / (1.0 + math.exp(s.omega * plan[2])))
+    missing_x = missing_cmp(place[0] + speed[0] / s.omega, plan[0], cmp_x, growth)
+    missing_y = missing_cmp(place[1] + speed[1] / s.omega, goal_y, cmp_y, growth)
+    return (place[0] - cmp_x, place[1] - cmp_y), (missing_x, missing_y)
 
 
 @njit(cache=True, forceinline=True)
@@ -173,20 +177,15 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     sign = side_sign(stance)
     cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
     sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
-    # acceleration = omega^2 (com - cmp), eq. 4
+    remaining, width = max(plan[2] - gait.elapsed[k], 0.0), sign * plan[1]
+    growth = math.exp(s.omega * remaining)
     dx, dy = com[0] - sole[0], com[1] - sole[1]
-    lever_x = cos * dx + sin * dy - s.cmp_gain * plan[5]
-    lever_y = -sin * dx + cos * dy - sign * s.cmp_gain * plan[6]
-    swing_x, swing_y = gait.swing[k, 6], gait.swing[k, 7]
-    edge, forward, aside = bounds.settings, cos * swing_x + sin * swing_y, cos * swing_y - sin * swing_x
-    lever_x -= full_cop(plan[3], edge.cop_x_max, forward, s.leg_momentum)
-    lever_y -= full_cop(sign * plan[4], edge.cop_y_max, aside, s.leg_momentum)
+    place = cos * dx + sin * dy, cos * dy - sin * dx
+    speed = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+    (lever_x, lever_y), missing = lever_and_missing(place, speed, plan, sign, growth, s)
     lever_x, lever_y = cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y
-    width = sign * plan[1]
     target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width
     # travel of the CoM until touchdown, were the CMP to stay
-    remaining = max(plan[2] - gait.elapsed[k], 0.0)
-    growth = math.exp(s.omega * remaining)
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
     asked = target
@@ -206,7 +205,8 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     yaw = gait.yaw[k]
     turn_references(yaw, gait.turn[k], plan[2] + s.landing_delay, remaining, s.commit, dt)
     yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
-    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist, *yaws)
+    planned = (plan[3], sign * plan[4]), missing
+    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist, *yaws, *planned)
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     clip_torque(phys.ctrl[k], bounds.torque_range)
     return met

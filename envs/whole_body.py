@@ -8,8 +8,8 @@ so nothing is left to optimise as long as no bound is met. Waist and turning of 
 linear acceleration a of the pelvis as the unknown, each leg follows as J_i^-1 (.. - a), and a from the CoM:
 the first three rows of M qdd + h are the force m (acc + g) on it. The other rows give the moment at the sole
 and the torques. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's
-momentum. Where a motor, the CoP, friction or the yaw moment would pass its bound, `wrench_bounds` finds the
-least deviation from the tasks that keeps it.
+momentum, but for what `full_sole` keeps of it. Where a motor, the CoP, friction or the yaw moment would pass
+its bound, `wrench_bounds` finds the least deviation from the tasks that keeps it.
 
 A function that runs every physics step is put into its caller (forceinline): the arrays of n robots are a few
 hundred words, which a call would pass on and count the references of.
@@ -43,6 +43,7 @@ from .biped_kinematics import (
     upright_error,
 )
 from .deviation import Legs
+from .full_sole import full_sole_force
 from .leg_motion import LegInverses, subtract_leg_torques, write_leg_inverse
 from .mass_matrix import BASE, com_compliance, turning_momentum, write_generalised_force
 from .motors import write_torque_range
@@ -95,6 +96,8 @@ class Task(NamedTuple):
     waist: tuple[float, float]  # acceleration of the waist's pitch and roll joints [rad/s^2]
     swing_yaw: Vector = ZERO  # of the swing sole beyond the heading [rad], its rate, its acceleration
     pelvis_yaw: Vector = ZERO  # the same of the pelvis
+    cop: Heading = (0.0, 0.0)  # planned, along the heading and to the left, from the sole's centre [m]
+    missing: Heading = (0.0, 0.0)  # how far the CMP should lie beyond the planned one, see `full_sole` [m]
 
 
 @njit(cache=True, forceinline=True)
@@ -179,8 +182,9 @@ def write_tasks(
 
 @njit(cache=True, forceinline=True)
 def accelerate_pelvis(a: Vector, inverses: LegInverses, qdd: Array) -> None:
-    """Give the pelvis the acceleration a, the soles keeping theirs: qdd_leg -= J^-1 (a, 0)."""
-    qdd[0], qdd[1], qdd[2] = a
+    """Add the acceleration a of the pelvis, the soles keeping theirs: qdd_leg -= J^-1 (a, 0)."""
+    for i in range(3):
+        qdd[i] += a[i]
     for leg in range(2):
         for i in range(6):
             qdd[LEG_DOF[leg] + i] -= dot(vector_at(inverses.velocity, leg, i), a)
@@ -224,14 +228,19 @@ def whole_body_torque(
     sole = left if task.stance == 0 else right
     force = com_force(phys, k, task, sole, climb, gains)
     rows = com_compliance(phys, k, inverses)
+    axis = forward_axis(phys, k, FOOT_BODY[task.stance])
     missing = subtract(force, add(vector_in(phys.bias, k, 0), turning_momentum(phys, k, qdd)))
-    accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
-    write_generalised_force(phys, k, qdd, total)
-    write_wrench(phys, k, sole, total, wrench)
+    for _ in range(2):  # once more where the CoP shall stay at the edge
+        accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
+        write_generalised_force(phys, k, qdd, total)
+        write_wrench(phys, k, sole, total, wrench)
+        more = full_sole_force(wrench, axis, task.cop, task.missing, phys.com[k, 0, 2] - sole[2], bounds)
+        if more[0] == 0.0 and more[1] == 0.0:
+            break
+        missing = more[0], more[1], 0.0
     for i in range(NU):
         torque[i] = total[BASE + i]
     subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
-    axis = forward_axis(phys, k, FOOT_BODY[task.stance])
     write_torque_range(phys, k, bounds.motors, bounds.torque_range)
     if within_bounds(wrench, torque, axis, bounds):
         return 0

@@ -176,13 +176,12 @@ def height(record: Recorder) -> Any:
 
 
 def bounds(record: Recorder) -> Any:
-    """What was asked of the CoM and what the bounds left of it."""
+    """What the plan has for the CoM and what the body does."""
     figure = new_figure(WIDTH, 4.2)
     rows, s, time = figure.subplots(3, 1, sharex=True, height_ratios=[1.3, 1, 1]), record.series, record.time
-    rows[0].plot(time, s["of_plan"], color=GREY, lw=1.0, label="of the plan: ω² (x - p)")
-    rows[0].plot(time, s["asked"], color=BLUE, lw=2.4, label="asked: with what the leg adds")
-    rows[0].plot(time, s["given"], "--", color=COM_COLOUR, label="kept within the bounds")
-    rows[0].set(ylabel="CoM'' forward\n[m/s²]", ylim=(-2.6, 1.25 * s["asked"].max()))
+    rows[0].plot(time, s["of_plan"], color=BLUE, lw=2.4, label="of the plan: ω² (x - p)")
+    rows[0].plot(time, s["given"], "--", color=COM_COLOUR, label="with what the body adds, within the bounds")
+    rows[0].set(ylabel="CoM'' forward\n[m/s²]", ylim=(-2.6, 1.25 * s["given"].max()))
     rows[0].legend(loc="upper right")
     rows[1].plot(time, s["planned_cop"], color=BLUE, lw=2.4, label="planned")
     rows[1].plot(time, s["cop"], "--", color=COP_COLOUR, label="of the contact wrench")
@@ -247,15 +246,15 @@ def report_push(record: Recorder) -> None:
     k = np.argmax(s["swing"] * after)
     swing, length, duration = s["swing"][k], s["length"][k], s["duration"][k]
     print(f"swing sole: at most {swing:.0f} m/s^2, in a step of {length:.2f} m in {duration:.3f} s, "
-          f"which moves the CMP by {BIPED_GAIT.leg_momentum * swing:.2f} m")  # fmt: skip
-    added = np.abs(s["asked"] - s["of_plan"])[after].max()
-    print(f"the leg adds at most {added:.1f} m/s^2, {added / BIPED.omega**2:.2f} m of CMP")
+          f"which moves the CMP by {leg_momentum()[0] * swing:.2f} m")  # fmt: skip
+    added = (s["given"] - s["of_plan"])[after].max()
+    print(f"the body adds at most {added:.1f} m/s^2, {added / BIPED.omega**2:.2f} m of CMP")
     for end in (0.5, AFTER):
         share = s["at_bound"][after & (record.time < end)].mean()
         print(f"at a bound in {100 * share:.0f} % of the first {end} s")
     for start in (0.0, 0.2, 0.3, 0.5, 0.6):
-        short = np.abs(s["asked"] - s["given"])[after & (record.time >= start)]
-        print(f"CoM'' asked less given from {start} s on: at most {short.max():.2f} m/s^2")
+        short = (s["of_plan"] - s["given"])[after & (record.time >= start)]
+        print(f"CoM'' planned less given from {start} s on: at most {short.max():.2f} m/s^2")
 
 
 def main() -> None:

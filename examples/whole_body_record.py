@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 from push_recovery.controllers.config import PRESETS
 from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_gait import full_cop
 from push_recovery.envs.biped_kinematics import base_angular_velocity, sole_motion, sole_position
 from push_recovery.envs.biped_settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
 from push_recovery.envs.limit_record import LIMITS
@@ -73,11 +72,10 @@ class Recorder:
         stance, plan, wrench = now[0], gait.plan[0], gait.wrench[0]
         swing = before[3][6] if before[0] == stance else 0.0  # a new swing foot rests
         lever = before[1][0] - before[2][stance, 0] - s.cmp_gain * plan[5]
-        full = full_cop(plan[3], BIPED_BOUNDS.cop_x_max, swing, s.leg_momentum)
         lengths = np.linalg.norm(phys.xanchor[0, HIPS] - phys.xanchor[0, ANKLES], axis=1)
         self.rows.append({
             "time": gait.time[0], "elapsed": gait.elapsed[0], "length": plan[0], "duration": plan[2],
-            "of_plan": s.omega**2 * (lever - plan[3]), "asked": s.omega**2 * (lever - full),
+            "of_plan": s.omega**2 * (lever - plan[3]),
             "given": wrench[0] / s.mass, "cop": -wrench[4] / wrench[2], "planned_cop": plan[3],
             "waist": phys.ctrl[0, 0], "swing": abs(swing), "height_asked": gait.height[0, 0],
             "height": now[1][2] - soles[stance, 2], "stance_leg": lengths[stance],

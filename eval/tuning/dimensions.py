@@ -89,7 +89,6 @@ ROBOT = (
     _gait("height_drop", 0.0, 0.25, 0.02),
     _gait("height_lead", 0.0, 0.1, 0.01),  # [s]
     _gait("height_time", 0.02, 0.2, 0.01),
-    _gait("leg_momentum", 0.0, 0.01, 0.0005),  # [s^2]
     _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
     _gain("swing_max", 120.0), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
     _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),

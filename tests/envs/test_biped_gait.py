@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.envs.biped_env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped_gait import GaitSettings, accept, full_cop, has_landed, reach_height, touch_down
+from push_recovery.envs.biped_gait import GaitSettings, accept, has_landed, reach_height, touch_down
 from push_recovery.envs.biped_kinematics import PELVIS, TRUNK, sole_position
 from push_recovery.envs.biped_model import PHYSICS_DT
 from push_recovery.envs.push import GaitEvent, Push
@@ -132,17 +132,3 @@ def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
         heights.append(height)
     assert np.all(np.diff(heights) <= 0)
     assert heights[-1] == pytest.approx(s.com_height - s.height_drop)
-
-
-def test_a_cop_at_the_edge_keeps_what_the_leg_adds():
-    edge, c, a = 0.07, 0.003, 20.0
-    assert full_cop(-edge, edge, a, c) == pytest.approx(-edge - c * a)  # the leg helps
-    assert full_cop(edge, edge, a, c) == edge  # it does not
-    assert full_cop(0.0, edge, a, c) == full_cop(0.0, edge, -a, c) == 0.0  # no CoP is planned
-    assert full_cop(-0.5 * edge, edge, a, c) == pytest.approx(-0.5 * (edge + c * a))
-    assert full_cop(-2.0 * edge, edge, a, c) == pytest.approx(-2.0 * edge - c * a)
-
-
-@pytest.mark.parametrize(("cop", "a"), [(0.06, -15.0), (-0.03, 25.0), (0.2, -40.0), (0.05, 30.0)])
-def test_the_full_cop_has_no_side(cop, a):
-    assert full_cop(-cop, 0.07, -a, 0.003) == -full_cop(cop, 0.07, a, 0.003)
