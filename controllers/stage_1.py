@@ -161,6 +161,16 @@ def _hold(obs, c, low, high, row):  # pragma: no cover
 
 
 @njit(cache=True)
+def _reopen(obs, c, low, high, nominal, row):  # pragma: no cover
+    """Under a push, plan a held step anew; True if the new one takes long enough not to be held at once."""
+    _adapt(obs, c, low, high, nominal, row)
+    if row[2] - obs[_T0] >= c[8] + 0.5 * c[17]:
+        return True
+    _hold(obs, c, low, high, row)
+    return False
+
+
+@njit(cache=True)
 def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
     """Plan of one observation (36,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
     carry = c[12] if math.hypot(obs[_PUSH], obs[_PUSH + 1]) >= c[15] else 0.0
@@ -176,6 +186,8 @@ def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
         row[0], row[1], row[2], row[7], row[8] = nominal[0], nominal[1], nominal[2], nominal[3], nominal[4]
     elif not held:
         _adapt(obs, c, low, high, nominal, row)
+    elif carry > 0.0:
+        held = not _reopen(obs, c, low, high, nominal, row)
     row[17] = 1.0 if held else 0.0
     row[16] = max(row[2] - obs[_T0], 0.0) + c[9]
     for axis in range(2):

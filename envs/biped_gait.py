@@ -82,9 +82,11 @@ def side_sign(stance: int) -> float:
 def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, previous: Array) -> None:
     """Take over the asked gait (7,) of one robot, and its action (7,) as the previous one.
 
-    A swing foot about to land is committed: place and time of the step stay, whoever asks for others.
+    A swing foot about to land is committed: place and time of the step stay, unless the asked step is far
+    enough from landing for the foot to go elsewhere.
     """
-    first = 3 if gait.plan[k, 2] - gait.elapsed[k] < s.commit else 0
+    landing = max(gait.plan[k, 2], asked[2]) - gait.elapsed[k]
+    first = 3 if landing < s.commit else 0
     for i in range(first, asked.shape[0]):
         gait.plan[k, i] = asked[i]
         previous[i] = action[i]

@@ -248,6 +248,20 @@ def test_the_step_lasts_as_long_as_the_swing_foot_needs():
     assert 20 < waited < 180
 
 
+def test_a_push_reopens_a_step_that_is_about_to_land():
+    """A push to the swing side shortly before landing: the foot goes farther out and lands later."""
+    config = PlannerConfig(freeze=0.03, push_carry=0.02, push_threshold=0.1, swing_acceleration=160.0)
+    policy, obs = TwoStagePolicy(config=config), np.zeros(36)
+    obs[PREVIOUS_ACTION] = LIMITS.to_action(np.array([0.0, 0.2, 0.4, 0.0, 0.0, 0.0, 0.0]))
+    obs[ELAPSED], obs[DCM], obs[SWING_POSITION] = 0.38, (0.0, 0.3), (0.0, 0.2, 0.01)
+    assert policy.plan(obs).held
+    obs[PUSH_ESTIMATE] = 0.0, 0.15
+    plan = policy.plan(obs)
+    assert not plan.held
+    assert plan.step[1] > 0.3
+    assert plan.duration >= 0.38 + config.freeze
+
+
 @pytest.mark.parametrize("name", ["stage-1+cop", "stage-1+momentum", "two-stage"])
 def test_the_whole_plan_is_held_shortly_before_landing(name):
     """From T - freeze on an arm repeats its action, except where only the upright law moves the trunk."""
@@ -257,7 +271,7 @@ def test_the_whole_plan_is_held_shortly_before_landing(name):
     previous = rng.uniform(-0.9, 0.9, (50, 7))
     previous[:, 3:5] *= policy.config.use_cop
     previous[:, 5:7] *= policy.config.use_trunk
-    observations[:, PREVIOUS_ACTION] = previous
+    observations[:, PREVIOUS_ACTION], observations[:, PUSH_ESTIMATE] = previous, 0.0
     durations = LIMITS.from_action(previous)[:, 2]
     kept = 7 if policy.config.use_trunk else 5
     for before, holds in ((0.9, True), (1.1, False)):

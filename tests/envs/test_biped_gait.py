@@ -103,6 +103,15 @@ def test_place_and_time_of_a_step_are_final_shortly_before_it_ends(biped_core, b
     np.testing.assert_array_equal(previous, np.where(np.arange(7) < held, 0.0, action))
 
 
+def test_a_final_step_gives_way_to_one_that_is_far_from_landing(biped_core, begin):
+    core = biped_core()
+    plan = begin(core, 0, Scenario("a"))
+    core.gait.elapsed[0] = plan[2] - 0.5 * SETTINGS.commit
+    asked = plan + np.array([0.0, 0.2, 0.6 * SETTINGS.commit, 0.0, 0.0, 0.0, 0.0])
+    accept(core.gait, 0, SETTINGS, asked, np.zeros(7), np.zeros(7))
+    np.testing.assert_array_equal(core.gait.plan[0], asked)
+
+
 @pytest.mark.parametrize("stance", [0, 1])
 def test_touchdown_exchanges_the_feet_and_mirrors_the_plan(random_state, robot_in, stance):
     core, _ = robot_in(*random_state(np.random.default_rng(0)), stance)
