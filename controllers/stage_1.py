@@ -147,27 +147,20 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
 
 
 @njit(cache=True)
+def _is_ending(obs, c, low, high):  # pragma: no cover
+    """Whether too little of the previous action's step remains to plan it anew."""
+    return c[8] > 0.0 and unscaled(obs[_T1], low[2], high[2]) - obs[_T0] < c[8]
+
+
+@njit(cache=True)
 def _hold(obs, c, low, high, row):  # pragma: no cover
-    """Take place and time from the previous action; True where too little of the step remains."""
+    """Take place and time from the previous action."""
     duration = unscaled(obs[_T1], low[2], high[2])
-    if c[8] <= 0.0 or duration - obs[_T0] >= c[8]:
-        return False
     growth = math.exp(c[0] * (max(duration, obs[_T0]) + c[9] - obs[_T0]))
     for i in range(3):
         row[i] = unscaled(obs[_PREVIOUS + i], low[i], high[i])
     for axis in range(2):
         row[7 + axis] = (row[18 + axis] - row[20 + axis]) * growth - row[axis]
-    return True
-
-
-@njit(cache=True)
-def _reopen(obs, c, low, high, nominal, row):  # pragma: no cover
-    """Under a push, plan a held step anew; True if the new one takes long enough not to be held at once."""
-    _adapt(obs, c, low, high, nominal, row)
-    if row[2] - obs[_T0] >= c[8] + 0.5 * c[17]:
-        return True
-    _hold(obs, c, low, high, row)
-    return False
 
 
 @njit(cache=True)
@@ -181,13 +174,15 @@ def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
         row[3 + axis] = share * obs[_SWING + axis] if shift > 0.0 else 0.0
     nominal = row[9:14]
     nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal, c[16])
-    held = adapt and _hold(obs, c, low, high, row)
+    held = adapt and _is_ending(obs, c, low, high)
     if not adapt:
         row[0], row[1], row[2], row[7], row[8] = nominal[0], nominal[1], nominal[2], nominal[3], nominal[4]
-    elif not held:
+    elif not held or carry > 0.0:
         _adapt(obs, c, low, high, nominal, row)
-    elif carry > 0.0:
-        held = not _reopen(obs, c, low, high, nominal, row)
+        # a push reopens an ending step for one that will not be held at once
+        held = held and row[2] - obs[_T0] < c[8] + 0.5 * c[17]
+    if held:
+        _hold(obs, c, low, high, row)
     row[17] = 1.0 if held else 0.0
     row[16] = max(row[2] - obs[_T0], 0.0) + c[9]
     for axis in range(2):

@@ -59,7 +59,7 @@ class GaitSettings(NamedTuple):
     mass: float  # [kg]
     apex: float = 0.0674  # height of the swing sole in mid-step [m]
     landing_delay: float = 0.018  # the swing sole aims at the floor this long after T [s]
-    commit: float = 0.0316  # place and time of the step are final from T - this [s]
+    commit: float = 0.0316  # from T - this place and time stay, but for a step that ends later still [s]
     early: float = 0.00739  # contact counts as touchdown from T - this [s]
     early_load: float = 14.0  # with this load [N]
     forced_load: float = 64.7  # or with this load, late in the step
