@@ -23,7 +23,7 @@ from .files import write_text
 
 LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
-SEED = 20180609
+SEED, HARD_SEED = 20180609, 20181121
 VERSION = "1"
 
 
@@ -167,12 +167,11 @@ def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.floa
     return points.reshape(-1, factors)
 
 
-def _scenario(index: int, u: NDArray[np.float64]) -> Scenario:
+def _scenario(name: str, ranges: PushDistribution, index: int, u: NDArray[np.float64]) -> Scenario:
     """Scenario of one stratified point: direction, impulse, phase, command speed, kind and sides.
 
     Values are rounded far below what matters so that the content does not hang on a platform's libm.
     """
-    ranges = PushDistribution()
     psi = (2 * u[0] - 1) * math.pi
     force = (ranges.impulse_min + u[1] * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
     category = int(u[4] * LEVELS)  # 4 kinds of command x side of the push x first stance side
@@ -180,7 +179,7 @@ def _scenario(index: int, u: NDArray[np.float64]) -> Scenario:
     signed = 2 * u[3] - 1
     speed = abs(signed) if COMMAND_KINDS[category & 3] == "sideways" else u[3]
     return Scenario(
-        id=f"standard-{index:04d}",
+        id=f"{name}-{index:04d}",
         pushes=(
             Push(
                 (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0),
@@ -194,11 +193,16 @@ def _scenario(index: int, u: NDArray[np.float64]) -> Scenario:
     )
 
 
+def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
+    """1024 pushes from `ranges`, one each, in four blocks of 256."""
+    points = stratified_uniforms(blocks=4, factors=5, seed=seed)
+    return Suite(name, VERSION, tuple(_scenario(name, ranges, i, u) for i, u in enumerate(points)))
+
+
 @cache
 def standard_suite() -> Suite:
-    """1024 pushes of 5-80 N s, 0.1 s at the pelvis, after four nominal steps, in four blocks of 256."""
-    points = stratified_uniforms(blocks=4, factors=5, seed=SEED)
-    return Suite("standard", VERSION, tuple(_scenario(i, u) for i, u in enumerate(points)))
+    """1024 pushes of 5-80 N s, 0.1 s at the pelvis, after four nominal steps."""
+    return _stratified_suite("standard", PushDistribution(), SEED)
 
 
 @cache
@@ -207,7 +211,17 @@ def quick_suite() -> Suite:
     return Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])
 
 
-SUITES: dict[str, Callable[[], Suite]] = {"quick": quick_suite, "standard": standard_suite}
+@cache
+def hard_suite() -> Suite:
+    """Like `standard`, but 80-200 N s: pushes that tell strong controllers apart."""
+    return _stratified_suite("hard", PushDistribution(impulse_min=80.0, impulse_max=200.0), HARD_SEED)
+
+
+SUITES: dict[str, Callable[[], Suite]] = {
+    "quick": quick_suite,
+    "standard": standard_suite,
+    "hard": hard_suite,
+}
 
 
 def get_suite(name_or_file: str) -> Suite:

@@ -11,6 +11,7 @@ from push_recovery.eval.suites import (
     Suite,
     get_suite,
     gf16_multiply,
+    hard_suite,
     load_suite,
     orthogonal_array,
     quick_suite,
@@ -21,12 +22,14 @@ from push_recovery.eval.suites import (
 
 QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
 STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
+HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
 
 
 def test_content_hash_is_that_of_version_1():
     assert quick_suite().sha256 == QUICK_SHA256
     assert standard_suite().sha256 == STANDARD_SHA256
-    assert quick_suite().version == standard_suite().version == "1"
+    assert hard_suite().sha256 == HARD_SHA256
+    assert quick_suite().version == standard_suite().version == hard_suite().version == "1"
 
 
 def test_quick_is_the_head_of_standard():
@@ -59,8 +62,10 @@ def test_stratified_points_fill_every_interval():
             assert len({tuple(cell) for cell in (block[:, [i, j]] * 16).astype(int)}) == 256
 
 
-@pytest.mark.parametrize("name", ["quick", "standard"])
-def test_suite_covers_the_issue(name):
+@pytest.mark.parametrize(
+    ("name", "least", "most"), [("quick", 5, 80), ("standard", 5, 80), ("hard", 80, 200)]
+)
+def test_suite_covers_its_ranges_evenly(name, least, most):
     scenarios = get_suite(name).scenarios
     pushes = [s.pushes[0] for s in scenarios]
     assert all(
@@ -68,9 +73,9 @@ def test_suite_covers_the_issue(name):
         for s, p in zip(scenarios, pushes, strict=True)
     )
     impulse = np.array([p.impulse_magnitude for p in pushes])
-    assert 5.0 - 1e-3 <= impulse.min() < 5.5
-    assert 79.5 < impulse.max() <= 80.0 + 1e-3
-    counts = np.histogram(impulse, bins=16, range=(5, 80))[0]
+    assert least - 1e-3 <= impulse.min() < least + 0.5
+    assert most - 0.5 < impulse.max() <= most + 1e-3
+    counts = np.histogram(impulse, bins=16, range=(least, most))[0]
     assert np.ptp(counts) <= 2
     sectors = np.histogram([p.direction for p in pushes], bins=16, range=(-math.pi, math.pi))[0]
     assert np.ptp(sectors) <= 2

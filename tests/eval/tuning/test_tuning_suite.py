@@ -5,13 +5,23 @@ import pytest
 from push_recovery.controllers.capturability import max_recoverable_force
 from push_recovery.controllers.robot import RobotModel
 from push_recovery.envs.model_errors import ModelErrors
-from push_recovery.eval.suites import standard_suite
+from push_recovery.eval.suites import hard_suite, standard_suite
 from push_recovery.eval.tuning.suite import HELD_OUT, MOST, SHARE, TUNING, tuning_suite
 
-SUITES = {"standard": standard_suite(), **{name: tuning_suite(name, MOST) for name in (TUNING, HELD_OUT)}}
+SUITES = {
+    "standard": standard_suite(),
+    "hard": hard_suite(),
+    **{name: tuning_suite(name, MOST) for name in (TUNING, HELD_OUT)},
+}
 
 
-@pytest.mark.parametrize(("a", "b"), [(TUNING, "standard"), (HELD_OUT, "standard"), (TUNING, HELD_OUT)])
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        *((tuned, scored) for tuned in (TUNING, HELD_OUT) for scored in ("standard", "hard")),
+        (TUNING, HELD_OUT),
+    ],
+)
 def test_suites_are_disjoint(a, b):
     """No scenario of one is in the other, whatever its name: ids, pushes and noise differ."""
     for part in (lambda s: s.id, lambda s: s.pushes, lambda s: s.noise_seed):
