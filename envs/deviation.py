@@ -10,14 +10,13 @@ from typing import NamedTuple
 from numba import njit
 from numba.np.numpy_support import carray
 
-from .biped_kinematics import LEG_DOF, LEG_JOINT, NU, NV, PELVIS, WAIST_DOF, Array, Heading, Physics
+from .biped_kinematics import LEG_DOF, LEG_JOINT, NU, NV, PELVIS, WAIST_DOF, Array, Physics
 from .leg_motion import LegInverses
 from .mass_matrix import BASE, CHAIN, ROW, linear_entry
 from .stack_array import stack_floats
 from .vector_3 import Vector, add, cross, subtract, to_world, vector_at
 
-# com forward, to the left, up; pelvis x, y, z; swing sole linear, angular; waist pitch, roll
-TASKS = 14
+TASKS = 14  # com x, y, z; pelvis x, y, z; swing sole linear, angular; waist pitch, roll
 PELVIS_TASK, SWING_TASK, WAIST_TASK = 3, 6, 12
 
 
@@ -53,14 +52,12 @@ def write_rates(phys: Physics, k: int, legs: Legs, X: Array) -> None:
 
 
 @njit(cache=True, forceinline=True)
-def accelerate_pelvis_for_tasks(phys: Physics, k: int, legs: Legs, axis: Heading, X: Array) -> None:
+def accelerate_pelvis_for_tasks(phys: Physics, k: int, legs: Legs, X: Array) -> None:
     """Give every column of X (20, 14) the acceleration of the pelvis that the CoM's task asks for."""
     force = carray(stack_floats(42), (3, TASKS))  # on the CoM, what the column lacks of it
     force[:] = 0.0
-    mass = phys.mass_matrix[k, 0]
-    force[0, 0], force[1, 0] = mass * axis[0], mass * axis[1]
-    force[0, 1], force[1, 1] = -mass * axis[1], mass * axis[0]
-    force[2, 2] = mass
+    for i in range(3):
+        force[i, i] = phys.mass_matrix[k, 0]
     for j in range(3, NV):
         entry = linear_entry(phys, k, j)
         for c in range(TASKS):
@@ -98,13 +95,11 @@ def mass_times(phys: Physics, k: int, X: Array, out: Array) -> None:
 
 
 @njit(cache=True)
-def write_deviation_maps(
-    phys: Physics, k: int, legs: Legs, forward: Heading, wrench: Array, torque: Array
-) -> None:
+def write_deviation_maps(phys: Physics, k: int, legs: Legs, wrench: Array, torque: Array) -> None:
     """Write W_d (6, 14) and T_d (14, 14): how wrench and torque follow a deviation from the tasks."""
     X, total = carray(stack_floats(280), (NV, TASKS)), carray(stack_floats(280), (NV, TASKS))
     write_rates(phys, k, legs, X)
-    accelerate_pelvis_for_tasks(phys, k, legs, forward, X)
+    accelerate_pelvis_for_tasks(phys, k, legs, X)
     mass_times(phys, k, X, total)
     sole = legs.left if legs.stance == 0 else legs.right
     arm = subtract(vector_at(phys.xpos, k, PELVIS), sole)

@@ -1,8 +1,7 @@
 """The least deviation from the whole-body tasks that keeps torques, CoP, friction and yaw moment in bounds.
 
 The exact solution of the tasks, (wrench w, torque tau), changes linearly with a deviation d (14,) from them:
-CoM acceleration forward, to the left, up (along the stance foot); turning of the pelvis x, y, z; swing sole
-linear and angular; waist pitch and roll,
+CoM acceleration x, y, z; turning of the pelvis x, y, z; swing sole linear and angular; waist pitch and roll,
 
     w(d) = w + W_d d,   tau(d) = tau + T_d d,     min  d' Q d   s.t.  tau in its range,  CoP in the sole,
                                                      |(f_x, f_y)| <= mu f_z,  |M_z about the CoP| <= nu f_z.
@@ -45,15 +44,13 @@ class BoundSettings(NamedTuple):
     yaw_friction: float = 0.0206  # bound of |M_z| / f_z about the CoP [m]
     friction: float = 0.806  # bound of |(f_x, f_y)| / f_z, until the foot has slipped with less
     force_min: float = 33.6  # lowest vertical force [N]
-    com_price: float = 1.0  # of (1 m/s^2)^2, forward
-    com_lateral_price: float = 3.5  # of (1 m/s^2)^2, to the side
+    com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
     height_price: float = 0.2  # of (1 m/s^2)^2
     pelvis_price: float = 0.0164  # of (1 rad/s^2)^2, pitch and roll
     heading_price: float = 0.00571  # of (1 rad/s^2)^2
     swing_price: float = 0.129  # of (1 m/s^2)^2
     swing_turn_price: float = 0.000974  # of (1 rad/s^2)^2
-    waist_pitch_price: float = 0.02  # of (1 rad/s^2)^2
-    waist_roll_price: float = 0.032  # of (1 rad/s^2)^2
+    waist_price: float = 0.02  # of (1 rad/s^2)^2
     row_price: float = 1e4  # of a bound passed by one unit of its row
 
 
@@ -75,10 +72,9 @@ class Bounds(NamedTuple):
 def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:
     """Bounds for one thread of control, and the owner of the solver's memory, to be kept as long."""
     price = np.repeat(
-        [settings.com_price, settings.com_lateral_price, settings.height_price, settings.pelvis_price,
-         settings.heading_price, settings.swing_price, settings.swing_turn_price, settings.waist_pitch_price,
-         settings.waist_roll_price],
-        [1, 1, 1, 2, 1, 3, 3, 1, 1],
+        [settings.com_price, settings.height_price, settings.pelvis_price, settings.heading_price,
+         settings.swing_price, settings.swing_turn_price, settings.waist_price],
+        [2, 1, 2, 1, 3, 3, 2],
     )  # fmt: skip
     problem = LeastDistance(np.ones((ROWS, TASKS)), np.full(ROWS, settings.row_price))
     bounds = Bounds(
@@ -211,7 +207,7 @@ def keep_bounds(
     Returns the bits of `limit_record` that they are at the bounds of.
     """
     Wd, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
-    write_deviation_maps(phys, k, legs, axis, Wd, Td)
+    write_deviation_maps(phys, k, legs, Wd, Td)
     write_problem(Wd, Td, axis, bounds, wrench, torque)
     cop = clipped_cop_in_world(wrench, axis, bounds.settings)
     if solve_least_distance(bounds.handle) <= 0:

@@ -98,9 +98,8 @@ ROBOT = (
     Dimension("bounds", "yaw_friction", 0.01, 0.06, 0.003),
     Dimension("bounds", "friction", 0.5, 0.9, 0.03),
     Dimension("bounds", "force_min", 10.0, 300.0, 1.3, "log"),  # [N]
-    _price("com_lateral_price"), _price("height_price"), _price("pelvis_price"), _price("heading_price"),
-    _price("swing_price"), _price("swing_turn_price"), _price("waist_pitch_price"),
-    _price("waist_roll_price"),
+    _price("height_price"), _price("pelvis_price"), _price("heading_price"), _price("swing_price"),
+    _price("swing_turn_price"), _price("waist_price"),
 )  # fmt: skip
 
 

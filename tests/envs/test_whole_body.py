@@ -8,7 +8,6 @@ import pytest
 from push_recovery.controllers.robot import GRAVITY
 from push_recovery.envs.biped_env import BIPED
 from push_recovery.envs.biped_kinematics import (
-    FOOT_BODY,
     NU,
     NV,
     PELVIS,
@@ -27,7 +26,6 @@ from push_recovery.envs.whole_body import (
     Gains,
     Task,
     base_angular_acceleration,
-    forward_axis,
     stance_acceleration,
     swing_acceleration,
     whole_body_torque,
@@ -107,8 +105,6 @@ def dense_solution(core, data, task: Task, deviation: np.ndarray) -> tuple[np.nd
     """Wrench (6,) and torque (14,), M qdd + h = S' tau + J_s' w, of the tasks + `deviation` (14,)."""
     A, b = task_equations(core, data, task)
     b[:TASKS] += deviation
-    x, y = forward_axis(core.physics, 0, FOOT_BODY[task.stance])
-    b[:2] += np.array([[x, -y], [y, x]]) @ deviation[:2] - deviation[:2]  # of the CoM along the foot
     M = np.zeros((NV, NV))
     mujoco.mj_fullM(MODEL, data, M)
     total = M @ np.linalg.solve(A, b) + data.qfrc_bias
