@@ -25,6 +25,7 @@ LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
 SEED, HARD_SEED = 20180609, 20181121
 VERSION = "1"
+ForceOf = Callable[[float, float, str], float]  # [N], of a share in [0, 1], psi and the stance side
 
 
 @dataclass(frozen=True)
@@ -167,36 +168,40 @@ def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.floa
     return points.reshape(-1, factors)
 
 
-def _scenario(name: str, ranges: PushDistribution, index: int, u: NDArray[np.float64]) -> Scenario:
-    """Scenario of one stratified point: direction, impulse, phase, command speed, kind and sides.
+def stratified_scenario(
+    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
+) -> Scenario:
+    """Scenario of one stratified point: direction, force, phase, command speed, kind and sides.
 
     Values are rounded far below what matters so that the content does not hang on a platform's libm.
     """
-    psi = (2 * u[0] - 1) * math.pi
-    force = (ranges.impulse_min + u[1] * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
     category = int(u[4] * LEVELS)  # 4 kinds of command x side of the push x first stance side
-    event_side = "left" if category & 4 else "right"
+    side = "left" if category & 4 else "right"
+    psi = (2 * u[0] - 1) * math.pi
+    force = force_of(u[1], psi, side)
+    vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+    event = GaitEvent(ranges.first_step, side, round(u[2] * ranges.phase_max, 4))
     signed = 2 * u[3] - 1
     speed = abs(signed) if COMMAND_KINDS[category & 3] == "sideways" else u[3]
     return Scenario(
-        id=f"{name}-{index:04d}",
-        pushes=(
-            Push(
-                (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0),
-                ranges.push_duration,
-                GaitEvent(ranges.first_step, event_side, round(u[2] * ranges.phase_max, 4)),
-            ),
-        ),
+        id=scenario_id,
+        pushes=(Push(vector, ranges.push_duration, event),),
         command=ranges.command(category & 3, round(speed, 4), bool(signed > 0)),
         stance_side="left" if category & 8 else "right",
-        noise_seed=index,
+        settle_time=ranges.settle_time,
+        noise_seed=noise_seed,
     )
 
 
 def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     """1024 pushes from `ranges`, one each, in four blocks of 256."""
+
+    def force_of(share: float, _psi: float, _side: str) -> float:
+        return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
+
     points = stratified_uniforms(blocks=4, factors=5, seed=seed)
-    return Suite(name, VERSION, tuple(_scenario(name, ranges, i, u) for i, u in enumerate(points)))
+    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force_of, u, i) for i, u in enumerate(points))
+    return Suite(name, VERSION, tuple(drawn))
 
 
 @cache
