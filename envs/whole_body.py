@@ -230,10 +230,12 @@ def whole_body_torque(
     rows = com_compliance(phys, k, inverses)
     axis = forward_axis(phys, k, FOOT_BODY[task.stance])
     missing = subtract(force, add(vector_in(phys.bias, k, 0), turning_momentum(phys, k, qdd)))
-    for _ in range(2):  # once more where the CoP shall stay at the edge
+    for turn in range(2):  # once more where the CoP shall stay at the edge
         accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
         write_generalised_force(phys, k, qdd, total)
         write_wrench(phys, k, sole, total, wrench)
+        if turn == 1:
+            break
         more = full_sole_force(wrench, axis, task.cop, task.missing, phys.com[k, 0, 2] - sole[2], bounds)
         if more[0] == 0.0 and more[1] == 0.0:
             break

@@ -86,10 +86,8 @@ def test_what_a_braking_leg_adds_brakes_the_com(biped_core, begin):
 
 
 def test_it_does_not_ask_for_more_friction_than_it_counts_on():
-    wrench, (bounds, _memory) = (
-        np.array([-200.0, 0.0, 600.0, 0.0, 30.0, 0.0]),
-        make_bounds(SETTINGS._replace(friction=0.5), np.full((2, NU), 1e9)),
-    )
+    wrench = np.array([-200.0, 0.0, 600.0, 0.0, 30.0, 0.0])
+    bounds, _memory = make_bounds(SETTINGS._replace(friction=0.5), np.full((2, NU), 1e9))
     fx, fy = full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)
     assert (wrench[0] + fx, fy) == pytest.approx((-SHARE_OF_GRIP * 0.5 * 600.0, 0.0))
     bounds.grip[0] = 0.4
