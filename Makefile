@@ -17,7 +17,7 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	touch $@ $(VENV)/run.stamp
 
 # numba's disk cache does not notice a changed callee in another file: start it anew when a source has changed
-$(VENV)/kernels.stamp: $(VENV)/run.stamp $(wildcard controllers/*.py envs/*.py)
+$(VENV)/kernels.stamp: $(VENV)/run.stamp $(shell find controllers envs -name '*.py')
 	$(MAKE) --no-print-directory clean-cache
 	$(BIN)/push-recovery bench --seconds 1 --json > /dev/null
 	touch $@

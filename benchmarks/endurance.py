@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_env import BipedEpisodes
-from push_recovery.envs.push import BODIES, Push, polar_push
-from push_recovery.envs.scenario import Command, CommandChange, Scenario
-from push_recovery.eval.frontier import FrontierSettings, frontier
-from push_recovery.eval.outcome import Outcome
-from push_recovery.eval.rollout_batch import rollout_batch
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.push import BODIES, Push, polar_push
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
+from push_recovery.eval.frontier.scan import FrontierSettings, frontier
+from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.eval.rollout.outcome import Outcome
 
 COMMAND_EVERY, PUSH_EVERY = 5.0, 3.0  # [s]
 PHASE = 0.6  # a push comes up to this much later: longer than a step [s]

@@ -12,11 +12,11 @@ import json
 from pathlib import Path
 
 import gymnasium as gym
-from push_recovery.controllers.network_policy import NetworkPolicy
-from push_recovery.envs.scenario import Scenario
-from push_recovery.eval.rollout_batch import rollout_all
-from push_recovery.eval.suites import get_suite
-from push_recovery.eval.workers import SLOTS
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.rollout.batch import rollout_all
+from push_recovery.eval.rollout.workers import SLOTS
+from push_recovery.eval.score.suites import get_suite
 from push_recovery.training.builders import make_env, make_plain_env
 from push_recovery.training.settings import TrainingSettings
 from stable_baselines3 import PPO

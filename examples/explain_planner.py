@@ -9,24 +9,30 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Ellipse, Rectangle
-from push_recovery.controllers.capturability import (
+from push_recovery.controllers.model.capturability import (
     max_recoverable_force,
     recoverable_offset,
     step_start_dcm,
 )
-from push_recovery.controllers.config import PRESETS
-from push_recovery.controllers.cop_planner import CopPlanner
-from push_recovery.controllers.cop_planner_problem import explicit_problem
-from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.nominal_gait import nominal_gait
-from push_recovery.controllers.qp import solve_qp
-from push_recovery.controllers.robot import GRAVITY, RobotModel
-from push_recovery.controllers.stage_1 import stopping_debt, swing_time
-from push_recovery.controllers.step_planner import StepPlan, StepProblem, solve_step
-from push_recovery.envs.biped_model import biped_model
-from push_recovery.envs.biped_settings import BIPED, BIPED_GAIT, BIPED_LIMITS
-from push_recovery.eval.reproduction import style
-from push_recovery.eval.reproduction.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.robot import GRAVITY, RobotModel
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.solvers.general_qp import solve_qp
+from push_recovery.controllers.stage_1.planner import stopping_debt, swing_time
+from push_recovery.controllers.stage_1.step_problem import StepPlan, StepProblem, solve_step
+from push_recovery.controllers.stage_2.dense import explicit_problem
+from push_recovery.controllers.stage_2.planner import CopPlanner
+from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.settings import BIPED, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.eval.reproduction.figures import style
+from push_recovery.eval.reproduction.figures.style import (
+    COM_COLOUR,
+    COP_COLOUR,
+    DCM_COLOUR,
+    WIDTH,
+    new_figure,
+)
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)

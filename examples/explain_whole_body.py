@@ -12,15 +12,15 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from push_recovery.controllers.config import PRESETS
-from push_recovery.controllers.nominal_gait import nominal_gait
-from push_recovery.envs.biped_model import biped_model
-from push_recovery.envs.biped_scene import set_posture
-from push_recovery.envs.biped_settings import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
-from push_recovery.envs.canvas import Canvas
-from push_recovery.envs.leg_kinematics import SHANK, THIGH
-from push_recovery.envs.motors import driving_share, motor_limits
-from push_recovery.eval.reproduction.style import (
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.whole_body.motors import driving_share
+from push_recovery.envs.biped.leg_kinematics import SHANK, THIGH
+from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.biped.scene import set_posture
+from push_recovery.envs.biped.settings import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.envs.physics.offscreen import Canvas
+from push_recovery.eval.reproduction.figures.style import (
     COM_COLOUR,
     COP_COLOUR,
     PUSH_COLOUR,

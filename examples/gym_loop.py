@@ -1,9 +1,9 @@
 """Push the biped to the left with 300 N for 0.1 s and let the two-stage planner answer."""
 
 import gymnasium as gym
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.push import GaitEvent, Push
-from push_recovery.envs.scenario import Scenario
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Scenario
 
 env = gym.make("push_recovery:PushRecovery/Biped-v0")
 biped = env.unwrapped

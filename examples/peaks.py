@@ -2,10 +2,10 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_model import biped_model
-from push_recovery.envs.scenario import Command, Scenario
-from push_recovery.eval.suites import quick_suite
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.score.suites import quick_suite
 
 env = gym.make("push_recovery:PushRecovery/Biped-v0")
 biped, model = env.unwrapped, biped_model()

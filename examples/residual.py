@@ -2,9 +2,9 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.residual import ResidualAction
-from push_recovery.envs.scenario import PushDistribution
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.envs.scenario.scenario import PushDistribution
 
 env = gym.make("push_recovery:PushRecovery/Biped-v0")
 biped = env.unwrapped

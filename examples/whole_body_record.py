@@ -7,15 +7,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.config import PRESETS
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.biped_kinematics import base_angular_velocity, sole_motion, sole_position
-from push_recovery.envs.biped_settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
-from push_recovery.envs.limit_record import LIMITS
-from push_recovery.envs.push import GaitEvent, Push
-from push_recovery.envs.scenario import Command, Scenario
-from push_recovery.envs.whole_body import Task, whole_body_torque
-from push_recovery.envs.wrench_bounds import centre_of_pressure, make_bounds
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
+from push_recovery.controllers.whole_body.bounds_met import LIMITS
+from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
+from push_recovery.controllers.whole_body.kinematics import base_angular_velocity, sole_motion, sole_position
+from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
 
 START = GaitEvent(4, "left")  # of the pushes
 KNEES = [5, 11]  # motors of the knees, in the order of the model

@@ -24,19 +24,20 @@ from dataclasses import fields
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.controllers.config import PlannerConfig
 from push_recovery.controllers.errors import (
     InvalidValueError,
     MissingExtraError,
     PushRecoveryError,
     UnknownNameError,
 )
-from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.mlp import Mlp, Normalisation
-from push_recovery.controllers.network_policy import NetworkPolicy, PolicyDescription
-from push_recovery.controllers.policy_file import write_atomically
-from push_recovery.controllers.robot import RobotModel, natural_frequency
-from push_recovery.eval.suites import Suite, quick_suite
+from push_recovery.controllers.files import write_atomically
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel, natural_frequency
+from push_recovery.controllers.policies.description import PolicyDescription
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.eval.score.suites import Suite, quick_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
@@ -136,7 +137,7 @@ def test_an_unknown_name_gets_the_nearest_and_all_valid_ones():
 
 
 def test_a_film_without_imageio_names_the_extra(monkeypatch, tmp_path):
-    from push_recovery.eval.play import play
+    from push_recovery.eval.cli.play import play
 
     monkeypatch.setitem(sys.modules, "imageio.v2", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[view\]'"):

@@ -1,4 +1,4 @@
-"""What the pages and scripts say holds: the README's code, the quick examples, the map of the files."""
+"""What the pages and scripts say holds: the README's code and the quick examples."""
 
 import re
 import subprocess
@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("controllers", "envs", "eval", "training")
 
 
 def run(*arguments):
@@ -17,19 +16,6 @@ def run(*arguments):
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def section(package):
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    return re.split(rf"^## {package}/", text, flags=re.M)[1].split("\n## ")[0]
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_the_map_names_every_file_and_no_other(package):
-    present = [p.name for p in (ROOT / package).rglob("*.py") if p.name != "__init__.py"]
-    rows = "\n".join(line.split("|")[1] for line in section(package).splitlines() if line.startswith("| `"))
-    named = re.findall(r"`([a-z0-9_]+\.py)`", rows)
-    assert sorted(named) == sorted(present)
 
 
 PAGES = sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").rglob("*.md"))

@@ -1,23 +1,50 @@
 import ast
+import importlib
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
-import push_recovery.controllers
-import push_recovery.envs
-import push_recovery.eval
-import push_recovery.training
 import pytest
 
-import push_recovery
-
-ORDER = ("controllers", "envs", "eval", "training")
-FOLDERS = {
-    "controllers": Path(push_recovery.controllers.__path__[0]),
-    "envs": Path(push_recovery.envs.__path__[0]),
-    "eval": Path(push_recovery.eval.__path__[0]),
-    "training": Path(push_recovery.training.__path__[0]),
-}
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("controllers", "envs", "eval", "training")
+FOLDERS = {name: Path(importlib.import_module(f"push_recovery.{name}").__path__[0]) for name in PACKAGES}
+# A room imports from rooms before it only: the flow of the data, read from its source.
+ROOMS = (
+    "controllers",  # errors, files, validation
+    "controllers.compiled",
+    "controllers.solvers",
+    "controllers.model",
+    "controllers.settings",
+    "controllers.stage_1",
+    "controllers.stage_2",
+    "controllers.policies",
+    "controllers.whole_body",
+    "controllers.estimation",
+    "envs",
+    "envs.scenario",
+    "envs.physics",
+    "envs.episode",
+    "envs.pendulum",
+    "envs.biped",
+    "envs.residual",
+    "eval",
+    "eval.output",
+    "eval.rollout",
+    "eval.score",
+    "eval.frontier",
+    "eval.bench",
+    "eval.tuning",
+    "eval.reproduction",  # jobs and their tables
+    "eval.reproduction.pendulum",
+    "eval.reproduction.figures",
+    "eval.reproduction.sections",
+    "eval.reproduction.report",
+    "eval.cli",
+    "training",
+)
+MODULES_IN_A_ROOM = 12
 FORBIDDEN = {
     "controllers": {"gymnasium", "mujoco", "torch", "stable_baselines3", "matplotlib", "rich"},
     "envs": {"torch", "stable_baselines3", "rich"},
@@ -26,9 +53,13 @@ FORBIDDEN = {
 }
 
 
+def room_of(path: Path, package: str, folder: Path) -> str:
+    return ".".join([package, *path.relative_to(folder).parent.parts])
+
+
 def imports(path: Path, package: str, folder: Path) -> set[str]:
-    """Top-level names imported anywhere in a file; parts of this project as 'push_recovery.PART'."""
-    inside = ["push_recovery", package, *path.relative_to(folder).parent.parts]
+    """Names imported anywhere in a file: those of this project in full, of others the top level."""
+    inside = ["push_recovery", *room_of(path, package, folder).split(".")]
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -40,28 +71,66 @@ def imports(path: Path, package: str, folder: Path) -> set[str]:
         else:
             continue
         for name in names:
-            parts = name.split(".")
-            found.add(".".join(parts[:2]) if parts[0] == "push_recovery" else parts[0])
+            found.add(name if name.startswith("push_recovery") else name.split(".")[0])
     return found
 
 
-@pytest.mark.parametrize("package", ORDER)
-def test_imports_point_one_way(package):
-    later = {f"push_recovery.{name}" for name in ORDER[ORDER.index(package) + 1 :]}
-    folder = FOLDERS[package]
-    files = sorted(folder.rglob("*.py"))
-    assert files
-    for path in files:
-        found = imports(path, package, folder)
-        assert not found & later, f"{path.name} imports {found & later}"
+def rooms(names: set[str]) -> set[str]:
+    """The rooms that imported names of this project lie in."""
+    inside = {name.removeprefix("push_recovery.") for name in names if name.startswith("push_recovery.")}
+    return {max((room for room in ROOMS if f"{name}.".startswith(f"{room}.")), key=len) for name in inside}
+
+
+def files_of(package: str) -> list[Path]:
+    return sorted(FOLDERS[package].rglob("*.py"))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_room_imports_from_rooms_before_it(package):
+    for path in files_of(package):
+        found = imports(path, package, FOLDERS[package])
+        room = room_of(path, package, FOLDERS[package])
+        later = {other for other in rooms(found) if ROOMS.index(other) > ROOMS.index(room)}
+        assert not later, f"{room}/{path.name} imports from {later}"
         assert not found & FORBIDDEN[package], f"{path.name} imports {found & FORBIDDEN[package]}"
         assert "push_recovery" not in found, f"{path.name} imports the root instead of its parts"
 
 
+@pytest.mark.parametrize("room", ROOMS)
+def test_the_files_of_a_room_import_in_no_circle(room):
+    package = room.split(".")[0]
+    files = [path for path in files_of(package) if room_of(path, package, FOLDERS[package]) == room]
+    prefix = f"push_recovery.{room}."
+    waits = {}
+    for path in files:
+        inside = [name.removeprefix(prefix) for name in imports(path, package, FOLDERS[package])
+                  if name.startswith(prefix)]  # fmt: skip
+        waits[path.stem] = {name.split(".")[0] for name in inside} & {other.stem for other in files}
+    while free := {name for name, others in waits.items() if not others & waits.keys()}:
+        waits = {name: others for name, others in waits.items() if name not in free}
+    assert not waits
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_room_is_listed_packaged_and_small(package):
+    folder = FOLDERS[package]
+    found = {room_of(path, package, folder) for path in files_of(package)}
+    assert found == {room for room in ROOMS if room.split(".")[0] == package} | found & {"envs.assets"}
+    packaged = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    assert {f"push_recovery.{room}" for room in found} <= set(packaged)
+    for room in found:
+        names = [path for path in files_of(package)
+                 if room_of(path, package, folder) == room and path.name != "__init__.py"]  # fmt: skip
+        assert len(names) <= MODULES_IN_A_ROOM, f"{room} has {len(names)} modules"
+
+
 def test_the_check_sees_relative_imports(tmp_path):
-    path = tmp_path / "module.py"
-    path.write_text("def f():\n    from ..training.ppo import x\nfrom . import y\nimport torch.nn\n")
-    assert imports(path, "eval", tmp_path) == {"push_recovery.training", "push_recovery.eval", "torch"}
+    path = tmp_path / "score" / "module.py"
+    path.parent.mkdir()
+    path.write_text("def f():\n    from ...training.ppo import x\nfrom . import y\nimport torch.nn\n")
+    found = imports(path, "eval", tmp_path)
+    assert found == {"push_recovery.training.ppo.x", "push_recovery.eval.score.y", "torch"}
+    assert rooms(found) == {"training", "eval.score"}
 
 
 def run(code: str) -> str:

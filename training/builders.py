@@ -12,15 +12,15 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.residual_gate import ResidualGate, make_gate
-from ..envs.action_hold import ActionHold
-from ..envs.gait_vector_env import GaitVectorEnv
-from ..envs.residual import ResidualAction
-from ..envs.residual_vector import ResidualVectorEnv
-from ..eval import loading
-from ..eval.action_rule import action_rule
-from ..eval.rollout_batch import batch_episodes
-from ..eval.workers import default_workers
+from ..controllers.policies.residual_gate import ResidualGate, make_gate
+from ..envs.episode.vector_env import GaitVectorEnv
+from ..envs.residual.action_hold import ActionHold
+from ..envs.residual.vector_env import ResidualVectorEnv
+from ..envs.residual.wrapper import ResidualAction
+from ..eval.rollout import by_name as loading
+from ..eval.rollout.batch import batch_episodes
+from ..eval.rollout.workers import default_workers
+from ..eval.rollout.wrapped_action import action_rule
 from .gated_ppo import GatedPPO, GateNormalize
 from .sb3_vec_env import SB3VecEnv
 from .settings import TrainingSettings

@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.policy_file import write_atomically
+from ..controllers.files import write_atomically
 from .settings import TrainingSettings
 
 KEEP = 2

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.residual_action import DEFAULT_FACTOR, default_residual_scale
-from ..eval.progress import Bars, progress_bars
+from ..controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
+from ..eval.output.progress import Bars, progress_bars
 from .extras import require_training
 from .settings import TrainingSettings
 

@@ -11,11 +11,11 @@ import gymnasium as gym
 import numpy as np
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.network_policy import Policy
-from ..controllers.policy_file import write_atomically
-from ..envs.scenario import PushDistribution, Scenario
-from ..eval.rollout_batch import rollout_all
-from ..eval.workers import SLOTS
+from ..controllers.files import write_atomically
+from ..controllers.policies.interface import Policy
+from ..envs.scenario.scenario import PushDistribution, Scenario
+from ..eval.rollout.batch import rollout_all
+from ..eval.rollout.workers import SLOTS
 
 # Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.
 SCENARIO_ENTROPY = 20_260_417

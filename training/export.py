@@ -10,8 +10,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
-from ..controllers.mlp import Mlp, Normalisation
-from ..controllers.network_policy import NetworkPolicy, PolicyDescription, ResidualBase
+from ..controllers.policies.description import PolicyDescription, ResidualBase
+from ..controllers.policies.mlp import Mlp, Normalisation
+from ..controllers.policies.network import NetworkPolicy
 from .builders import find_residual
 from .settings import TrainingSettings
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from ..controllers.residual_gate import ResidualGate
+from ..controllers.policies.residual_gate import ResidualGate
 from .gated_rollout import Array, Streams
 
 Mask = NDArray[np.bool_]

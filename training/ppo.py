@@ -14,8 +14,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.network_policy import NetworkPolicy
-from ..controllers.policy_file import write_atomically
+from ..controllers.files import write_atomically
+from ..controllers.policies.network import NetworkPolicy
 from .builders import make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
-from ..controllers.residual_action import check_residual_scale
-from ..controllers.residual_gate import check_gate
-from ..envs.scenario import PushDistribution
+from ..controllers.policies.residual import check_residual_scale
+from ..controllers.policies.residual_gate import check_gate
+from ..envs.scenario.scenario import PushDistribution
 
 KINDS = ("residual", "scratch")
 # A residual run wraps the gait environment itself, so that the policy also scores on the plain one.

@@ -10,15 +10,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..files import RowFile
-from ..loading import code_digest
-from ..progress import progress_bars
-from ..workers import Runner, parallel
+from ..output.progress import progress_bars
+from ..output.rows import RowFile
+from ..rollout.by_name import code_digest
+from ..rollout.workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
-NO_NUMBERS = (
-    "figure_", "animation", "style", "claims", "page", "tables", "run", "command",
-)  # how files begin that decide no row  # fmt: skip
+SOURCES = (
+    "frontier/scan.py", "reproduction/jobs.py", "reproduction/pendulum/*.py", "reproduction/sections/*.py",
+)  # of what decides a row  # fmt: skip
 
 Row = dict[str, Any]
 Rows = Mapping[str, Row]  # by key of the job
@@ -57,8 +57,7 @@ def reproduction_digest() -> str:
     """SHA-256 over all source that decides a number here."""
     digest = hashlib.sha256(code_digest().encode())
     root = Path(importlib.import_module("...eval", __package__).__path__[0])
-    files = [*root.glob("pendulum_*.py"), *root.glob("reproduction/*.py"), root / "frontier.py"]
-    for path in sorted(path for path in files if not path.name.startswith(NO_NUMBERS)):
+    for path in sorted(path for pattern in SOURCES for path in root.glob(pattern)):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..tables import markdown_table
+from ..output.tables import markdown_table
 
 
 class Table(NamedTuple):

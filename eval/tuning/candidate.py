@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from ...controllers.preset_file import PresetFile, load_preset
-from ...envs.biped_settings import SECTIONS, BipedSettings
+from ...controllers.settings.presets import PresetFile, load_preset
+from ...envs.biped.settings import SECTIONS, BipedSettings
 from .dimensions import ROBOT, planner_dimensions
 from .settings import TuningSettings
 from .space import Space, make_space, select

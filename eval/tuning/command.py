@@ -7,9 +7,9 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from ...envs.model_errors import ModelErrors
-from ..progress import progress_bars
-from ..tables import print_table
+from ...envs.scenario.model_errors import ModelErrors
+from ..output.progress import progress_bars
+from ..output.tables import print_table
 from .candidate import space_of
 from .settings import TuningSettings
 from .study import Study, tune

@@ -6,9 +6,9 @@ implies (freeze, which is the gait machine's commit), hardware, numerical consta
 
 from __future__ import annotations
 
-from ...controllers.config import PlannerConfig
 from ...controllers.errors import UnknownNameError
-from ...controllers.policies import POLICY_NAMES, TwoStagePolicy, make_policy
+from ...controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from ...controllers.settings.planner_config import PlannerConfig
 from .space import Dimension
 
 UNTUNED = ("passive", "stage-1-paper", "two-stage-paper", "random")  # nothing of theirs is free

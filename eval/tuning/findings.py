@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..statistics import PairedCounts
+from ..output.statistics import PairedCounts
 from .scorer import RECOVERED
 from .trials import START, Row, best_of
 

@@ -12,14 +12,14 @@ from pathlib import Path
 from types import TracebackType
 
 from ...controllers.errors import UnknownNameError
-from ...controllers.policies import TwoStagePolicy, make_policy
-from ...envs.biped_env import BipedEpisodes
-from ...envs.gait_episodes import GaitEpisodes
-from ...envs.pendulum_env import PendulumEpisodes
-from ...envs.scenario import Scenario
-from ..outcome import Outcome
-from ..rollout_batch import rollout_batch
-from ..workers import SLOTS, THREAD_VARIABLES
+from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
+from ...envs.biped.env import BipedEpisodes
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.pendulum.env import PendulumEpisodes
+from ...envs.scenario.scenario import Scenario
+from ..rollout.batch import rollout_batch
+from ..rollout.outcome import Outcome
+from ..rollout.workers import SLOTS, THREAD_VARIABLES
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
 TUNED_ENVS = (BIPED, PENDULUM)

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...envs.checks import require_integer
-from ...envs.model_errors import EXACT_MODEL, ModelErrors
+from ...controllers.validation import require_integer
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from .dimensions import planner_dimensions
 from .scorer import BIPED, check_env
 from .suite import MOST

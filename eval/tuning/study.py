@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.preset_file import PresetFile, load_preset
-from ..files import RowFile, default_directory
-from ..loading import code_digest
-from ..suites import Suite
+from ...controllers.settings.presets import PresetFile, load_preset
+from ..output.rows import RowFile, default_directory
+from ..rollout.by_name import code_digest
+from ..score.suites import Suite
 from .candidate import preset_of, space_of
 from .findings import findings
 from .scorer import Scorer

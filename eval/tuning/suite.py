@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from ...controllers.capturability import max_recoverable_force
-from ...controllers.robot import RobotModel
-from ...envs.model_errors import EXACT_MODEL, ModelErrors
-from ...envs.scenario import PushDistribution
-from ..suites import BLOCK, Suite, stratified_scenario, stratified_uniforms
+from ...controllers.model.capturability import max_recoverable_force
+from ...controllers.model.robot import RobotModel
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.scenario import PushDistribution
+from ..score.suites import BLOCK, Suite, stratified_scenario, stratified_uniforms
 
 VERSION = "1"
 TUNING, HELD_OUT = "tuning", "tuning-held-out"

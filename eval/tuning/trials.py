@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ..files import RowFile
-from ..suites import Suite
+from ..output.rows import RowFile
+from ..score.suites import Suite
 from .candidate import preset_of
 from .racing import estimate, race
 from .scorer import Scorer

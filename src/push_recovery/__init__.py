@@ -6,16 +6,16 @@ __version__ = "0.1.0"
 
 register(
     id="PushRecovery/Pendulum-v0",
-    entry_point="push_recovery.envs.pendulum_env:PendulumEnv",
-    vector_entry_point="push_recovery.envs.pendulum_env:make_pendulum_vector",
+    entry_point="push_recovery.envs.pendulum.env:PendulumEnv",
+    vector_entry_point="push_recovery.envs.pendulum.env:make_pendulum_vector",
 )
 register(
     id="PushRecovery/Biped-v0",
-    entry_point="push_recovery.envs.biped_env:BipedEnv",
-    vector_entry_point="push_recovery.envs.biped_env:make_biped_vector",
+    entry_point="push_recovery.envs.biped.env:BipedEnv",
+    vector_entry_point="push_recovery.envs.biped.env:make_biped_vector",
 )
 register(
     id="PushRecovery/BipedResidual-v0",
-    entry_point="push_recovery.envs.residual:make_biped_residual",
-    vector_entry_point="push_recovery.envs.residual_vector:make_biped_residual_vector",
+    entry_point="push_recovery.envs.residual.wrapper:make_biped_residual",
+    vector_entry_point="push_recovery.envs.residual.vector_env:make_biped_residual_vector",
 )

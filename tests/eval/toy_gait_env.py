@@ -2,13 +2,14 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.mlp import Mlp, Normalisation
-from push_recovery.controllers.network_policy import NetworkPolicy, PolicyDescription
-from push_recovery.controllers.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
-from push_recovery.controllers.robot import RobotModel
-from push_recovery.envs.push import mean_force, push_arrays, resolve_starts
-from push_recovery.envs.scenario import PushDistribution
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.description import PolicyDescription
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.envs.scenario.push import mean_force, push_arrays, resolve_starts
+from push_recovery.envs.scenario.scenario import PushDistribution
 
 STEP = 0.65
 ENV_ID = "toy_gait_env:PushRecovery/Toy-v0"

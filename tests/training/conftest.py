@@ -3,8 +3,8 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.robot import RobotModel
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
 
 TOY = "PushRecoveryTest/Toy-v0"
 

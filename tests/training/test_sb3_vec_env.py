@@ -2,7 +2,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Scenario
 
 pytest.importorskip("stable_baselines3")
 from push_recovery.training.sb3_vec_env import SB3VecEnv

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from push_recovery.controllers.limits import GaitLimits
-from push_recovery.controllers.network_policy import NetworkPolicy
-from push_recovery.controllers.residual_action import DEFAULT_FACTOR, default_residual_scale
-from push_recovery.envs.scenario import PushDistribution
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
+from push_recovery.envs.scenario.scenario import PushDistribution
 from push_recovery.training import command, extras
 from push_recovery.training.settings import TrainingSettings
 
@@ -70,7 +70,7 @@ def test_a_missing_extra_names_the_command_that_installs_it(monkeypatch, missing
 
 
 def test_the_help_tells_the_defaults_of_the_settings(capsys):
-    from push_recovery.eval.cli import main, make_parser
+    from push_recovery.eval.cli.main import main, make_parser
 
     assert main(["train", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.split())

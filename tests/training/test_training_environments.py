@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
-from push_recovery.controllers.network_policy import NetworkPolicy
-from push_recovery.controllers.policies import make_policy
-from push_recovery.envs.action_hold import ActionHold
-from push_recovery.envs.residual import ResidualAction
-from push_recovery.envs.scenario import Scenario
-from push_recovery.eval.loading import load_policy
-from push_recovery.eval.rollout import rollout
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.residual.action_hold import ActionHold
+from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.rollout.by_name import load_policy
+from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.builders import make_env, make_ppo, make_robots, make_vec_env
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train

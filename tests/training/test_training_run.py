@@ -5,8 +5,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.network_policy import NetworkPolicy
-from push_recovery.eval.rollout import rollout
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
 from push_recovery.training.curve import curve_scenarios, read_curve
 from push_recovery.training.ppo import Run, resume, train
@@ -193,7 +193,7 @@ def test_an_untrained_network_gives_zero(tmp_path, settings):
 
 
 def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, settings):
-    from push_recovery.controllers.policies import make_policy
+    from push_recovery.controllers.policies.two_stage import make_policy
 
     result = train(dataclasses.replace(settings, kind="residual", timesteps=0, hold=2), tmp_path / "run")
     env = gym.make(settings.env_id)

@@ -2,13 +2,14 @@ from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.config import PRESETS, PlannerConfig
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies import TwoStagePolicy, make_policy
-from push_recovery.envs.biped_settings import SECTIONS, BipedSettings
-from push_recovery.envs.pendulum_env import PendulumEpisodes
-from push_recovery.envs.push import GaitEvent, polar_push
-from push_recovery.envs.scenario import Command, Scenario
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.envs.biped.settings import SECTIONS, BipedSettings
+from push_recovery.envs.pendulum.env import PendulumEpisodes
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.tuning.dimensions import ARMS, ROBOT, TRUNK, UPRIGHT, planner_dimensions
 from push_recovery.eval.tuning.space import Dimension, Space, make_space, select
 

@@ -4,9 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.preset_file import load_preset
-from push_recovery.eval.cli import main
-from push_recovery.eval.rollout_batch import rollout_batch
+from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
 from push_recovery.eval.tuning.settings import TuningSettings
 from push_recovery.eval.tuning.study import tune

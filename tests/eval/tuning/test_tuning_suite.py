@@ -2,10 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.capturability import max_recoverable_force
-from push_recovery.controllers.robot import RobotModel
-from push_recovery.envs.model_errors import ModelErrors
-from push_recovery.eval.suites import hard_suite, standard_suite
+from push_recovery.controllers.model.capturability import max_recoverable_force
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.eval.score.suites import hard_suite, standard_suite
 from push_recovery.eval.tuning.suite import HELD_OUT, MOST, SHARE, TUNING, tuning_suite
 
 SUITES = {

@@ -1,0 +1,230 @@
+"""What a biped learns of itself and its floor while it walks: weight, a steady force on it, friction.
+
+All comes from what joint encoders, inertial sensor and force sensors in the feet tell, and from the forces
+that whole-body control itself expects. With the impulse J of the floor and the velocity v of the CoM over a
+planning period,
+
+    mass = sum J_z / sum (g dt + v_z - v_z,before)              sums that forget with MEMORY,
+
+over the model's mass, is the factor of its mass matrix and its bias, which is exact where every body is off
+by the same share. And where whole-body control expected the impulse J_w of the floor,
+
+    drift = (m (v - v_before) - J_w) / (m omega^2 dt)   [m]
+
+is where a CMP would have to lie, seen from the foot, to push like all that was not foreseen: a slope, a CoM
+that is elsewhere, torques that come late. Its mean over two steps, weighted with exp(-omega t) as the DCM at
+their ends weighs it, is taken off the point that the pendulum stands on: xi + drift moves on a slope as xi
+does on the level, so the planner is shown CoM and DCM moved by it.
+
+The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
+from one period to the next, in the median, tells its noise; a push that does not rise above it is not shown.
+
+While a sole slides, the horizontal share of the floor's force is the friction: whole-body control asks for no
+more from then on.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..compiled.vector_3 import subtract, vector_of
+from ..model.robot import GRAVITY
+from ..whole_body.gait_machine import Gait, GaitSettings, side_sign
+from ..whole_body.kinematics import Array, Physics, sole_position
+from ..whole_body.mass_matrix import com_velocity
+from .observe import Contacts, external_force
+
+MEMORY = 0.5  # of the mass [s]
+MASS_RANGE = (0.5, 2.0)  # of the factor
+MASS_KNOWN = 0.01  # a mass this near to the model's is left at the model's
+PUSH_MEANS = (0.05, 0.5)  # time constants of two running means of the external force [s]
+PUSHED = 0.04  # a step in which they differ by more teaches nothing [m]
+DRIFT_GAIN = 0.5  # share of the difference that is taken over at each touchdown
+DRIFT_CHANGE = 0.04  # largest difference [m]
+DRIFT_MAX = 0.1  # [m]
+DRIFT_KNOWN = 0.002  # a smaller one is left out [m]
+NOISE_RATE = 0.01  # change of the push estimate's noise in a period [m]
+NOISE_KNOWN = 0.03  # less counts as none [m]
+NOISE_SHARE = 2.0  # of the noise that a push must rise above
+
+STANDING = 0.03  # a sole that has stood for less may still slide from its landing [s]
+SLIDES = 0.3  # speed from which the stance sole slides [m/s]
+SLIDING = 3  # periods of sliding that tell the friction: one alone may be a blow
+GRIP_MIN = 0.4  # the least friction that is believed
+
+# Columns of `SelfModel.step`: 0-1 sum of the drift
+WEIGHT = 2  # sum of its weights
+LAST = 3  # mean drift of the last step, 2
+NUMBER = 5  # of the step
+QUIET = 6  # how many steps in a row were without a push
+PUSH = 7  # running means of the external force, 2 of each
+# Columns of `SelfModel.stood`
+SHARE = 3  # largest horizontal share of the floor's force while the sole has slid
+PERIODS = 4  # for how many periods it has
+
+
+class SelfModel(NamedTuple):
+    """What n robots have learned."""
+
+    mass: Array  # (n,) over the model's
+    weighed: Array  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
+    asked: Array  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
+    drift: Array  # (n, 2) in the heading frame [m]
+    step: Array  # (n, 11) of the step that goes on and the last one, columns see above
+    felt: Array  # (n, 3) push estimate of the last period, heading frame, and the median of its jumps [m]
+    grip: Array  # (n,) friction that whole-body control may count on
+    stood: Array  # (n, 5) place [m] and step of the stance sole at the last observation; SHARE, PERIODS
+
+
+def empty_self_model(n: int) -> SelfModel:
+    """Arrays of n robots."""
+    return SelfModel(
+        np.ones(n),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 11)),
+        np.zeros((n, 3)),
+        np.ones(n),
+        np.zeros((n, 5)),
+    )
+
+
+def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
+    """Let robot k begin anew with its model, which counts for MEMORY seconds of weighing."""
+    known.mass[k] = 1.0
+    known.weighed[k] = s.mass * GRAVITY * MEMORY
+    known.asked[k] = known.drift[k] = 0.0
+    known.step[k] = known.felt[k] = 0.0
+    known.step[k, QUIET] = 1.0  # the first step counts
+    known.grip[k] = friction
+    known.stood[k] = 0.0
+
+
+@njit(cache=True, forceinline=True)
+def scale_mass(known: SelfModel, k: int, phys: Physics) -> None:
+    """Give mass matrix and bias of robot k, just computed from its model, the mass that it has found."""
+    factor = known.mass[k]
+    if factor != 1.0:
+        for i in range(phys.mass_matrix.shape[1]):
+            phys.mass_matrix[k, i] *= factor
+        for i in range(phys.bias.shape[1]):
+            phys.bias[k, i] *= factor
+
+
+@njit(cache=True, forceinline=True)
+def count_asked(known: SelfModel, k: int, gait: Gait, dt: float) -> None:
+    """Add the force that whole-body control expects of the floor in the physics step to come."""
+    known.asked[k, 0] += dt * gait.wrench[k, 0]
+    known.asked[k, 1] += dt * gait.wrench[k, 1]
+
+
+@njit(cache=True)
+def weigh(known: SelfModel, k: int, s: GaitSettings, impulse: float, climb: float, span: float) -> None:
+    """Take a period's vertical impulse [N s] and change of the CoM's velocity [m/s] into the mass."""
+    keep = math.exp(-span / MEMORY)
+    known.weighed[k, 0] = keep * known.weighed[k, 0] + impulse
+    known.weighed[k, 1] = keep * known.weighed[k, 1] + s.mass * (GRAVITY * span + climb)
+    factor = min(max(known.weighed[k, 0] / max(known.weighed[k, 1], 1e-9), MASS_RANGE[0]), MASS_RANGE[1])
+    known.mass[k] = 1.0 if abs(factor - 1.0) < MASS_KNOWN else factor
+
+
+@njit(cache=True)
+def end_step(known: SelfModel, k: int) -> None:
+    """Take the mean over the step that is over, and the one before, into the drift."""
+    step, drift = known.step[k], known.drift[k]
+    if step[QUIET] > 0.0:
+        for axis in range(2):
+            mean = step[axis] / max(step[WEIGHT], 1e-9)
+            if step[QUIET] > 1.0:
+                change = 0.5 * (mean + step[LAST + axis]) - drift[axis]
+                drift[axis] += DRIFT_GAIN * min(max(change, -DRIFT_CHANGE), DRIFT_CHANGE)
+                drift[axis] = min(max(drift[axis], -DRIFT_MAX), DRIFT_MAX)
+            step[LAST + axis] = mean
+    step[QUIET] += 1.0
+    step[0] = step[1] = step[WEIGHT] = 0.0
+
+
+@njit(cache=True)
+def feel_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
+    """Take the friction from a period in which the stance sole has slid, if it is not the first or second."""
+    stood, (x, y, _) = known.stood[k], sole_position(phys, k, gait.stance[k])
+    slid = math.hypot(x - stood[0], y - stood[1]) > SLIDES * contacts.time[k]
+    stands = stood[2] == gait.steps[k] and gait.elapsed[k] > STANDING
+    impulse = contacts.impulse[k]
+    if stands and slid and impulse[2] > 0.0:
+        stood[SHARE] = max(stood[SHARE], math.hypot(impulse[0], impulse[1]) / impulse[2])
+        stood[PERIODS] += 1.0
+        if stood[PERIODS] >= SLIDING:
+            known.grip[k] = min(known.grip[k], max(stood[SHARE], GRIP_MIN))
+    else:
+        stood[SHARE] = stood[PERIODS] = 0.0
+    stood[0], stood[1], stood[2] = x, y, gait.steps[k]
+
+
+@njit(cache=True)
+def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts, s: GaitSettings) -> None:
+    """Take in the period since the last observation of robot k; to be called before it is observed."""
+    span = contacts.time[k]
+    if span <= 0.0:
+        return
+    feel_grip(known, k, phys, gait, contacts)
+    velocity = com_velocity(phys, k)
+    x, y, z = subtract(velocity, vector_of(contacts.velocity[k], 0))
+    step, mass = known.step[k], s.mass * known.mass[k]
+    if step[NUMBER] != gait.steps[k]:
+        end_step(known, k)
+        step[NUMBER] = gait.steps[k]
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    push_x, push_y = external_force(contacts, k, mass, s, velocity)
+    push_x, push_y = cos * push_x + sin * push_y, cos * push_y - sin * push_x
+    for i in range(2):
+        share = 1.0 - math.exp(-span / PUSH_MEANS[i])
+        step[PUSH + 2 * i] += share * (push_x - step[PUSH + 2 * i])
+        step[PUSH + 2 * i + 1] += share * (push_y - step[PUSH + 2 * i + 1])
+    if math.hypot(step[PUSH] - step[PUSH + 2], step[PUSH + 1] - step[PUSH + 3]) > PUSHED:
+        step[QUIET] = -1.0
+    scale = 1.0 / (mass * s.omega**2 * span)
+    x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
+    weight = span * math.exp(-s.omega * gait.elapsed[k])
+    step[0] += weight * (cos * x + sin * y)
+    step[1] += weight * (cos * y - sin * x)
+    step[WEIGHT] += weight
+    known.asked[k] = 0.0
+    weigh(known, k, s, contacts.impulse[k, 2], z, span)
+
+
+@njit(cache=True)
+def show_drift(known: SelfModel, k: int, sign: float, seen: Array) -> None:
+    """Move DCM and CoM (1-4) of an observation (36,) by the drift, and take that off its push (34-35)."""
+    if math.hypot(known.drift[k, 0], known.drift[k, 1]) < DRIFT_KNOWN:
+        return
+    for axis in range(2):
+        drift = known.drift[k, axis] * (sign if axis == 1 else 1.0)
+        seen[1 + axis] += drift
+        seen[3 + axis] += drift
+        seen[34 + axis] -= drift
+
+
+@njit(cache=True)
+def show_push(known: SelfModel, k: int, sign: float, span: float, seen: Array) -> None:
+    """Leave a push (34-35) that does not rise above its noise out of an observation (36,)."""
+    felt, x, y = known.felt[k], seen[34], sign * seen[35]
+    if span > 0.0:
+        jump = math.hypot(x - felt[0], y - felt[1])
+        felt[2] = max(felt[2] + (NOISE_RATE if jump > felt[2] else -NOISE_RATE), 0.0)
+        felt[0], felt[1] = x, y
+    if felt[2] > NOISE_KNOWN and math.hypot(x, y) < NOISE_SHARE * felt[2]:
+        seen[34] = seen[35] = 0.0
+
+
+@njit(cache=True)
+def show_known(known: SelfModel, k: int, gait: Gait, span: float, seen: Array) -> None:
+    """Make the observation (36,) of robot k, as sensors give it over `span` [s], the one to plan on."""
+    sign = side_sign(gait.stance[k])
+    show_drift(known, k, sign, seen)
+    show_push(known, k, sign, span, seen)

@@ -1,0 +1,120 @@
+"""The box of gait actions: the planner's constraint set and the environments' action space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidValueError, is_finite_number
+from .robot import RobotModel
+
+GAIT_SIZE = 7
+GAIT_NAMES = ("step_length", "step_width", "step_duration", "cop_x", "cop_y", "trunk_pitch_acceleration",
+              "trunk_roll_acceleration")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GaitLimits:
+    """Bounds of the seven gait variables in the canonical frame (paper, Tables I and II).
+
+    The canonical frame has its origin at the centre of the stance sole, x along the heading and y from the
+    stance foot towards the swing side, so that left and right stance are one problem. Trunk accelerations
+    are those of the lean angle towards +x and towards +y: positive moves the CMP the same way.
+    """
+
+    length_min: float = -0.5  # [m]
+    length_max: float = 0.5  # [m]
+    width_min: float = 0.1  # [m], outward from the stance foot: l_p - 0.1
+    width_max: float = 0.4  # [m]: l_p + 0.2
+    duration_min: float = 0.3  # [s]
+    duration_max: float = 1.0  # [s]
+    cop_x_max: float = 0.10  # [m], both ways: half the foot length
+    cop_y_max: float = 0.05  # [m], both ways: half the foot width
+    trunk_acceleration_max: float = 18.75  # [rad/s^2], both ways: tau_max / j
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if not is_finite_number(getattr(self, field.name)):
+                raise InvalidValueError(
+                    f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)!r}"
+                )
+        for name in ("length", "width", "duration"):
+            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
+            if not low < high:
+                raise InvalidValueError(
+                    f"GaitLimits.{name}_min must be below {name}_max, got {low} >= {high}"
+                )
+        if not self.duration_min > 0:
+            raise InvalidValueError(f"GaitLimits.duration_min must be positive [s], got {self.duration_min}")
+        for name in ("cop_x_max", "cop_y_max", "trunk_acceleration_max"):
+            if not getattr(self, name) > 0:
+                raise InvalidValueError(f"GaitLimits.{name} must be positive, got {getattr(self, name)}")
+
+    @classmethod
+    def of(cls, robot: RobotModel) -> GaitLimits:
+        """The paper's limits for a robot: Table I about l_p, CoP in the foot, torque over inertia."""
+        return cls(
+            width_min=robot.pelvis_width - 0.1,
+            width_max=robot.pelvis_width + 0.2,
+            cop_x_max=robot.foot_length / 2,
+            cop_y_max=robot.foot_width / 2,
+            trunk_acceleration_max=robot.trunk_torque_max / robot.trunk_inertia,
+        )
+
+    @cached_property
+    def low(self) -> NDArray[np.float64]:
+        """Lower bounds, (7,), in the units of GAIT_NAMES; read-only."""
+        return _frozen(
+            [self.length_min, self.width_min, self.duration_min, -self.cop_x_max, -self.cop_y_max,
+             -self.trunk_acceleration_max, -self.trunk_acceleration_max]
+        )  # fmt: skip
+
+    @cached_property
+    def high(self) -> NDArray[np.float64]:
+        """Upper bounds, (7,); read-only."""
+        return _frozen(
+            [self.length_max, self.width_max, self.duration_max, self.cop_x_max, self.cop_y_max,
+             self.trunk_acceleration_max, self.trunk_acceleration_max]
+        )  # fmt: skip
+
+    def to_action(self, gait: ArrayLike) -> NDArray[np.float32]:
+        """Gait variables (..., 7) -> actions in [-1, 1], clipped, float32."""
+        scaled = 2.0 * (np.asarray(gait, dtype=np.float64) - self.low) / (self.high - self.low) - 1.0
+        return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+
+    def from_action(self, action: ArrayLike) -> NDArray[np.float64]:
+        """Actions (..., 7) in [-1, 1], clipped -> gait variables."""
+        gait = np.array(action, dtype=np.float64, order="C")
+        if gait.shape[-1:] != (GAIT_SIZE,):
+            raise InvalidValueError(f"an action has {GAIT_SIZE} entries, got shape {gait.shape}")
+        _scale(gait.reshape(-1, GAIT_SIZE), self.low, self.high)
+        return gait
+
+
+@njit(cache=True)
+def unscaled(entry, low, high):  # pragma: no cover
+    """The gait variable in [low, high] of an action's entry in [-1, 1]."""
+    return low + 0.5 * (entry + 1.0) * (high - low)
+
+
+@njit(cache=True)
+def _scale(actions, low, high):  # pragma: no cover
+    """Put low + (action + 1) (high - low) / 2 in the place of actions (n, 7); NaN stays."""
+    for i in range(actions.shape[0]):
+        for j in range(actions.shape[1]):
+            clipped = actions[i, j]
+            if clipped < -1.0:
+                clipped = -1.0
+            elif clipped > 1.0:
+                clipped = 1.0
+            actions[i, j] = unscaled(clipped, low[j], high[j])
+
+
+def _frozen(values: list[float]) -> NDArray[np.float64]:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,120 @@
+"""Nominal gait of a commanded velocity, by the mid-range rule.
+
+The step period is the middle of the range that the step box leaves for the commanded velocity; the DCM offset
+is that of the two-step periodic gait of the linear inverted pendulum (Khadiv et al. 2016, section III):
+
+    L = v_x P,    W = l_p + v_y P,    P = T + touchdown_delay,    lambda = exp(omega P),
+    b_x = L / (lambda - 1),    b_y = v_y P / (lambda - 1) - l_p / (lambda + 1).
+
+With double support of d seconds (`double_support.py`) and c = kappa(0), the CoP's transfer changes it to
+
+    b_x = L (1 - lambda c) / (lambda - 1),
+    b_y = v_y P (1 - lambda c) / (lambda - 1) - l_p (1 + lambda c) / (lambda + 1).
+
+All of it is in the canonical frame: a velocity towards the swing side widens this step and narrows the next.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidValueError
+from .double_support import check_double_support, transfer_weight
+from .gait_box import GaitLimits
+from .robot import RobotModel
+
+
+@dataclass(frozen=True)
+class NominalGait:
+    """Step of the undisturbed gait, canonical frame."""
+
+    length: float  # L_nom [m]
+    width: float  # W_nom, outward [m]
+    duration: float  # T_nom [s]
+    offset_x: float  # b_x,nom [m]
+    offset_y: float  # b_y,nom [m]
+
+    @property
+    def offset(self) -> NDArray[np.float64]:
+        """DCM at touchdown less the foothold, (2,) [m]."""
+        return np.array([self.offset_x, self.offset_y])
+
+
+@njit(cache=True)
+def nominal_gait_kernel(
+    velocity_x, velocity_y, pelvis_width, low, high, omega, touchdown_delay, nominal, double_support=0.0
+):  # pragma: no cover
+    """Write (L, W, T, b_x, b_y) into `nominal` (5,); `low`, `high` start with the bounds of L, W, T.
+
+    A command too fast for the shortest step is followed as far as the step box goes.
+    """
+    period_max = high[2] + touchdown_delay
+    if velocity_x > 0.0:
+        period_max = min(period_max, high[0] / velocity_x)
+    elif velocity_x < 0.0:
+        period_max = min(period_max, low[0] / velocity_x)
+    if velocity_y != 0.0:
+        room = max(0.0, min(high[1] - pelvis_width, pelvis_width - low[1]))
+        period_max = min(period_max, room / abs(velocity_y))
+    duration = max(low[2], 0.5 * (low[2] + period_max - touchdown_delay))
+    period = duration + touchdown_delay
+    length = min(max(velocity_x * period, low[0]), high[0])
+    room = min(high[1] - pelvis_width, pelvis_width - low[1])
+    sway = min(max(velocity_y * period, -room), room)
+    growth = math.exp(omega * period)
+    nominal[0] = length
+    nominal[1] = pelvis_width + sway
+    nominal[2] = duration
+    nominal[3] = length / (growth - 1.0)
+    nominal[4] = sway / (growth - 1.0) - pelvis_width / (growth + 1.0)
+    if double_support > 0.0:
+        carried = growth * transfer_weight(0.0, double_support, omega)
+        nominal[3] *= 1.0 - carried
+        nominal[4] = sway * (1.0 - carried) / (growth - 1.0) - pelvis_width * (1.0 + carried) / (growth + 1.0)
+
+
+def nominal_gait(
+    robot: RobotModel,
+    limits: GaitLimits,
+    velocity: ArrayLike = (0.0, 0.0),
+    touchdown_delay: float = 0.0,
+    double_support: float = 0.0,
+) -> NominalGait:
+    """Nominal gait for a commanded velocity.
+
+    Args:
+        robot: physical constants.
+        limits: step box.
+        velocity: commanded (v_x, v_y) in the canonical frame, (2,) [m/s].
+        touchdown_delay: the new foot carries load this long after T [s].
+        double_support: both feet stand for this long from touchdown on [s].
+
+    Raises:
+        InvalidValueError: for a velocity that is not two finite numbers, a pelvis wider than the step box or
+            a double support longer than the shortest step.
+    """
+    command = np.asarray(velocity, dtype=np.float64)
+    if command.shape != (2,) or not np.isfinite(command).all():
+        raise InvalidValueError(f"velocity must be two finite numbers [m/s], got {velocity!r}")
+    check_pelvis(robot, limits)
+    check_double_support(double_support, limits)
+    out = np.empty(5)
+    nominal_gait_kernel(
+        command[0], command[1], robot.pelvis_width, limits.low, limits.high, robot.omega, touchdown_delay,
+        out, double_support,
+    )  # fmt: skip
+    return NominalGait(*(float(value) for value in out))
+
+
+def check_pelvis(robot: RobotModel, limits: GaitLimits) -> None:
+    """Raise unless the feet can stand l_p apart, which the in-place gait needs."""
+    if not limits.width_min <= robot.pelvis_width <= limits.width_max:
+        raise InvalidValueError(
+            f"pelvis_width must lie within the step width [{limits.width_min}, {limits.width_max}] m, "
+            f"got {robot.pelvis_width}"
+        )

@@ -1,0 +1,1 @@
+"""From observations to actions: the planner and its arms, learned policies, residuals."""

@@ -1,0 +1,106 @@
+"""A small tanh network: normalised observation -> hidden layers -> linear output, in float32.
+
+The sums run in one fixed order, so that a row's output has the same bits alone and in any batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """x = clip((observation - mean) / sqrt(variance + epsilon), -clip, clip), as float32."""
+
+    mean: NDArray[np.float64]  # (observations,)
+    variance: NDArray[np.float64]  # (observations,)
+    clip: float = 10.0
+    epsilon: float = 1e-8
+
+    def __post_init__(self) -> None:
+        if self.mean.ndim != 1 or self.mean.shape != self.variance.shape:
+            raise InvalidValueError(
+                f"observation mean {self.mean.shape} and variance {self.variance.shape} must be equal rows"
+            )
+        if not (np.all(np.isfinite(self.mean)) and np.all(np.isfinite(self.variance))):
+            raise InvalidValueError("observation mean and variance must be finite")
+        if np.any(self.variance < 0) or not (np.isfinite(self.epsilon) and self.epsilon > 0):
+            raise InvalidValueError("observation variance must be >= 0 and epsilon > 0")
+        if not (np.isfinite(self.clip) and self.clip > 0):
+            raise InvalidValueError(f"observation clip must be positive and finite, got {self.clip}")
+
+    def apply(self, observations: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Normalised observations, (..., observations) float32."""
+        scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
+        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Mlp:
+    """Layers y = W x + b, tanh between them and none after the last; W is (outputs, inputs) float32."""
+
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+    _columns: tuple[NDArray[np.float32], ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.weights or len(self.weights) != len(self.biases):
+            raise InvalidValueError(
+                f"a network needs as many biases as weights, got {len(self.weights)}, {len(self.biases)}"
+            )
+        size = self.weights[0].shape[-1]
+        for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
+                raise InvalidValueError(
+                    f"layer {i}: weight must be (outputs, {size}), bias (outputs,), got {weight.shape}, "
+                    f"{bias.shape}"
+                )
+            if not (np.all(np.isfinite(weight)) and np.all(np.isfinite(bias))):
+                raise InvalidValueError(f"layer {i}: every weight and bias must be finite")
+            size = weight.shape[0]
+        columns = tuple(np.ascontiguousarray(weight.T, dtype=np.float32) for weight in self.weights)
+        object.__setattr__(self, "_columns", columns)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Width of every layer, from the input to the output."""
+        return (self.weights[0].shape[1], *(weight.shape[0] for weight in self.weights))
+
+    def forward(self, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Outputs (n, outputs) of inputs (n, inputs)."""
+        layer = np.ascontiguousarray(inputs, dtype=np.float32)
+        last = len(self.weights) - 1
+        for i, (columns, bias) in enumerate(zip(self._columns, self.biases, strict=True)):
+            layer = _affine(layer, columns, bias)
+            if i < last:
+                _tanh(layer)
+        return layer
+
+
+@njit(cache=True)
+def _affine(inputs, columns, bias):  # pragma: no cover - compiled
+    """Inputs (n, i) @ columns (i, o) + bias (o,), summed over i in order."""
+    rows, size = inputs.shape
+    out = np.empty((rows, columns.shape[1]), dtype=np.float32)
+    for row in range(rows):
+        sums = out[row]
+        sums[:] = bias
+        for i in range(size):
+            x = inputs[row, i]
+            for j in range(sums.shape[0]):
+                sums[j] += x * columns[i, j]
+    return out
+
+
+@njit(cache=True)
+def _tanh(values):  # pragma: no cover - compiled
+    """Tanh in place."""
+    for row in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[row, j] = np.tanh(values[row, j])

@@ -1,0 +1,1 @@
+"""Weights and margins of the planner, and the presets that name them."""

@@ -1,0 +1,219 @@
+"""Least-distance problems solved by DAQP's C functions, callable from compiled loops.
+
+    min 0.5 |v|^2   s.t.   lower_i <= (M v)_i + s_i <= upper_i,   soft rows at the cost 0.5 w_i s_i^2
+
+The wheel of daqp exports its C functions; a problem owns one C workspace, set up once for its shape, and a
+compiled loop then only rewrites M and the bounds in place. The layout of the C structures is that of daqp
+0.11; `LeastDistance` checks it on set-up and refuses to go on where it does not hold.
+"""
+
+# The arguments of an intrinsic are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import weakref
+from ctypes import POINTER, Structure, byref, c_double, c_int, c_void_p
+from importlib.metadata import version
+
+import daqp
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from ..errors import PushRecoveryError
+
+SUPPORTED = "0.11."
+_SOFT = 8  # DAQP_SOFT
+_UPDATE = 2 | 8 | 16  # DAQP_UPDATE_M | DAQP_UPDATE_d | DAQP_UPDATE_sense
+_FUNCTIONS = (
+    "daqp_default_settings", "setup_daqp", "daqp_set_soft_weights", "daqp_update_ldp", "daqp_solve",
+    "free_daqp_workspace", "free_daqp_ldp",
+)  # fmt: skip
+PRIMAL_TOLERANCE = 1e-9  # of every row, in its own unit
+
+
+class _Problem(Structure):
+    _fields_ = [
+        *((name, c_int) for name in ("n", "m", "ms")),
+        *((name, c_void_p) for name in ("H", "f", "A", "bupper", "blower", "sense", "break_points")),
+        ("nh", c_int), ("problem_type", c_int),
+    ]  # fmt: skip
+
+
+class _Settings(Structure):
+    _fields_ = [
+        *((name, c_double) for name in ("primal_tol", "dual_tol", "zero_tol", "pivot_tol", "progress_tol")),
+        ("cycle_tol", c_int), ("iter_limit", c_int), ("fval_bound", c_double),
+        *((name, c_double) for name in ("eps_prox", "eta_prox", "rho_soft", "rel_subopt", "abs_subopt")),
+        *((name, c_double) for name in ("sing_tol", "refactor_tol", "time_limit", "w_soft")),
+        ("eq_reduction", c_int), ("presolve", c_int),
+    ]  # fmt: skip
+
+
+class _Workspace(Structure):
+    """The fields up to `settings`; the allocation below leaves ample room for the rest."""
+
+    _fields_ = [
+        ("qp", c_void_p), ("n", c_int), ("m", c_int), ("ms", c_int),
+        *((name, c_void_p) for name in ("M", "dupper", "dlower", "Rinv", "v", "sense", "scaling", "RinvD")),
+        *((name, c_void_p) for name in ("x", "xold", "lam", "lam_star", "u")), ("fval", c_double),
+        *((name, c_void_p) for name in ("L", "D", "xldl", "zldl")), ("reuse_ind", c_int),
+        ("WS", c_void_p), ("n_active", c_int), ("iterations", c_int), ("sing_ind", c_int),
+        ("prox_mask", c_void_p), ("n_prox", c_int), ("soft_slack", c_double), ("settings", c_void_p),
+    ]  # fmt: skip
+
+
+_WORKSPACE_BYTES = 4096  # the structure of daqp 0.11 takes 416
+
+
+class _Result(Structure):
+    _fields_ = [
+        ("x", c_void_p), ("lam", c_void_p), ("fval", c_double), ("soft_slack", c_double),
+        ("exitflag", c_int), ("iter", c_int), ("nodes", c_int),
+        ("solve_time", c_double), ("setup_time", c_double),
+    ]  # fmt: skip
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    found = version("daqp")
+    remedy = f"install it with: pip install 'daqp=={SUPPORTED}*'"
+    if not found.startswith(SUPPORTED):
+        raise PushRecoveryError(f"daqp {found} is installed, the planner needs {SUPPORTED}*; {remedy}")
+    library = ctypes.CDLL(daqp.__file__)
+    for name in _FUNCTIONS:
+        if not hasattr(library, name):
+            raise PushRecoveryError(f"the installed daqp does not export {name}; {remedy} from a wheel")
+    library.daqp_default_settings.argtypes = [POINTER(_Settings)]
+    library.setup_daqp.argtypes = [POINTER(_Problem), c_void_p, c_void_p]
+    library.daqp_set_soft_weights.argtypes = [c_void_p] * 5
+    library.free_daqp_workspace.argtypes = library.free_daqp_ldp.argtypes = [c_void_p]
+    return library
+
+
+def _address(name: str) -> int:
+    return ctypes.cast(getattr(_library(), name), c_void_p).value or 0
+
+
+class LeastDistance:
+    """One problem of fixed shape; `handle` is what `solve_least_distance` takes."""
+
+    def __init__(
+        self,
+        M: NDArray[np.float64],
+        soft_weight: NDArray[np.float64],
+        lower: NDArray[np.float64] | None = None,
+        upper: NDArray[np.float64] | None = None,
+        x: NDArray[np.float64] | None = None,
+    ):
+        """Set up a workspace.
+
+        The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`.
+
+        Args:
+            M: (m, n), C-contiguous.
+            soft_weight: (m,), zero marks a hard row.
+            lower: (m,), allocated if not given; so are the other two.
+            upper: (m,).
+            x: (n,), the solution v.
+
+        Raises:
+            PushRecoveryError: the installed daqp does not have the expected layout.
+        """
+        m, n = M.shape
+        if not (M.flags.c_contiguous and M.dtype == np.float64):
+            raise PushRecoveryError("M must be C-contiguous float64")
+        self.M = M
+        self.lower = np.zeros(m) if lower is None else lower
+        self.upper = np.zeros(m) if upper is None else upper
+        self.x = np.zeros(n) if x is None else x
+        self.lower[:], self.upper[:] = -1.0, 1.0
+        self._sense = np.where(soft_weight > 0, _SOFT, 0).astype(np.int32)
+        self._reciprocal = np.divide(1.0, soft_weight, out=np.zeros(m), where=soft_weight > 0)
+        self._settings, self._result = _Settings(), _Result()
+        _library().daqp_default_settings(byref(self._settings))
+        if (
+            self._settings.iter_limit != 10000
+            or self._settings.rho_soft != 1e-6
+            or self._settings.presolve != 1
+        ):
+            raise PushRecoveryError("the installed daqp has an unexpected layout of its settings")
+        self._settings.primal_tol = PRIMAL_TOLERANCE
+        self._problem = _Problem(n=n, m=m, ms=0, A=M.ctypes.data, bupper=self.upper.ctypes.data,
+                                 blower=self.lower.ctypes.data, sense=self._sense.ctypes.data)  # fmt: skip
+        self._result.x = self.x.ctypes.data
+        self._memory = ctypes.create_string_buffer(_WORKSPACE_BYTES)
+        work = _Workspace.from_buffer(self._memory)
+        work.settings = ctypes.addressof(self._settings)
+        flag = _library().setup_daqp(byref(self._problem), self._memory, None)
+        if flag < 0 or (work.n, work.m, work.settings) != (n, m, ctypes.addressof(self._settings)):
+            raise PushRecoveryError(f"daqp could not set up a problem of {m} x {n} (exit flag {flag})")
+        weights = self._reciprocal.ctypes.data
+        if soft_weight.any() and not _library().daqp_set_soft_weights(
+            self._memory, weights, weights, None, None
+        ):
+            raise PushRecoveryError("the installed daqp was built without weights of soft constraints")
+        weakref.finalize(self, _free, self._memory)
+        result = ctypes.addressof(self._result)
+        self.handle = np.array(
+            [_address("daqp_update_ldp"), _address("daqp_solve"), ctypes.addressof(self._memory),
+             ctypes.addressof(self._problem), result, result + _Result.exitflag.offset],
+            dtype=np.int64,
+        )  # fmt: skip
+
+
+def _free(memory: ctypes.Array) -> None:
+    _Workspace.from_buffer(memory).settings = None  # owned by Python
+    _library().free_daqp_workspace(memory)
+    _library().free_daqp_ldp(memory)
+
+
+def _c_call(builder, address, restype, arguments):
+    function = ir.FunctionType(restype, [a.type for a in arguments]).as_pointer()
+    return builder.call(builder.inttoptr(address, function), arguments)
+
+
+@intrinsic
+def _call_update(typingctx, address, mask, work, problem):
+    """Call int daqp_update_ldp(int mask, DAQPWorkspace*, DAQPProblem*)."""
+
+    def codegen(context, builder, signature, args):
+        return _c_call(builder, args[0], ir.IntType(32), list(args[1:]))
+
+    return types.int32(types.int64, types.int32, types.int64, types.int64), codegen
+
+
+@intrinsic
+def _call_solve(typingctx, address, result, work):
+    """Call void daqp_solve(DAQPResult*, DAQPWorkspace*)."""
+
+    def codegen(context, builder, signature, args):
+        _c_call(builder, args[0], ir.VoidType(), list(args[1:]))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def _load_int(typingctx, address):
+    """The 32-bit integer at an address."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(builder.inttoptr(args[0], ir.IntType(32).as_pointer()))
+
+    return types.int32(types.int64), codegen
+
+
+@njit(cache=True)
+def solve_least_distance(handle: NDArray[np.int64]) -> int:
+    """Solve with the present M and bounds, from an empty active set; > 0 if solved. v lies in `x`."""
+    flag = _call_update(handle[0], types.int32(_UPDATE), handle[2], handle[3])
+    if flag < 0:
+        return flag
+    _call_solve(handle[1], handle[4], handle[2])
+    return _load_int(handle[5])

@@ -1,0 +1,1 @@
+"""Stage 2: CoP and trunk acceleration until touchdown, so that the DCM ends where it should."""

@@ -1,0 +1,247 @@
+"""Gait state machine of n bipeds: touchdown, swing foot, CoM task; compiled, every physics step."""
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..compiled.vector_3 import Vector, vector_at, vector_of
+from .bounds import Bounds
+from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
+from .edge_cop import missing_cmp
+from .inverse_dynamics import Gains, Task, whole_body_torque
+from .kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, Array, Ints, Physics, sole_position
+from .mass_matrix import com_velocity
+from .motors import clip_torque
+from .swing_foot import quintic_step, swing_update
+from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
+
+FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
+LOWEST = 0.6  # of the CoM's height
+STEEPEST = 0.5  # cosine of the pelvis' lean
+Point = tuple[float, float]  # on the floor, world axes [m]
+
+
+class Gait(NamedTuple):
+    """State of the gait machine of n robots."""
+
+    stance: Ints  # (n,) 0 left, 1 right
+    steps: Ints  # (n,) completed steps
+    elapsed: Array  # (n,) since the step began [s]
+    time: Array  # (n,) since reset [s]
+    heading: Array  # (n,) of the stance sole and the canonical frame [rad]
+    swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
+    height: Array  # (n, 4) reference of the CoM's height, its velocity, acceleration; height of the floor
+    plan: Array  # (n, 7) gait variables, held for a planning period
+    failure: Ints  # (n,) index into FAILURES
+    wrench: Array  # (n, 6) that the last torque asks of the stance sole
+    turn: Array  # (n,) commanded [rad/s]
+    yaw: Array  # (n, 7) references of swing sole and pelvis beyond the heading, see `turning`
+
+
+class GaitSettings(NamedTuple):
+    """Constants of the gait machine."""
+
+    omega: float  # [1/s]
+    com_height: float  # [m]
+    cmp_gain: float  # j / (m g) [m s^2]
+    mass: float  # [kg]
+    apex: float = 0.0674  # height of the swing sole in mid-step [m]
+    landing_delay: float = 0.018  # the swing sole aims at the floor this long after T [s]
+    commit: float = 0.0316  # from T - this place and time stay, but for a step that ends later still [s]
+    early: float = 0.00739  # contact counts as touchdown from T - this [s]
+    early_load: float = 14.0  # with this load [N]
+    forced_load: float = 64.7  # or with this load, late in the step
+    forced_phase: float = 0.705  # fraction of T from which forced_load counts
+    descent: float = 0.962  # of the swing foot when late [m/s]
+    settled: float = 0.1  # the floor is taken for as high as the stance sole is this long after touchdown [s]
+    reach: float = 0.624  # longest leg, hip to ankle [m]
+    height_drop: float = 0.194  # how far the CoM is lowered for a long step [m]
+    height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
+    height_time: float = 0.0824  # shortest horizon of the height reference [s]
+
+
+@njit(cache=True, forceinline=True)
+def side_sign(stance: int) -> float:
+    """Sign in world y of the canonical y, which points from the stance foot to the swing side."""
+    return -1.0 if stance == 0 else 1.0
+
+
+@njit(cache=True)
+def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, previous: Array) -> None:
+    """Take over the asked gait (7,) of one robot, and its action (7,) as the previous one.
+
+    A swing foot about to land is committed: place and time of the step stay, unless the asked step is far
+    enough from landing for the foot to go elsewhere.
+    """
+    landing = max(gait.plan[k, 2], asked[2]) - gait.elapsed[k]
+    first = 3 if landing < s.commit else 0
+    for i in range(first, asked.shape[0]):
+        gait.plan[k, i] = asked[i]
+        previous[i] = action[i]
+
+
+@njit(cache=True, forceinline=True)
+def touch_down(phys: Physics, gait: Gait, k: int) -> None:
+    """Exchange the feet; what is held of the plan is mirrored into the new frame, its CoP centred."""
+    old = gait.stance[k]
+    gait.stance[k] = 1 - old
+    gait.steps[k] += 1
+    gait.elapsed[k] = 0.0
+    gait.heading[k] += exchange_soles(gait.yaw[k])
+    gait.swing[k] = 0.0
+    gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
+    gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
+    gait.plan[k, 3:5] = 0.0
+    gait.plan[k, 6] = -gait.plan[k, 6]
+
+
+@njit(cache=True)
+def landing_limit(phys: Physics, gait: Gait, k: int) -> int:
+    """TOUCHDOWN_ERROR where the swing foot has landed off the planned place or time, otherwise 0."""
+    stance, plan = gait.stance[k], gait.plan[k]
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    width = side_sign(stance) * plan[1]
+    x = foot[0] - sole[0] - cos * plan[0] + sin * width
+    y = foot[1] - sole[1] - sin * plan[0] - cos * width
+    off = math.hypot(x, y) > LANDED_OFF or abs(gait.elapsed[k] - plan[2]) > LANDED_LATE
+    return TOUCHDOWN_ERROR if off else 0
+
+
+@njit(cache=True, forceinline=True)
+def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) -> bool:
+    """Touchdown of the swing foot: loaded near T, or loaded heavily late in the step."""
+    if elapsed >= duration - s.early:
+        return load > s.early_load
+    return elapsed > s.forced_phase * duration and load > s.forced_load
+
+
+@njit(cache=True, forceinline=True)
+def reach_height(
+    phys: Physics, k: int, stance: int, sole: Vector, target: Point, travel: Point, s: GaitSettings
+) -> tuple[float, Point]:
+    """CoM height [m] at which both legs reach their soles at touchdown, and the target, moved within reach.
+
+    A leg of length r whose hip is d beside its ankle lets the hip be sqrt(r^2 - d^2) above it.
+    """
+    height, reach = s.com_height, s.reach**2
+    for leg in range(2):
+        hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, LEG_JOINT[leg])
+        above = hip_z - phys.com[k, 0, 2] - ANKLE_HEIGHT  # of the hip over the CoM, less the ankle's
+        farthest = max(reach - (s.com_height - s.height_drop + above) ** 2, 0.0)
+        foot_x, foot_y = (sole[0], sole[1]) if leg == stance else target
+        dx, dy = foot_x - hip_x - travel[0], foot_y - hip_y - travel[1]
+        aside = dx * dx + dy * dy
+        if leg != stance and aside > farthest:
+            excess = 1.0 - math.sqrt(farthest / aside)
+            target = target[0] - dx * excess, target[1] - dy * excess
+        elif leg == stance:
+            aside = max(aside, (sole[0] - hip_x) ** 2 + (sole[1] - hip_y) ** 2)  # now
+        height = min(height, math.sqrt(reach - min(aside, farthest)) - above)
+    return max(height, s.com_height - s.height_drop), target
+
+
+@njit(cache=True, forceinline=True)
+def lever_and_missing(
+    place: Point, speed: Point, plan: Array, sign: float, growth: float, s: GaitSettings
+) -> tuple[Point, Point]:
+    """Lever of the CoM over the planned CMP, which acceleration = omega^2 lever (eq. 4), and `missing_cmp`.
+
+    Along the heading and to the left, from the stance sole [m]. The DCM's goal is that of stepping in place,
+    u_T + b with b = -W / (1 + exp(omega T)) aside.
+    """
+    cmp_x, cmp_y = plan[3] + s.cmp_gain * plan[5], sign * (plan[4] + s.cmp_gain * plan[6])
+    goal_y = sign * plan[1] * (1.0 - 1.0 / (1.0 + math.exp(s.omega * plan[2])))
+    missing_x = missing_cmp(place[0] + speed[0] / s.omega, plan[0], cmp_x, growth)
+    missing_y = missing_cmp(place[1] + speed[1] / s.omega, goal_y, cmp_y, growth)
+    return (place[0] - cmp_x, place[1] - cmp_y), (missing_x, missing_y)
+
+
+@njit(cache=True, forceinline=True)
+def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
+    """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
+
+    Returns the limits met, as bits of `limit_record`.
+    """
+    stance, plan = gait.stance[k], gait.plan[k]
+    sign = side_sign(stance)
+    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
+    remaining, width = max(plan[2] - gait.elapsed[k], 0.0), sign * plan[1]
+    growth = math.exp(s.omega * remaining)
+    dx, dy = com[0] - sole[0], com[1] - sole[1]
+    place = cos * dx + sin * dy, cos * dy - sin * dx
+    speed = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+    (lever_x, lever_y), missing = lever_and_missing(place, speed, plan, sign, growth, s)
+    lever_x, lever_y = cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y
+    target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width
+    # travel of the CoM until touchdown, were the CMP to stay
+    rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
+    travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
+    asked = target
+    height, target = reach_height(phys, k, stance, sole, target, travel, s)
+    met = LEG_REACH if target != asked or height <= s.com_height - s.height_drop else 0
+    lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
+    lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
+    if gait.elapsed[k] < s.settled:
+        lift[3] = sole[2]
+    gait.swing[k, 2] -= lift[3]
+    swing_update(
+        gait.swing[k], target[0], target[1], gait.elapsed[k], plan[2] + s.landing_delay, dt, s.apex, s.descent
+    )
+    gait.swing[k, 2] += lift[3]
+    acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
+    waist = plan[5], -sign * plan[6]
+    yaw = gait.yaw[k]
+    turn_references(yaw, gait.turn[k], plan[2] + s.landing_delay, remaining, s.commit, dt)
+    yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
+    planned = (plan[3], sign * plan[4]), missing
+    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist, *yaws, *planned)
+    met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
+    clip_torque(phys.ctrl[k], bounds.torque_range)
+    return met
+
+
+@njit(cache=True, forceinline=True)
+def control(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, landing: Ints, dt: float
+) -> int:  # fmt: skip
+    """One physics step's torques of one robot, written to phys.ctrl; returns the bounds met, as bits.
+
+    `landing` (n,) keeps TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan.
+    """
+    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
+        landing[k] = landing_limit(phys, gait, k)
+        touch_down(phys, gait, k)
+    met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
+    if gait.elapsed[k] > gait.plan[k, 2] + LANDED_LATE:
+        met |= TOUCHDOWN_ERROR
+    return met
+
+
+@njit(cache=True, forceinline=True)
+def pass_time(gait: Gait, k: int, dt: float) -> None:
+    """Let one physics step go by."""
+    gait.elapsed[k] += dt
+    gait.time[k] += dt
+
+
+@njit(cache=True)
+def check_failure(phys: Physics, gait: Gait, k: int, s: GaitSettings) -> None:
+    """Mark a robot that has fallen: CoM too low, or pelvis leaning by more than 60 degrees."""
+    if gait.failure[k] != 0:
+        return
+    height = phys.com[k, 0, 2] - sole_position(phys, k, gait.stance[k])[2]
+    if not np.isfinite(height):
+        gait.failure[k] = 3
+    elif height < LOWEST * s.com_height:
+        gait.failure[k] = 1
+    elif phys.xmat[k, PELVIS, 8] < STEEPEST:
+        gait.failure[k] = 2

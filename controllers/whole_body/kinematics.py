@@ -1,0 +1,103 @@
+"""Live arrays of n simulated bipeds; motion of pelvis, soles and CoM."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..compiled.vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NV, NU = 20, 14
+LEG_DOF = (8, 14)  # first degree of freedom of the left and the right leg
+LEG_JOINT = (3, 9)  # first joint (0 is the free joint, 1-2 the waist)
+WAIST_JOINT, WAIST_DOF = 1, 6
+PELVIS, TRUNK = 1, 2  # bodies
+FOOT_BODY = (5, 8)
+ANKLE_HEIGHT = 0.06  # ankle above the sole [m]
+Heading = tuple[float, float]  # cosine and sine of a heading
+
+
+class Physics(NamedTuple):
+    """Live arrays of n simulations (`simulations`), in world axes and SI units."""
+
+    qpos: Array  # (n, 21)
+    qvel: Array  # (n, 20)
+    xpos: Array  # (n, bodies, 3)
+    xmat: Array  # (n, bodies, 9)
+    xanchor: Array  # (n, joints, 3)
+    xaxis: Array  # (n, joints, 3)
+    com: Array  # (n, bodies, 3) CoM of each body's subtree
+    mass_matrix: Array  # (n, nM) sparse; rows and columns in a table of their own
+    bias: Array  # (n, 20) h(q, qd), gravity included
+    load: Array  # (n, 2) normal force under the left and the right sole [N]
+    ctrl: Array  # (n, 14) torques [N m], written by the controller
+    xfrc: Array  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
+
+
+class SoleMotion(NamedTuple):
+    """Where a sole is and how it moves, in world axes."""
+
+    position: Vector  # [m]
+    velocity: Vector  # [m/s]
+    omega: Vector  # [rad/s]
+    drift: Vector  # acceleration at qdd = 0, linear part of Jdot qd [m/s^2]
+    turn_drift: Vector  # angular part of it [rad/s^2]
+
+
+@njit(cache=True, forceinline=True)
+def base_angular_velocity(phys: Physics, k: int) -> Vector:
+    """Angular velocity of the pelvis in world axes [rad/s]."""
+    return to_world(phys.xmat, k, PELVIS, (phys.qvel[k, 3], phys.qvel[k, 4], phys.qvel[k, 5]))
+
+
+@njit(cache=True, forceinline=True)
+def sole_position(phys: Physics, k: int, leg: int) -> Vector:
+    """Centre of a sole in the world [m]."""
+    body = FOOT_BODY[leg]
+    return (
+        phys.xpos[k, body, 0] - ANKLE_HEIGHT * phys.xmat[k, body, 2],
+        phys.xpos[k, body, 1] - ANKLE_HEIGHT * phys.xmat[k, body, 5],
+        phys.xpos[k, body, 2] - ANKLE_HEIGHT * phys.xmat[k, body, 8],
+    )
+
+
+@njit(cache=True, forceinline=True)
+def sole_motion(phys: Physics, k: int, leg: int, omega: Vector) -> SoleMotion:
+    """Position, twist and drift of a sole by one pass from the pelvis, turning at omega, down the leg.
+
+    A point d further along: velocity += omega x d, acceleration += alpha x d + omega x (omega x d); a joint:
+    alpha += omega x axis rate, omega += axis rate.
+    """
+    joint, dof = LEG_JOINT[leg], LEG_DOF[leg]
+    point, sole = vector_at(phys.xpos, k, PELVIS), sole_position(phys, k, leg)
+    velocity, drift, alpha = (phys.qvel[k, 0], phys.qvel[k, 1], phys.qvel[k, 2]), ZERO, ZERO
+    for j in range(7):
+        if (
+            j == 0 or j == 3 or j == 4 or j == 6
+        ):  # the three hip axes meet in a point, the two of the ankle too
+            end = vector_at(phys.xanchor, k, joint + j) if j < 6 else sole
+            d = subtract(end, point)
+            turn = cross(omega, d)
+            velocity = add(velocity, turn)
+            drift = add(drift, add(cross(alpha, d), cross(omega, turn)))
+            point = end
+        if j < 6:
+            spin = scaled(vector_at(phys.xaxis, k, joint + j), phys.qvel[k, dof + j])
+            alpha = add(alpha, cross(omega, spin))
+            omega = add(omega, spin)
+    return SoleMotion(sole, velocity, omega, drift, alpha)
+
+
+@njit(cache=True, forceinline=True)
+def upright_error(xmat: Array, k: int, body: int, facing: Heading) -> Vector:
+    """Rotation that turns a body's axes upright and to the heading [rad], small angles."""
+    cos, sin = facing
+    x, y = xmat[k, body, 0], xmat[k, body, 3]
+    return xmat[k, body, 5], -xmat[k, body, 2], math.atan2(sin * x - cos * y, cos * x + sin * y)

@@ -1,0 +1,1 @@
+"""The MuJoCo biped under whole-body control."""

@@ -1,0 +1,233 @@
+"""n bipeds at physics rate: one planning period holds one gait action.
+
+Within the period every physics step computes touchdown, swing foot, whole-body torque and push, and then the
+robot's simulation advances: all in one compiled call, on as many threads as asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...controllers.compiled.array_table import parts_table
+from ...controllers.compiled.threads import RangeThreads
+from ...controllers.errors import InvalidValueError
+from ...controllers.estimation.observe import Contacts
+from ...controllers.estimation.self_model import empty_self_model, forget
+from ...controllers.model.capturability import capture_constants
+from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.nominal_start import NominalStart
+from ...controllers.model.observation import OBSERVATION_SIZE
+from ...controllers.model.robot import RobotModel
+from ...controllers.settings.planner_config import PlannerConfig
+from ...controllers.whole_body.bounds import BoundSettings, make_bounds
+from ...controllers.whole_body.gait_machine import Gait, GaitSettings, side_sign
+from ...controllers.whole_body.inverse_dynamics import Gains
+from ...controllers.whole_body.kinematics import Array, Physics
+from ...controllers.whole_body.turning import SIZE as YAWS
+from ..physics.stepping import Simulations, believe
+from ..scenario.command_schedule import assign_changes, empty_schedule
+from ..scenario.push import SIDES
+from ..scenario.push_arrays import assign_pushes, empty_pushes
+from ..scenario.scenario import Scenario
+from .floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
+from .limit_record import LimitReport, clear_record, empty_record, plan_edges, report_limits
+from .model_errors import assign_errors, check_biped_errors, no_errors
+from .period import (
+    Arena,
+    View,
+    arena_constants,
+    begin_period,
+    finish_period,
+    physics_steps,
+    whole_period,
+)
+from .posture import PHYSICS_DT, biped_model, motor_limits, posture
+
+DEFAULT_PLANNER = PlannerConfig()
+INPUTS = ("ctrl", "xfrc_applied")
+OUTPUTS = (
+    "qpos", "qvel", "xpos", "xmat", "xanchor", "xaxis", "subtree_com", "M", "qfrc_bias", "sensordata",
+    "qfrc_constraint",
+)  # fmt: skip
+
+
+class BipedCore:
+    """n bipeds that share one compiled model; one with model errors of its body or floor has its own.
+
+    Arrays are indexed by robot and hold what was true at the end of the last physics step; `put` sets a
+    state.
+    The state of a robot does not depend on the others or on the thread count. A robot that has fallen rests
+    until its reset.
+    """
+
+    def __init__(
+        self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0, threads: int = 1
+    ):
+        """Build the robots, none of them in a state yet: `reset` each before the first step.
+
+        Args:
+            n: number of robots.
+            robot: physical constants.
+            limits: of the capture margin.
+            control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
+            threads: that a planning period is computed on.
+
+        Raises:
+            InvalidValueError: for an impossible rate or number.
+        """
+        self.n = n
+        self.robot = robot
+        self.substeps = substeps(control_hz)
+        self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
+        self._threads = RangeThreads(threads)
+        self.simulations = Simulations(biped_model(), n, INPUTS, OUTPUTS, self._threads.threads)
+        arrays = self.simulations.arrays
+        self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
+        self.gait = Gait(
+            stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
+            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)),
+            plan=np.zeros((n, GAIT_SIZE)), failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
+            turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
+        )  # fmt: skip
+        self.contacts = Contacts(
+            arrays["qfrc_constraint"], impulse=np.zeros((n, 3)), time=np.zeros(n), velocity=np.zeros((n, 3))
+        )
+        self.pushes = empty_pushes(n, 1)
+        self.errors = no_errors(n)
+        self.schedule = empty_schedule(n)
+        self.known = empty_self_model(n)
+        self.floors = level_floors(n)
+        self.command = np.zeros((n, 3))  # in force
+        self.previous_action = np.zeros((n, GAIT_SIZE))
+        self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
+        self.margin = np.zeros(n)  # capture margin [m]
+        self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
+        self._capture = capture_constants(robot, limits)
+        self._limits = limits
+        self.limit_record = empty_record(n, plan_edges(robot, limits, PlannerConfig(), 0.0))
+        settings = GaitSettings(robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass)
+        self.configure(settings, Gains(), BoundSettings())
+
+    def __getstate__(self) -> object:
+        """Refuse copies and pickles: compiled code knows the arrays by their addresses."""
+        raise InvalidValueError(
+            "a biped cannot be copied or pickled; make a new environment and reset it with the same scenario"
+        )
+
+    def configure(
+        self,
+        settings: GaitSettings,
+        gains: Gains,
+        bounds: BoundSettings,
+        planner: PlannerConfig = DEFAULT_PLANNER,
+    ) -> None:
+        """Set the constants of gait machine and whole-body control; whose plans the limits are told of."""
+        self.settings = settings
+        self.limit_record.edges[:] = plan_edges(self.robot, self._limits, planner, settings.commit)
+        motors = motor_limits(biped_model())
+        self._bounds = [make_bounds(bounds, motors) for _ in range(self._threads.threads)]
+        self._constants = arena_constants(settings, gains, bounds)
+        self._bind()
+
+    def _bind(self) -> None:
+        """Write the address tables anew, one a thread; to be called whenever an array is replaced."""
+        view = View(
+            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
+            self.truth,
+        )  # fmt: skip
+        state = self.physics, self.gait, self.pushes
+        rest = self.errors, self.limit_record, self.schedule, self.known, self.floors
+        self._arenas = [
+            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
+            for w, (bounds, _) in enumerate(self._bounds)
+        ]
+        self._tables = [parts_table(arena) for arena in self._arenas]
+
+    def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
+
+        `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones. The posture is
+        that of the nominal robot, each sole on its tiles where the floor has them; model errors act from
+        here on.
+        """
+        check_biped_errors(scenario.errors)
+        stance = SIDES.index(scenario.stance_side)
+        sign = side_sign(stance)
+        soles = np.zeros((2, 3))
+        soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
+        assign_floor(self.floors, k, scenario)
+        for sole in soles:
+            sole[2] = floor_height(self.floors, k, sole[0], sole[1])
+        com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
+        velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
+        qpos, qvel = posture(com, velocity, soles)
+        self.simulations.use_model(k, assign_errors(self.errors, k, scenario))
+        self.put(k, qpos, qvel)
+        for field in self.gait:
+            field[k] = 0
+        self.gait.stance[k] = stance
+        self.gait.swing[k, :3] = soles[1 - stance]
+        self.gait.height[k, 0], self.gait.height[k, 3] = self.robot.com_height, soles[stance, 2]
+        self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
+        self.gait.plan[k] = gait
+        self.previous_action[k] = action
+        pushes, schedule = assign_pushes(self.pushes, k, scenario), assign_changes(self.schedule, k, scenario)
+        if pushes is not self.pushes or schedule is not self.schedule:
+            self.pushes, self.schedule = pushes, schedule
+            self._bind()
+        self.contacts.time[k] = 0.0
+        self.contacts.impulse[k] = 0.0
+        forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
+        clear_record(self.limit_record, k)
+        self.truth[k] = 0.0
+        finish_period(self._tables[0], self._constants, k, k + 1)
+
+    def put(self, k: int, qpos: Array, qvel: Array) -> None:
+        """Put robot k into a state (21,), (20,), nothing acting on it; the gait machine stays as it is."""
+        if has_tiles(self.simulations.models[k]):
+            connect_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
+        self.simulations.put(k, qpos, qvel)
+        if self.errors.believes[k]:
+            believe(self.simulations.handles, k)
+
+    def limits_met(self, k: int) -> LimitReport:
+        """The limits that robot k has met since its first push began."""
+        return report_limits(self.limit_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
+
+    def step(self, gaits: Array, actions: Array) -> None:
+        """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
+        if self.after_physics_step is not None:
+            self._step_slowly(gaits, actions, self.after_physics_step)
+            return
+        tables, constants, steps = self._tables, self._constants, self.substeps
+        if self._threads.threads == 1:
+            whole_period(tables[0], constants, gaits, actions, steps, PHYSICS_DT, 0, self.n)
+            return
+
+        def job(worker: int, first: int, end: int) -> None:
+            whole_period(tables[worker], constants, gaits, actions, steps, PHYSICS_DT, first, end)
+
+        self._threads.run(job, self.n)
+
+    def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
+        """The same on one thread, physics step by physics step."""
+        table, constants = self._tables[0], self._constants
+        begin_period(table, constants, gaits, actions, 0, self.n)
+        for _ in range(self.substeps):
+            physics_steps(table, constants, 1, PHYSICS_DT, 0, self.n)
+            look()
+        finish_period(table, constants, 0, self.n)
+
+
+def substeps(control_hz: float) -> int:
+    """Physics steps per planning period; the rate must divide the physics rate."""
+    steps = round(1.0 / (control_hz * PHYSICS_DT)) if control_hz > 0 else 0
+    if steps < 1 or abs(steps * PHYSICS_DT * control_hz - 1.0) > 1e-9:
+        valid = ", ".join(f"{500 / s:g}" for s in (1, 2, 4, 5, 10))
+        raise InvalidValueError(
+            f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"
+        )
+    return steps

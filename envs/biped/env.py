@@ -1,0 +1,108 @@
+"""`PushRecovery/Biped-v0`: the 60 kg MuJoCo biped under a gait action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.settings.presets import preset_config
+from ...controllers.whole_body.gait_machine import FAILURES
+from ..episode.env import GaitEnv
+from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
+from ..episode.vector_env import GaitVectorEnv
+from ..scenario.scenario import PushDistribution
+from .core import BipedCore
+from .settings import BIPED, BIPED_LIMITS, biped_settings
+
+LOADED = 1.0  # a foot carries load from here on [N]
+__all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
+
+
+class BipedEpisodes(GaitEpisodes):
+    """Episodes of n bipeds with the settings of a preset, by name or file.
+
+    `threads` share their physics and change nothing else.
+    """
+
+    failures, name = FAILURES, "PushRecovery/Biped-v0"
+
+    def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
+        settings = biped_settings(preset)
+        super().__init__(n, BIPED, settings.limits, preset, control_hz)
+        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
+        self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
+
+    def motion(self) -> Motion:
+        """Steps, CoM, time and stance sides."""
+        gait = self.core.gait
+        return Motion(gait.steps, self.core.physics.com[:, 0, :2], gait.time, gait.stance, gait.heading)
+
+    def failure(self) -> Ints:
+        """Index into FAILURES, (n,)."""
+        return self.core.gait.failure
+
+    def world(self) -> World:
+        """DCM, CoP, CMP and the feet that carry load."""
+        points = self.core.world.copy()
+        return World(points[:, 0:2], points[:, 2:4], points[:, 4:6], self.core.physics.load > LOADED)
+
+    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
+        """`world` of one robot, in less time."""
+        points, (left, right) = self.core.world[k].copy(), self.core.physics.load[k].tolist()
+        return points[0:2], points[2:4], points[4:6], [left > LOADED, right > LOADED]
+
+
+class BipedEnv(GaitEnv):
+    """Torque-controlled biped with waist and flat feet; whole-body control realises the gait action.
+
+    The robot's own gait limits are narrower than the paper's where its legs are: see `BIPED_LIMITS`.
+    """
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        control_hz: float = 100.0,
+        preset: str = "biped",
+        push_distribution: dict[str, Any] | PushDistribution | None = None,
+    ):
+        """Build one biped.
+
+        Args:
+            render_mode: "human", "rgb_array" or None.
+            control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
+            preset: of the planner that belongs to this environment, and of the robot's settings; by name or
+                file.
+            push_distribution: of the scenarios that `reset` draws, as an object or its dict.
+        """
+        super().__init__(BipedEpisodes(1, preset, control_hz), render_mode, push_distribution)
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            from .view import BipedView
+
+            self._picture = BipedView(window=self.render_mode == "human")
+        image = self._picture.draw(self.core)
+        return image if self.render_mode == "rgb_array" else None
+
+
+def make_biped_vector(
+    num_envs: int = 1,
+    autoreset_mode: str = "NextStep",
+    threads: int = 1,
+    render_mode: str | None = None,
+    control_hz: float = 100.0,
+    preset: str = "biped",
+    push_distribution: dict[str, Any] | PushDistribution | None = None,
+) -> GaitVectorEnv:
+    """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
+
+    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
+    those of `BipedEnv`.
+    """
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads)
+    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

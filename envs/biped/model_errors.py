@@ -1,0 +1,201 @@
+"""Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
+
+Mass, payload, trunk CoM, friction and slope are in the robot's own model; a slope tilts gravity, the floor
+stays level in the world's axes. What gait machine, whole-body control and observation read of the robot's
+kinematics, mass matrix and bias comes from the nominal model at the measured joint state (`believe`); the
+loads and forces of the contacts, and the pose of the pelvis over the floor, are measured as they are.
+"""
+
+from __future__ import annotations
+
+import copy
+from functools import lru_cache
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numba import njit
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.model.robot import GRAVITY
+from ...controllers.whole_body.kinematics import LEG_DOF, NU, TRUNK, WAIST_DOF, Array, Ints, Physics
+from ..physics.stepping import Handles, advance, advance_measured, believe, simulated
+from ..scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..scenario.noise import counter_seed, normal_pair
+from ..scenario.observation_noise import JOINT_CHANNEL, add_motion_noise, motion_noise
+from ..scenario.scenario import Scenario
+from .floor import tiled_model
+from .posture import PHYSICS_DT, biped_model
+
+LONGEST_DELAY = 25  # physics steps
+RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
+WAIST_MIRROR = (1.0, -1.0)  # pitch, roll: signs of the mirrored robot's joints
+LEG_MIRROR = (-1.0, -1.0, 1.0, 1.0, 1.0, -1.0)  # hip yaw, roll, pitch, knee, ankle pitch, roll
+
+
+class RobotErrors(NamedTuple):
+    """What the compiled loop needs of the errors of n robots."""
+
+    physical: Ints  # (n,) 1 where a physics step is more than a plain one
+    believes: Ints  # (n,) 1 where what control takes for the robot is not what the physics has
+    delay: Ints  # (n,) of the torques [physics steps]
+    noise: Array  # (n, 2) of the DCM [m], of the joints [rad]
+    seed: Ints  # (n,)
+    period: Ints  # (n,) planning periods since reset
+    step: Ints  # (n,) physics steps since reset, counted where `physical`
+    torques: Array  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
+
+
+def no_errors(n: int) -> RobotErrors:
+    """Arrays of n robots without errors."""
+    return RobotErrors(
+        physical=np.zeros(n, np.int64), believes=np.zeros(n, np.int64), delay=np.zeros(n, np.int64),
+        noise=np.zeros((n, 2)), seed=np.zeros(n, np.int64), period=np.zeros(n, np.int64),
+        step=np.zeros(n, np.int64), torques=np.zeros((n, LONGEST_DELAY + 1, NU)),
+    )  # fmt: skip
+
+
+def check_biped_errors(errors: ModelErrors) -> None:
+    """Raise InvalidValueError for a delay that is no whole number of physics steps."""
+    if abs(errors.delay / PHYSICS_DT - round(errors.delay / PHYSICS_DT)) > 1e-6:
+        raise InvalidValueError(
+            f"ModelErrors.delay [s] must be a multiple of {PHYSICS_DT:g} (the biped's physics step) up to "
+            f"{LONGEST_DELAY * PHYSICS_DT:g}, got {errors.delay:g}"
+        )
+
+
+def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjModel | None:
+    """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another."""
+    errors = scenario.errors
+    for field in table:
+        field[k] = 0
+    if errors == EXACT_MODEL:
+        return None
+    check_biped_errors(errors)
+    model = altered_model(
+        errors.mass,
+        errors.payload,
+        errors.trunk_com,
+        errors.friction,
+        errors.slope_forward,
+        errors.slope_left,
+        errors.floor_step > 0.0,
+    )
+    unknown = model is not None and not set(errors.names) <= {"friction", "floor_step"}
+    table.believes[k] = unknown or errors.joint_noise > 0.0
+    table.delay[k] = round(errors.delay / PHYSICS_DT)
+    table.physical[k] = table.believes[k] or table.delay[k] > 0
+    table.noise[k] = errors.dcm_noise, errors.joint_noise
+    table.seed[k] = counter_seed(scenario.noise_seed)
+    return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
+
+
+@lru_cache(maxsize=8)
+def altered_model(
+    mass: float,
+    payload: float,
+    trunk_com: tuple[float, float, float],
+    friction: float | None,
+    slope_forward: float,
+    slope_left: float,
+    uneven: bool = False,
+) -> mujoco.MjModel | None:
+    """The biped with such errors (fields of `ModelErrors`), never modified; None where there are none.
+
+    `uneven`: on tiles, see `uneven_floor`.
+    """
+    offset = np.array(trunk_com)
+    level = friction is None and not (slope_forward or slope_left or uneven)
+    if level and not (mass or payload or offset.any()):
+        return None
+    model = simulated(tiled_model() if uneven else biped_model())
+    for values in (model.body_mass, model.body_inertia, model.dof_armature):
+        values *= 1.0 + mass
+    model.body_mass[TRUNK] += payload
+    model.body_ipos[TRUNK] += offset
+    if friction is not None:
+        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = friction  # of floor and tiles
+    downhill = np.array([-np.tan(slope_forward), -np.tan(slope_left), -1.0])
+    if slope_forward or slope_left:
+        model.opt.gravity[:] = GRAVITY / np.linalg.norm(downhill) * downhill
+    if mass or payload or offset.any():
+        mujoco.mj_setConst(model, mujoco.MjData(model))  # what the compiler derives from masses
+    return model
+
+
+@njit(cache=True)
+def delay_torque(errors: RobotErrors, k: int, torque: Array) -> None:
+    """Exchange the torques (14,) just computed for those of `delay` physics steps ago.
+
+    Until those of the first step arrive, the robot acts as if it had asked for them all along.
+    """
+    ring, now = errors.torques[k], errors.step[k] % errors.torques.shape[1]
+    then = (errors.step[k] - errors.delay[k]) % errors.torques.shape[1]
+    for i in range(torque.shape[0]):
+        if errors.step[k] == 0:
+            ring[:, i] = torque[i]
+        ring[now, i] = torque[i]
+        torque[i] = ring[then, i]
+
+
+@njit(cache=True)
+def measure_joint(phys: Physics, errors: RobotErrors, k: int, dof: int, channel: int, sign: float) -> None:
+    """Add noise to the angle of a joint and to its rate."""
+    angle, rate = normal_pair(errors.seed[k], errors.step[k], channel)
+    phys.qpos[k, dof + 1] += sign * errors.noise[k, 1] * angle
+    phys.qvel[k, dof] += sign * RATE_NOISE * errors.noise[k, 1] * rate
+
+
+@njit(cache=True)
+def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) -> None:
+    """Add noise to all 14 joints; legs are counted from the stance leg of step 0, and mirrored with it."""
+    for j in range(len(WAIST_MIRROR)):
+        sign = WAIST_MIRROR[j] if first_side == 1 else 1.0
+        measure_joint(phys, errors, k, WAIST_DOF + j, JOINT_CHANNEL + j, sign)
+    for leg in range(2):
+        channel = JOINT_CHANNEL + 2 + (6 if leg != first_side else 0)
+        for j in range(len(LEG_MIRROR)):
+            sign = LEG_MIRROR[j] if first_side == 1 else 1.0
+            measure_joint(phys, errors, k, LEG_DOF[leg] + j, channel + j, sign)
+
+
+@njit(cache=True)
+def advance_with_errors(
+    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles
+) -> None:
+    """One physics step of a robot with errors: late torques, its own physics, what is believed of it."""
+    if errors.delay[k] > 0:
+        delay_torque(errors, k, phys.ctrl[k])
+    errors.step[k] += 1
+    if errors.believes[k] == 0:
+        advance(handles, k)
+        return
+    advance_measured(handles, k)
+    if errors.noise[k, 1] > 0.0:
+        measure_joints(phys, errors, k, first_side)
+    believe(handles, k)
+
+
+@njit(cache=True)
+def show(
+    errors: RobotErrors, k: int, steps: int, span: float, omega: float, truth: Array, seen: Array
+) -> None:
+    """Write the observation (36,) that the policy sees of robot k from the one without noise (36,).
+
+    `span` is the time that the push estimate covers [s]: it is the change of the velocity, so it is seen off
+    by (n_v - n_v of the period before) / (omega^2 span). A robot that rests is seen as it was.
+    """
+    deviation = errors.noise[k, 0]
+    rests = span == 0.0 and errors.period[k] > 0
+    for i in range(truth.shape[0]):
+        if deviation == 0.0 or not rests or 6 < i < 34:
+            seen[i] = truth[i]
+    if deviation == 0.0 or rests:
+        return
+    noise, before = np.empty(4), np.empty(4)
+    motion_noise(errors.seed[k], errors.period[k], deviation, omega, steps, noise)
+    add_motion_noise(noise, omega, seen)
+    if span > 0.0:
+        motion_noise(errors.seed[k], errors.period[k] - 1, deviation, omega, steps, before)
+        for axis in range(2):
+            seen[34 + axis] += (noise[2 + axis] - before[2 + axis]) / (omega * omega * span)

@@ -1,0 +1,270 @@
+"""All arrays of n bipeds behind one address table, and the compiled calls of a planning period."""
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2
+from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
+from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
+from ...controllers.whole_body.bounds import Bounds, BoundSettings
+from ...controllers.whole_body.bounds_met import DCM_TRACKING
+from ...controllers.whole_body.gait_machine import (
+    Gait,
+    GaitSettings,
+    accept,
+    check_failure,
+    control,
+    pass_time,
+)
+from ...controllers.whole_body.inverse_dynamics import Gains
+from ...controllers.whole_body.kinematics import Array, Ints, Physics
+from ..physics.stepping import Handles, advance
+from ..scenario.command_schedule import Schedule, follow
+from ..scenario.push_arrays import Pushes
+from .floor import Floor, place_tiles
+from .limit_record import LimitRecord, note_limits, plan_limits
+from .model_errors import RobotErrors, advance_with_errors, show
+from .pushes import apply_pushes
+
+SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields), len(BoundSettings._fields)
+
+
+class View(NamedTuple):
+    """What goes in and out besides the state of the robots."""
+
+    command: Array  # (n, 3) in force [m/s], [m/s], [rad/s]
+    previous_action: Array  # (n, 7)
+    capture: Array  # constants of the capture margin
+    observation: Array  # (n, 36), written
+    margin: Array  # (n,) capture margin [m], written
+    world: Array  # (n, 6) DCM, CoP and CMP in the world [m], written
+    truth: Array  # (n, 36) observation without its noise, written
+
+
+class Arena(NamedTuple):
+    """Everything that the compiled loop reads and writes."""
+
+    physics: Physics
+    gait: Gait
+    pushes: Pushes
+    bounds: Bounds
+    exchange: View  # numba keeps the name `view` for itself
+    contacts: Contacts
+    handles: Handles  # of the simulations
+    errors: RobotErrors
+    limits: LimitRecord
+    schedule: Schedule
+    known: SelfModel
+    floors: Floor
+
+
+FIRST = first_rows(Arena)  # row of the address table at which each part begins
+
+
+def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
+    """All scalar constants in one array."""
+    return np.array([*settings, *gains, *bounds])
+
+
+@njit(cache=True)
+def physics_of(t: Ints) -> Physics:
+    """Rows from FIRST.physics on."""
+    r = FIRST.physics
+    return Physics(
+        floats_2(t[r]), floats_2(t[r + 1]), floats_3(t[r + 2]), floats_3(t[r + 3]), floats_3(t[r + 4]),
+        floats_3(t[r + 5]), floats_3(t[r + 6]), floats_2(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
+        floats_2(t[r + 10]), floats_3(t[r + 11]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def gait_of(t: Ints) -> Gait:
+    """Rows from FIRST.gait on."""
+    r = FIRST.gait
+    return Gait(
+        ints_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_1(t[r + 4]),
+        floats_2(t[r + 5]), floats_2(t[r + 6]), floats_2(t[r + 7]), ints_1(t[r + 8]), floats_2(t[r + 9]),
+        floats_1(t[r + 10]), floats_2(t[r + 11]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def pushes_of(t: Ints) -> Pushes:
+    """Rows from FIRST.pushes on."""
+    r = FIRST.pushes
+    return Pushes(
+        floats_3(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), ints_2(t[r + 3]), floats_2(t[r + 4]),
+        ints_2(t[r + 5]), floats_3(t[r + 6]), ints_2(t[r + 7]), floats_3(t[r + 8]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def exchange_of(t: Ints) -> View:
+    """Rows from FIRST.exchange on."""
+    r = FIRST.exchange
+    return View(
+        floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]), floats_1(t[r + 4]),
+        floats_2(t[r + 5]), floats_2(t[r + 6]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def contacts_of(t: Ints) -> Contacts:
+    """Rows from FIRST.contacts on."""
+    r = FIRST.contacts
+    return Contacts(floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]))
+
+
+@njit(cache=True)
+def settings_of(c: Array) -> GaitSettings:
+    """The first constants."""
+    return GaitSettings(*to_fixed_tuple(c[:SETTINGS], SETTINGS))
+
+
+@njit(cache=True)
+def handles_of(t: Ints) -> Handles:
+    """Rows from FIRST.handles on."""
+    r = FIRST.handles
+    return Handles(ints_2(t[r]), ints_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]))
+
+
+@njit(cache=True)
+def errors_of(t: Ints) -> RobotErrors:
+    """Rows from FIRST.errors on."""
+    r = FIRST.errors
+    return RobotErrors(
+        ints_1(t[r]), ints_1(t[r + 1]), ints_1(t[r + 2]), floats_2(t[r + 3]), ints_1(t[r + 4]),
+        ints_1(t[r + 5]), ints_1(t[r + 6]), floats_3(t[r + 7]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def limits_of(t: Ints) -> LimitRecord:
+    """Rows from FIRST.limits on."""
+    r = FIRST.limits
+    return LimitRecord(
+        floats_2(t[r]), floats_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def schedule_of(t: Ints) -> Schedule:
+    """Rows from FIRST.schedule on."""
+    r = FIRST.schedule
+    return Schedule(floats_2(t[r]), floats_3(t[r + 1]), ints_1(t[r + 2]))
+
+
+@njit(cache=True)
+def known_of(t: Ints) -> SelfModel:
+    """Rows from FIRST.known on."""
+    r = FIRST.known
+    return SelfModel(
+        floats_1(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), floats_2(t[r + 3]), floats_2(t[r + 4]),
+        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def floors_of(t: Ints) -> Floor:
+    """Rows from FIRST.floors on."""
+    r = FIRST.floors
+    return Floor(floats_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), ints_2(t[r + 3]))
+
+
+@njit(cache=True)
+def bounds_of(t: Ints, c: Array) -> Bounds:
+    """The last constants, and rows from FIRST.bounds on."""
+    r = FIRST.bounds
+    settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
+    return Bounds(
+        settings, floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]),
+        floats_2(t[r + 4]), floats_1(t[r + 5]), floats_1(t[r + 6]), floats_1(t[r + 7]), floats_1(t[r + 8]),
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
+    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1."""
+    gait, settings, errors, limits = gait_of(t), settings_of(c), errors_of(t), limits_of(t)
+    exchange = exchange_of(t)
+    seen, previous = exchange.observation, exchange.previous_action
+    for k in range(first, end):
+        if gait.failure[k] == 0:
+            errors.period[k] += 1
+        accept(gait, k, settings, gaits[k], actions[k], previous[k])
+        limits.plan[k] = plan_limits(seen[k], gait.plan[k], limits.plan[k], limits.edges)
+
+
+@njit(cache=True, nogil=True)
+def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
+    """Control and physics of robots first..end-1.
+
+    One robot makes all its steps before the next begins, with its data still in the processor's cache. A
+    robot that has fallen rests.
+    """
+    phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
+    handles, errors, known = handles_of(t), errors_of(t), known_of(t)
+    floors = floors_of(t)
+    gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
+    settings, bounds, limits = settings_of(c), bounds_of(t, c), limits_of(t)
+    for k in range(first, end):
+        if gait.failure[k] != 0:
+            continue
+        bounds.grip[0] = known.grip[k]
+        for _ in range(steps):
+            met = control(phys, gait, k, settings, gains, bounds, limits.landing, dt) | limits.plan[k]
+            apply_pushes(phys, gait, k, pushes, dt)
+            note_limits(limits, k, met, pushes.start[k], gait.time[k], dt)
+            pass_time(gait, k, dt)
+            if floors.places[k, 0] != 0:
+                place_tiles(floors, k)
+            if errors.physical[k] == 0:
+                advance(handles, k)
+            else:
+                first_side = (gait.stance[k] + gait.steps[k]) % 2
+                advance_with_errors(phys, errors, k, first_side, handles)
+            scale_mass(known, k, phys)
+            count_contacts(contacts, k, dt)
+            count_asked(known, k, gait, dt)
+
+
+@njit(cache=True, nogil=True)
+def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
+    """Falls, commands, observations and margins of robots first..end-1."""
+    phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
+    command, previous, capture, out, margin, world, truth = exchange_of(t)
+    errors, limits, starts = errors_of(t), limits_of(t), pushes_of(t).start
+    schedule, known = schedule_of(t), known_of(t)
+    for k in range(first, end):
+        check_failure(phys, gait, k, settings)
+        follow(schedule, k, gait.time[k], command[k])
+        gait.turn[k] = command[k, 2]
+        span, before = contacts.time[k], (world[k, 0], world[k, 1])
+        learn(known, k, phys, gait, contacts, settings)
+        mass = settings.mass * known.mass[k]
+        margin[k] = observe(
+            phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
+        )
+        show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
+        if span > 0.0 or errors.noise[k, 0] == 0.0:  # otherwise it is seen as it was
+            show_known(known, k, gait, span, out[k])
+        if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
+            note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
+
+
+@njit(cache=True, nogil=True)
+def whole_period(
+    t: Ints, c: Array, gaits: Array, actions: Array, steps: int, dt: float, first: int, end: int
+) -> None:
+    """A planning period of robots first..end-1, from their actions to their observations."""
+    begin_period(t, c, gaits, actions, first, end)
+    physics_steps(t, c, steps, dt, first, end)
+    finish_period(t, c, first, end)

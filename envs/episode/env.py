@@ -1,0 +1,223 @@
+"""What the gait environments share: spaces, scenarios, reward, info and the recovered criterion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.model.nominal_gait import NominalGait
+from ...controllers.model.observation import ELAPSED, OBSERVATION_SIZE
+from ..scenario.push import SIDES, Push
+from ..scenario.scenario import PushDistribution, Scenario
+from .episodes import GaitEpisodes
+from .reward import REWARD_TERMS
+
+Array = NDArray[np.float64]
+
+RENDER_MODES = ("human", "rgb_array")
+
+
+def check_action(
+    action: ArrayLike, name: str = "action", shape: tuple[int, ...] = (GAIT_SIZE,)
+) -> NDArray[np.float32]:
+    """Gait actions of a shape as float32, clipped to [-1, 1]; `name` is what errors call it.
+
+    Raises:
+        InvalidValueError: for another shape, or NaN or infinity.
+    """
+    try:
+        values = np.array(action, dtype=np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
+    if values.shape != shape:
+        raise InvalidValueError(f"{name} must have shape {shape}, got {values.shape}")
+    if not _clip(values.reshape(-1)):
+        bad = values if values.ndim == 1 else values[~np.isfinite(values).all(axis=1)][0]
+        raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {bad.tolist()}")
+    return values
+
+
+@njit(cache=True)
+def _clip(values):  # pragma: no cover
+    """Clip numbers (n,) to [-1, 1] in place; False, and nothing done, where one is not finite."""
+    for i in range(values.shape[0]):
+        if not np.isfinite(values[i]):
+            return False
+    for i in range(values.shape[0]):
+        values[i] = min(max(values[i], np.float32(-1.0)), np.float32(1.0))
+    return True
+
+
+def gait_spaces() -> tuple[Any, Any]:
+    """Observation space and action space of a gait environment."""
+    return (
+        spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64),
+        spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32),
+    )
+
+
+def check_push_distribution(distribution: dict[str, Any] | PushDistribution | None) -> PushDistribution:
+    """A push distribution from what a constructor takes; the default one for None.
+
+    Raises:
+        InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
+    """
+    if isinstance(distribution, dict):
+        distribution = PushDistribution.from_dict(distribution)
+    if not isinstance(distribution, PushDistribution | None):
+        raise InvalidValueError(
+            f"push_distribution must be a PushDistribution or its dict, got {distribution!r}"
+        )
+    return distribution or PushDistribution()
+
+
+def check_scenario(scenario: object) -> Scenario:
+    """A scenario out of reset options.
+
+    Raises:
+        InvalidValueError: for anything else.
+    """
+    if not isinstance(scenario, Scenario):
+        raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(scenario).__name__}")
+    return scenario
+
+
+class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
+    """Base of the environments whose action is a gait: Gymnasium's face of the episodes of one robot."""
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 100,
+    }
+
+    def __init__(
+        self,
+        episodes: GaitEpisodes,
+        render_mode: str | None,
+        push_distribution: dict[str, Any] | PushDistribution | None,
+    ):
+        """Set up the spaces.
+
+        Raises:
+            UnknownNameError: for an unknown render mode.
+            InvalidValueError: for an impossible push distribution.
+        """
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UnknownNameError("render mode", render_mode, RENDER_MODES)
+        self.render_mode = render_mode
+        self.push_distribution = check_push_distribution(push_distribution)
+        self.episodes = episodes
+        self.core: Any = episodes.core
+        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
+        self.preset, self.double_support = episodes.preset, episodes.double_support
+        self.dt = 1.0 / episodes.control_hz  # planning period [s]
+        self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
+        self.observation_space, self.action_space = gait_spaces()
+        self.scenario: Scenario | None = None
+        self._pushes: list[dict[str, Any]] = []  # of the scenario, as `info` tells of them
+        self._picture: Any = None  # what `render` draws with
+        self._ended = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Start an episode at the beginning of a nominal step.
+
+        Args:
+            seed: of the push distribution.
+            options: {"scenario": Scenario} runs exactly that one; without it one is drawn.
+        """
+        super().reset(seed=seed)
+        self.scenario = self._scenario(options)
+        self.episodes.begin(0, self.scenario)
+        self._pushes = [push_info(push, self.robot.mass) for push in self.scenario.pushes]
+        self._ended = False
+        if self.render_mode == "human":
+            self.render()
+        return self.core.observation[0].copy(), self._info(np.zeros(len(REWARD_TERMS)))
+
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """One planning period under a gait action (7,) in [-1, 1]; entries outside are clipped."""
+        if self.scenario is None or self._ended:
+            raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
+        period = self.episodes.step(check_action(action)[None])
+        terminated, truncated = period.failed.item(0), period.truncated.item(0)
+        self._ended = terminated or truncated
+        info = self._info(period.reward.terms[0])
+        if self.render_mode == "human":
+            self.render()
+        return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
+    def _scenario(self, options: dict[str, Any] | None) -> Scenario:
+        if not isinstance(options, dict | None):
+            raise InvalidValueError(f"reset options must be a dict, got {options!r}")
+        unknown = set(options or {}) - {"scenario"}
+        if unknown:
+            raise UnknownNameError("reset option", sorted(unknown)[0], ["scenario"])
+        scenario = (options or {}).get("scenario")
+        if scenario is None:
+            return self.push_distribution.sample(self.np_random)
+        return check_scenario(scenario)
+
+    def _nominal(self, vx: float, vy: float) -> NominalGait:
+        return self.episodes.nominal(vx, vy)
+
+    def _info(self, terms: Array) -> dict[str, Any]:
+        assert self.scenario is not None  # noqa: S101
+        episodes, robots = self.episodes, self.episodes.robots
+        dcm, cop, cmp, loaded = episodes.points(0)
+        time = robots.time.item(0)
+        return {
+            "scenario_id": self.scenario.id,
+            "time": time,
+            "push": self._push_info(time),
+            "capture_margin": robots.margin.item(0),
+            "phase": min(robots.observation.item(ELAPSED) / episodes.planned.item(0), 1.0),
+            "stance_side": SIDES[robots.side.item(0)],
+            "failure_reason": episodes.failures[robots.failure.item(0)] or None,
+            "recovered_at": self.monitor.recovered_at(0),
+            "reward_terms": dict(zip(REWARD_TERMS, terms.tolist(), strict=True)),
+            "dcm": dcm,
+            "cop": cop,
+            "cmp": cmp,
+            "contacts": dict(zip(SIDES, loaded, strict=True)),
+        }
+
+    def _push_info(self, time: float) -> dict[str, Any] | None:
+        """The latest push that has begun, otherwise the first one; None without pushes."""
+        if not self._pushes:
+            return None
+        starts, latest = self.episodes.robots.push_start[0].tolist(), -1
+        for i in range(len(self._pushes)):
+            if starts[i] < time and (latest < 0 or starts[i] > starts[latest]):
+                latest = i
+        index = max(latest, 0)
+        start = starts[index]
+        return {**self._pushes[index], "start": start if math.isfinite(start) else None}
+
+
+def push_info(push: Push, mass: float) -> dict[str, Any]:
+    """A push for `info`; its start [s] is None while its gait event has not come."""
+    return {
+        "force": push.force,
+        "direction": push.direction,
+        "start": None,
+        "duration": push.duration,
+        "body": push.body,
+        "impulse": push.impulse,
+        "impulse_per_kg": push.impulse_magnitude / mass,
+    }

@@ -1,0 +1,176 @@
+"""Episodes of n robots on one core: start, planning period, reward, end; every gait environment has them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.compiled.compile_notice import announce_compilation
+from ...controllers.errors import InvalidValueError
+from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.nominal_gait import NominalGait, nominal_gait
+from ...controllers.model.nominal_start import nominal_start
+from ...controllers.model.robot import RobotModel
+from ...controllers.settings.named_presets import PRESETS
+from ...controllers.settings.presets import preset_config
+from ..scenario.scenario import Scenario
+from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
+from .recovery import GaitMonitor, uphill_dcm
+from .reward import REWARD_TERMS, Reward
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class World(NamedTuple):
+    """What `info` tells of n robots in the world frame."""
+
+    dcm: Array  # (n, 2) [m]
+    cop: Array  # (n, 2) [m]
+    cmp: Array  # (n, 2) [m]
+    loaded: Mask  # (n, 2) whether the foot carries load, in the order of SIDES
+
+
+class Period(NamedTuple):
+    """What came of one planning period for n robots; the next one writes over it."""
+
+    reward: Reward
+    failed: Mask  # (n,)
+    truncated: Mask  # (n,)
+
+
+class GaitEpisodes(ABC):
+    """Episodes of n robots of one kind; none depends on the others. A subclass brings the physics as `core`.
+
+    The core offers arrays of length n: `observation`, `truth` (the same without noise), `command`,
+    `previous_action`, `margin` and `pushes`; `reset(k, scenario, start, gait, action)`;
+    `step(gaits, actions)`; and what the abstract methods ask for.
+    """
+
+    failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
+    has_double_support: ClassVar[bool] = False  # whether the physics knows it
+    turns: ClassVar[bool] = True  # whether it can be told to turn
+    name: ClassVar[str]  # of the environment, for errors
+    core: Any
+
+    def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float):
+        """Set up all but the core.
+
+        Raises:
+            InvalidValueError: no robot; a rate outside 20-1000 Hz; or a preset with double support,
+                which the robot does not know.
+            UnknownNameError: for an unknown preset.
+        """
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+            raise InvalidValueError(f"num_envs must be a whole number >= 1, got {n!r}")
+        if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
+            raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {control_hz!r}")
+        config = preset_config(preset)
+        if config.double_support > 0 and not self.has_double_support:
+            valid = [name for name, other in PRESETS.items() if other.double_support == 0]
+            raise InvalidValueError(
+                f"preset {preset!r} walks with double support of {config.double_support} s, which this robot "
+                f"does not know; choose from: {', '.join(valid)}"
+            )
+        announce_compilation()
+        self.n, self.robot, self.limits, self.preset = int(n), robot, limits, preset
+        self.control_hz = control_hz
+        timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
+        self.monitor = GaitMonitor(self.n)
+        self.planned = np.ones(n)  # step duration T that the last action asked for [s]
+        self._episodes = Episodes(
+            pushes=np.zeros(n, np.int64), changed=np.zeros(n), fixed=np.full(n, np.nan), settle=np.zeros(n),
+            uphill=np.zeros((n, 2)), before=np.zeros((n, GAIT_SIZE)), planned=self.planned,
+            terms=np.zeros((n, len(REWARD_TERMS))), total=np.zeros(n),
+        )  # fmt: skip
+        self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
+        self._constants = period_constants(robot, limits, *timing)
+        self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
+
+    @abstractmethod
+    def motion(self) -> Motion:
+        """Steps, CoM, time and stance sides."""
+
+    @abstractmethod
+    def failure(self) -> Ints:
+        """Why the robots have fallen, (n,) index into `failures`."""
+
+    @abstractmethod
+    def world(self) -> World:
+        """Points in the world and contacts; fresh arrays."""
+
+    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
+        """`world` of one robot."""
+        dcm, cop, cmp, loaded = self.world()
+        return dcm[k], cop[k], cmp[k], loaded[k].tolist()
+
+    def gaits(self, actions: NDArray[Any]) -> Array:
+        """Gait variables (n, 7) that actions (n, 7) mean now."""
+        return self.limits.from_action(actions)
+
+    def nominal(self, vx: float, vy: float) -> NominalGait:
+        """Nominal gait of a velocity in the canonical frame [m/s]."""
+        return nominal_gait(self.robot, self.limits, (vx, vy), self.touchdown_delay, self.double_support)
+
+    def begin(self, k: int, scenario: Scenario) -> None:
+        """Put robot k at the beginning of a nominal step of a scenario.
+
+        Raises:
+            InvalidValueError: a command to turn for a robot that does not.
+        """
+        self._check_turns(scenario)
+        sign = -1.0 if scenario.stance_side == "left" else 1.0
+        gait = self.nominal(scenario.command.vx, sign * scenario.command.vy)
+        start = nominal_start(
+            gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
+        )
+        values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
+        self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
+        if self.robots is None or self.core.pushes.start is not self.robots.push_start:
+            self._bind()  # the core has new arrays where more pushes came
+        self.monitor.reset(k)
+        self.planned[k] = gait.duration
+        self._episodes.before[k] = self.core.previous_action[k]
+        self._episodes.pushes[k] = len(scenario.pushes)
+        self._episodes.changed[k] = scenario.last_change
+        self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
+        self._episodes.settle[k] = scenario.settle_time
+        slopes = scenario.errors.slope_forward, scenario.errors.slope_left
+        self._episodes.uphill[k] = uphill_dcm(self.robot.com_height, *slopes)
+
+    def _check_turns(self, scenario: Scenario) -> None:
+        commands = [scenario.command, *(change.command for change in scenario.changes)]
+        rate = max((command.turn for command in commands), key=abs)
+        if rate and not self.turns:
+            raise InvalidValueError(
+                f"{self.name} does not turn: Command.turn must be 0 rad/s, got {rate:g} "
+                f"in scenario {scenario.id!r}"
+            )
+
+    def step(self, actions: NDArray[np.float32]) -> Period:
+        """One planning period of all robots under actions (n, 7) in [-1, 1]; those at their end go on too."""
+        asked = actions.astype(np.float64)
+        gaits = self.gaits(asked)
+        self.core.step(gaits, asked)
+        end_period(self._table, self._constants, gaits, self._ends)
+        return self._period
+
+    def _bind(self) -> None:
+        """Write the address table anew."""
+        core, motion, episodes = self.core, self.motion(), self._episodes
+        self.robots = Robots(
+            *motion, self.failure(), core.truth, core.margin, core.command, core.previous_action,
+            core.pushes.start, core.pushes.duration,
+        )  # fmt: skip
+        self._table = period_table(self.robots, episodes, self.monitor.state)
+        self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy has arrays of its own."""
+        vars(self).update(state)
+        if self.robots is not None:
+            self._bind()

@@ -1,0 +1,162 @@
+"""What a planning period was to n robots: recovered criterion, reward and end, in one compiled call.
+
+Numba unpacks every array of a call, so the two dozen arrays come as one table of addresses.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
+from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.nominal_gait import nominal_gait_kernel
+from ...controllers.model.observation import COMMAND
+from ...controllers.model.robot import RobotModel
+from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel, to_canonical
+from .reward import write_reward
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_COMMAND = COMMAND.start
+
+
+class Motion(NamedTuple):
+    """How far n robots have come."""
+
+    steps: Ints  # (n,) completed
+    com: Array  # (n, 2) in the world [m]
+    time: Array  # (n,) since reset [s]
+    side: Ints  # (n,) stance foot, index into SIDES
+    heading: Array  # (n,) of the canonical frame [rad]
+
+
+class Robots(NamedTuple):
+    """What the core says of n robots after a period; the first five are those of `Motion`."""
+
+    steps: Ints
+    com: Array
+    time: Array
+    side: Ints
+    heading: Array
+    failure: Ints  # (n,) why they have fallen, 0: they have not
+    observation: Array  # (n, 36), without noise
+    margin: Array  # (n,) capture margin [m]
+    command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
+    action: Array  # (n, 7) in force in the period
+    push_start: Array  # (n, P) [s], inf while the gait event has not come
+    push_duration: Array  # (n, P) [s]
+
+
+class Episodes(NamedTuple):
+    """What the episodes of n robots know of themselves."""
+
+    pushes: Ints  # (n,) how many
+    changed: Array  # (n,) when the command changes for the last time [s], 0: never
+    fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
+    settle: Array  # (n,) [s]
+    uphill: Array  # (n, 2) what the slope moves the DCM by, world axes [m]
+    before: Array  # (n, 7) action in force in the period before, written for the next one
+    planned: Array  # (n,) step duration T that the last action asked for [s], written
+    terms: Array  # (n, 7) of the reward, in the order of REWARD_TERMS, written
+    total: Array  # (n,) reward, written
+
+
+class Judged(NamedTuple):
+    """Everything that `end_period` reads and writes."""
+
+    robots: Robots
+    episodes: Episodes
+    monitor: MonitorState
+
+
+FIRST = first_rows(Judged)  # row of the address table at which each part begins
+
+
+def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> Ints:
+    """Address table of all arrays, part by part; they must stay alive."""
+    return parts_table(Judged(robots, episodes, monitor))
+
+
+def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double_support: float) -> Array:
+    """omega, l_p, touchdown delay, double support, then the box of the gait variables: low, high."""
+    return np.array(
+        [robot.omega, robot.pelvis_width, delay, double_support, *limits.low, *limits.high], dtype=np.float64
+    )
+
+
+@njit(cache=True)
+def robots_of(t):  # pragma: no cover
+    """Rows from FIRST.robots on."""
+    r = FIRST.robots
+    return Robots(
+        ints_1(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
+        ints_1(t[r + 5]), floats_2(t[r + 6]), floats_1(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
+        floats_2(t[r + 10]), floats_2(t[r + 11]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def episodes_of(t):  # pragma: no cover
+    """Rows from FIRST.episodes on."""
+    r = FIRST.episodes
+    return Episodes(
+        ints_1(t[r]), floats_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_2(t[r + 4]),
+        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]), floats_1(t[r + 8]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def monitor_of(t):  # pragma: no cover
+    """Rows from FIRST.monitor on."""
+    r = FIRST.monitor
+    return MonitorState(
+        ints_1(t[r]), ints_1(t[r + 1]), floats_2(t[r + 2]), floats_3(t[r + 3]), floats_2(t[r + 4]),
+        floats_1(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def last_push_end(robots, k, count):  # pragma: no cover
+    """When the last of robot k's pushes ends [s]; 0 without pushes, inf while one is still to come."""
+    last = 0.0 if count == 0 else -np.inf
+    for i in range(count):
+        last = max(last, robots.push_start[k, i] + robots.push_duration[k, i])
+    return last
+
+
+@njit(cache=True)
+def end_period(t, c, gaits, ends):  # pragma: no cover
+    """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
+    robots, episodes, monitor = robots_of(t), episodes_of(t), monitor_of(t)
+    omega, width, delay, double_support = c[0], c[1], c[2], c[3]
+    low, high = c[4 : 4 + GAIT_SIZE], c[4 + GAIT_SIZE :]
+    nominal, start, started, uphill = np.empty(5), np.empty(2), np.empty(2), np.empty(2)
+    for k in range(ends.shape[1]):
+        obs, time = robots.observation[k], robots.time[k]
+        vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
+        nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
+        nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
+        to_canonical(episodes.uphill[k], robots.heading[k], robots.side[k], uphill)
+        started_dcm_kernel(obs, uphill, double_support, omega, started)
+        event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
+        if robots.steps[k] != monitor.steps[k]:
+            monitor.steps[k] = robots.steps[k]
+            error = np.hypot(started[0] - start[0], started[1] - start[1])
+            record_touchdown(
+                monitor, k, error, robots.com[k], robots.heading[k], time, event, robots.command[k]
+            )
+        ends[0, k] = robots.failure[k] != 0
+        end = event + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
+        ends[1, k] = time >= end - 1e-9 and not ends[0, k]
+        episodes.planned[k] = gaits[k, 2]
+        episodes.total[k] = write_reward(
+            obs, episodes.before[k], episodes.planned[k], robots.margin[k], ends[0, k], started, start,
+            nominal[2], episodes.terms[k],
+        )  # fmt: skip
+        episodes.before[k] = robots.action[k]

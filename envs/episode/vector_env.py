@@ -1,0 +1,240 @@
+"""n robots as one vector environment over one core, without an environment per robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.validation import require_integer
+from ..scenario.scenario import PushDistribution, Scenario
+from .env import check_action, check_push_distribution, check_scenario, gait_spaces
+from .episodes import GaitEpisodes
+from .info import Info, VectorInfo, overwrite
+from .reward import REWARD_TERMS
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Actions = NDArray[np.float32]
+
+OPTIONS = ("scenario", "reset_mask")
+
+
+def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
+    """Gymnasium's mode of a name.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+    """
+    names = [known.value for known in AutoresetMode]
+    if not isinstance(mode, AutoresetMode) and mode not in names:
+        raise UnknownNameError("autoreset mode", str(mode), names)
+    return AutoresetMode(mode)
+
+
+class Ended(NamedTuple):
+    """Robots whose episode ended within a held action, as they were then."""
+
+    rows: Mask  # (n,)
+    observation: Array  # (n, 36)
+    info: Info
+
+
+class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
+    """n robots under gait actions (n, 7); robot k does what it would do alone, bit for bit.
+
+    Robots whose episode has ended start a new one by `autoreset_mode`: "NextStep", the default, at the next
+    step, which ignores their action and gives reward 0; "SameStep" at once, and info has `final_obs` and
+    `final_info`; "Disabled" by `reset` with a `reset_mask` only.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # type: ignore[misc]
+
+    def __init__(
+        self,
+        episodes: GaitEpisodes,
+        push_distribution: dict[str, Any] | PushDistribution | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        hold: int = 1,
+    ):
+        """Put Gymnasium's face on episodes.
+
+        Args:
+            episodes: of n robots.
+            push_distribution: of the scenarios that are drawn.
+            autoreset_mode: see the class.
+            render_mode: None; one robot is drawn by its single environment.
+            hold: planning periods for which an action is held; rewards are summed.
+
+        Raises:
+            PushRecoveryError: an impossible push distribution, hold or autoreset mode, or a render mode.
+        """
+        if render_mode is not None:
+            raise InvalidValueError(
+                f"a vector environment draws nothing, got render_mode {render_mode!r}; use None, or gym.make"
+            )
+        if isinstance(hold, bool) or not isinstance(hold, int) or hold < 1:
+            raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {hold!r}")
+        self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), hold
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
+        self.push_distribution = check_push_distribution(push_distribution)
+        self.episodes, self.num_envs = episodes, episodes.n
+        self.core: Any = episodes.core
+        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
+        self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
+        spaces = self.single_observation_space, self.single_action_space = gait_spaces()
+        self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
+        self._info = VectorInfo(episodes)
+        self._rngs: list[np.random.Generator | None] = [None] * self.num_envs
+        self._seeds: list[int] = [-1] * self.num_envs
+        self._begun = np.zeros(self.num_envs, np.bool_)  # has been reset once
+        self._ended = np.zeros(self.num_envs, np.bool_)  # waits for its reset
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, Info]:
+        """Start episodes at the beginning of a nominal step.
+
+        Args:
+            seed: of the push distribution: n seeds, or one, of which robot k takes seed + k; None goes on.
+            options: "scenario": one Scenario for all or n of them (None: drawn); "reset_mask": (n,) bool, the
+                robots to reset, all without it. The others stay as they are.
+        """
+        rows, scenarios = self._options(options)
+        seeds = self._check_seeds(seed)
+        for k in np.flatnonzero(rows).tolist():
+            if seeds[k] is not None or self._rngs[k] is None:
+                self._rngs[k], self._seeds[k] = seeding.np_random(seeds[k])
+            self._begin(k, scenarios[k])
+        return self._look(rows, np.zeros((self.num_envs, len(REWARD_TERMS))))
+
+    def step(self, actions: ArrayLike) -> tuple[Array, Array, Mask, Mask, Info]:
+        """One planning period (`hold` of them) under gait actions (n, 7) in [-1, 1], clipped."""
+        due = self._check_ready()
+        checked = check_action(actions, "actions", (self.num_envs, GAIT_SIZE))
+        n = self.num_envs
+        live, ends = ~due, []
+        reward, terms = np.zeros(n), np.zeros((n, len(REWARD_TERMS)))
+        terminated, truncated = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+        for left in reversed(range(self.hold)):
+            period = self.episodes.step(self._gait_actions(checked, live))
+            reward[live] += period.reward.total[live]
+            terms[live] += period.reward.terms[live]
+            terminated |= live & period.failed
+            truncated |= live & period.truncated
+            over = live & (terminated | truncated)
+            if left and over.any():
+                ends.append(Ended(over, *self._look(over, terms.copy())))
+            live &= ~over
+            if not live.any():
+                break
+        for k in np.flatnonzero(due).tolist():
+            self._begin(k)
+        everyone = np.ones(n, np.bool_)
+        observation, info = self._look(everyone, terms, ends)
+        self._ended = terminated | truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            observation, info = self._begin_anew(observation, terms, ends)
+        return observation, reward, terminated, truncated, info
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
+        """The robots' generators; None before the first reset."""
+        return tuple(self._rngs)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Their seeds, -1 before the first reset."""
+        return tuple(self._seeds)
+
+    # What a residual adds
+
+    def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
+        """Gait actions (n, 7) of the actions (n, 7) of the robots that go on."""
+        return actions
+
+    def _more_info(self, info: Info, rows: Mask) -> None:
+        """Add keys to an info of the robots `rows`."""
+
+    # Parts of reset and step
+
+    def _begin(self, k: int, scenario: Scenario | None = None) -> None:
+        if scenario is None:
+            rng = self._rngs[k]
+            assert rng is not None  # noqa: S101
+            scenario = self.push_distribution.sample(rng)
+        self.episodes.begin(k, scenario)
+        self._info.begin(k, scenario)
+        self._begun[k], self._ended[k] = True, False
+
+    def _begin_anew(self, last: Array, terms: Array, ends: Sequence[Ended]) -> tuple[Array, Info]:
+        """Reset at once those that have ended; `last` (n, 36) are the observations before."""
+        ended = self._ended.copy()
+        _, final_info = self._look(ended, terms, ends)
+        for k in np.flatnonzero(ended).tolist():
+            self._begin(k)
+        observation, info = self._look(np.ones(self.num_envs, np.bool_), np.where(ended[:, None], 0.0, terms))
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for k in np.flatnonzero(ended).tolist():
+            final_obs[k] = last[k]
+        info |= {"final_obs": final_obs, "_final_obs": ended.copy(), "final_info": final_info}
+        info["_final_info"] = ended.copy()
+        return observation, info
+
+    def _look(self, rows: Mask, terms: Array, ends: Sequence[Ended] = ()) -> tuple[Array, Info]:
+        """Observations (n, 36), and info of the robots `rows` (n,); those of `ends` as they were then."""
+        observation, info = self.core.observation.copy(), self._info.read(rows, terms)
+        self._more_info(info, rows)
+        for then in ends:
+            observation[then.rows] = then.observation[then.rows]
+            overwrite(info, then.info, then.rows)
+        return observation, info
+
+    def _check_ready(self) -> Mask:
+        """The robots (n,) that this step resets."""
+        if not self._begun.all():
+            never = int(self._begun.argmin())
+            raise InvalidValueError(f"robot {never} has not begun: call reset() before step()")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            raise InvalidValueError(
+                f"the episodes of robots {np.flatnonzero(self._ended).tolist()} have ended: "
+                "call reset(options={'reset_mask': ...}) before step()"
+            )
+        return self._ended.copy()
+
+    def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None or isinstance(seed, int | np.integer):
+            given = [None if seed is None else int(seed) + k for k in range(self.num_envs)]
+        else:
+            given = list(seed)
+        if len(given) != self.num_envs:
+            raise InvalidValueError(f"seed must be one number or {self.num_envs}, got {len(given)}")
+        return [None if value is None else require_integer("seed", value) for value in given]
+
+    def _options(self, options: dict[str, Any] | None) -> tuple[Mask, list[Scenario | None]]:
+        """The robots to reset (n,) and their scenarios, None where one is to be drawn."""
+        if not isinstance(options, dict | None):
+            raise InvalidValueError(f"reset options must be a dict, got {options!r}")
+        options = options or {}
+        if unknown := sorted(set(options) - set(OPTIONS)):
+            raise UnknownNameError("reset option", unknown[0], OPTIONS)
+        n, rows = self.num_envs, np.asarray(options.get("reset_mask", True))
+        if "reset_mask" not in options:
+            rows = np.ones(n, np.bool_)
+        if rows.dtype != np.bool_ or rows.shape != (n,) or not rows.any():
+            raise InvalidValueError(
+                f"options['reset_mask'] must be {n} booleans, one of them True, got {options['reset_mask']!r}"
+            )
+        given = options.get("scenario")
+        listed = list(given) if isinstance(given, list | tuple | np.ndarray) else [given] * n
+        if len(listed) != n:
+            raise InvalidValueError(f"options['scenario'] must be one Scenario or {n}, got {len(listed)}")
+        return rows, [None if one is None else check_scenario(one) for one in listed]

@@ -1,0 +1,1 @@
+"""The linear inverted pendulum with flywheel, integrated exactly."""

@@ -1,0 +1,90 @@
+"""Top view of the pendulum: soles, swing foot, CoM, DCM, CMP and push, drawn by matplotlib."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from ...controllers.model.robot import RobotModel
+from ..physics.offscreen import window_opens
+from .core import Pendulums
+
+ARROW = 1.0 / 1000.0  # length of the push's arrow [m/N]
+SPAN = 0.8  # half the width of the view [m]
+FOOT_COLOURS = ("#f2851f", "#2973cc")  # left, right
+FOOTHOLD_COLOUR = "#2fae8c"
+
+
+class PendulumView:
+    """One figure that is redrawn; needs no display unless it is a window."""
+
+    def __init__(self, window: bool = False):
+        self._window = window
+        self._seen = not window or window_opens()
+        if window and self._seen:
+            import matplotlib.pyplot as plt
+
+            self._figure: Any = plt.figure(figsize=(6.4, 4.8), dpi=100)
+        else:
+            from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+            self._figure = Figure(figsize=(6.4, 4.8), dpi=100)
+            FigureCanvasAgg(self._figure)
+
+    def draw(
+        self, state: Pendulums, robot: RobotModel, force: NDArray[np.float64], both_stand: bool = False
+    ) -> NDArray[np.uint8] | None:
+        """Draw pendulum 0 under a push (2,) [N]; returns the image (480, 640, 3) unless it is a window.
+
+        In double support the foot that stood before is drawn too.
+        """
+        if not self._seen:
+            return None
+        self._figure.clear()
+        axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
+        com, stance = state.com[0], state.stance[0]
+        dcm = com + state.velocity[0] / robot.omega
+        sign = -1.0 if state.side[0] == 0 else 1.0
+        target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
+        colour = FOOT_COLOURS[int(state.side[0])]
+        soles = [(stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")]
+        if both_stand:
+            soles.append((state.lift[0], FOOT_COLOURS[1 - int(state.side[0])], "-"))
+        for centre, fill, line in soles:
+            corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
+            corner = (float(corner[0]), float(corner[1]))
+            axes.add_patch(
+                Rectangle(corner, robot.foot_length, robot.foot_width, ec="0.3", fc=fill, ls=line, alpha=0.6)
+            )
+        lean = com + 0.5 * np.sin(state.angle[0])
+        axes.plot([com[0], lean[0]], [com[1], lean[1]], color="0.25", lw=3, solid_capstyle="round")
+        axes.plot(*com, "o", color="0.25", ms=9, label="CoM and trunk")
+        axes.plot(*dcm, "o", color="#cc1a8c", ms=7, label="DCM")
+        axes.plot(*state.cmp[0], "P", color="#1a59e6", ms=9, mec="w", label="CMP")
+        if np.any(force):
+            arrow = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": "#e01f1a", "lw": 4}
+            axes.annotate("", com, com - ARROW * force, arrowprops=arrow)
+        middle = np.round((com + stance) / 2, 1)  # moves by leaps of 0.1 m: a still background
+        axes.set(
+            xlim=(middle[0] - SPAN, middle[0] + SPAN), ylim=(middle[1] - 0.71 * SPAN, middle[1] + 0.71 * SPAN)
+        )
+        axes.set(xlabel="x [m]", ylabel="y [m]", title=f"t = {state.time[0]:.2f} s")
+        axes.grid(color="0.9")
+        axes.set_axisbelow(True)
+        axes.legend(loc="upper center", ncols=3, fontsize=9, framealpha=1.0)
+        self._figure.canvas.draw()
+        if self._window:
+            self._figure.canvas.flush_events()
+            return None
+        return np.asarray(self._figure.canvas.buffer_rgba())[..., :3].copy()
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window and self._seen:
+            import matplotlib.pyplot as plt
+
+            plt.close(self._figure)

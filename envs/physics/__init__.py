@@ -1,0 +1,1 @@
+"""MuJoCo: n simulations stepped from compiled loops, pictures without a window."""

@@ -1,0 +1,215 @@
+"""n simulations of one model, advanced by MuJoCo's C functions from a compiled loop.
+
+`mujoco.batch` steps many simulations in one call from Python, but between two of its calls lies a way through
+the interpreter, and every bound array costs something. The bindings name the addresses of their models and
+data and bring the C library, so a compiled loop can call it directly, as often as it likes.
+
+A simulation may have a model of its own, which its controller does not know. What the controller then takes
+for the robot's kinematics, mass matrix and bias is computed once more from the measured positions and
+velocities with the common model: `believe`.
+"""
+
+# The arguments of an intrinsic are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+from __future__ import annotations
+
+import copy
+import ctypes
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from ...controllers.whole_body.kinematics import Array, Ints
+
+MODEL, DATA, FIRST_FIELD = 0, 1, 2  # columns of `Handles.addresses`
+MEASURED = ("qpos", "qvel", "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
+STEP = ("mj_step2", "mj_step1")
+BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
+
+
+class Handles(NamedTuple):
+    """What `advance` needs of n simulations."""
+
+    addresses: Ints  # (n, 2 + fields) of the model, of its data, of every field in the data
+    rows: Ints  # (fields, 2) address of the field's array over all simulations, bytes for each
+    calls: Ints  # (9,) addresses of STEP, BELIEF and mj_rne; number of fields that go in, and of MEASURED
+    belief: (
+        Ints  # (3 + fields,) as a row of `addresses`: common model, a worker's own data; then its qfrc_bias
+    )
+
+
+class Simulations:
+    """n simulations; `arrays[name]` is (n, ...), a copy of that field of all of them.
+
+    After every physics step all stages that depend on positions and velocities are current (mj_step1).
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        n: int,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        workers: int = 1,
+    ):
+        """Make the data.
+
+        Args:
+            model: common to all; it is copied, see `simulated`.
+            n: number of simulations.
+            inputs: fields of MjData (float64) copied from the arrays before each physics step.
+            outputs: fields copied into the arrays after it.
+            workers: threads that call `believe`, worker w with `handles_of(w)`.
+        """
+        self.model = simulated(model)
+        self.models = [self.model] * n
+        self.data = [mujoco.MjData(self.model) for _ in range(n)]
+        self._belief = [mujoco.MjData(self.model) for _ in range(workers)]
+        measured = [name for name in MEASURED if name in outputs]
+        names = (*inputs, *measured, *(name for name in outputs if name not in measured))
+        self.arrays: dict[str, Array] = {
+            name: np.zeros((n, *getattr(self.data[0], name).shape)) for name in names
+        }
+        own = [[self.model._address, data._address, *_fields(data, names)] for data in self.data]
+        arrays, calls = self.arrays.values(), _functions(*STEP, *BELIEF, "mj_rne")
+        self._common = (
+            np.array(own, dtype=np.int64),
+            np.array([[array.ctypes.data, array[0].nbytes] for array in arrays], dtype=np.int64),
+            np.array([*calls, len(inputs), len(measured)], dtype=np.int64),
+        )
+        self._names = names
+        self.handles = self.handles_of(0)
+
+    def handles_of(self, worker: int) -> Handles:
+        """Handles for one of the threads; they differ in where it computes what is believed."""
+        data = self._belief[worker]
+        row = [self.model._address, data._address, *_fields(data, (*self._names, "qfrc_bias"))]
+        return Handles(*self._common, np.array(row, dtype=np.int64))
+
+    def use_model(self, k: int, model: mujoco.MjModel | None) -> None:
+        """Give simulation k a model of its own, or the common one again (None).
+
+        It may have more geoms than the common one. It has to be put into a state next.
+        """
+        before, self.models[k] = self.models[k], self.model if model is None else model
+        if self.models[k].ngeom != before.ngeom:
+            self.data[k] = mujoco.MjData(self.models[k])
+            self.handles.addresses[k, DATA:] = [self.data[k]._address, *_fields(self.data[k], self._names)]
+        self.handles.addresses[k, MODEL] = self.models[k]._address
+
+    def put(self, k: int, qpos: Array, qvel: Array) -> None:
+        """Reset simulation k and put it into a state; its inputs become zero."""
+        model, data = self.models[k], self.data[k]
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_step1(model, data)
+        for name, array in self.arrays.items():
+            array[k] = getattr(data, name)
+
+
+def simulated(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy in whose state not-a-number stays, where MuJoCo would begin anew in silence."""
+    model = copy.copy(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
+    return model
+
+
+def _fields(data: mujoco.MjData, names: Sequence[str]) -> list[int]:
+    return [getattr(data, name).ctypes.data for name in names]
+
+
+def _functions(*names: str) -> list[int]:
+    """Addresses of C functions in the library that the bindings are linked to."""
+    library = ctypes.CDLL(mujoco._functions.__file__)
+    return [ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names]
+
+
+@intrinsic
+def _call_step(typingctx, function, model, data):
+    """Call void f(const mjModel*, mjData*)."""
+
+    def codegen(context, builder, signature, args):
+        kind = ir.FunctionType(ir.VoidType(), [args[1].type, args[2].type]).as_pointer()
+        builder.call(builder.inttoptr(args[0], kind), list(args[1:]))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def _call_rne(typingctx, function, model, data, result):
+    """Call void mj_rne(const mjModel*, mjData*, int with_acceleration = 0, double* result)."""
+
+    def codegen(context, builder, signature, args):
+        number, zero = args[1].type, ir.Constant(ir.IntType(32), 0)
+        kind = ir.FunctionType(ir.VoidType(), [number, number, zero.type, number]).as_pointer()
+        builder.call(builder.inttoptr(args[0], kind), [args[1], args[2], zero, args[3]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def _copy(typingctx, to, source, count):
+    """Copy `count` bytes from one address to another."""
+
+    def codegen(context, builder, signature, args):
+        byte = ir.IntType(8).as_pointer()
+        cgutils.raw_memcpy(
+            builder, builder.inttoptr(args[0], byte), builder.inttoptr(args[1], byte), args[2], 1
+        )
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), codegen
+
+
+@njit(cache=True)
+def _copy_out(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
+    """Copy fields first..end-1 of the data whose addresses are `own` into the arrays of simulation k."""
+    rows = handles.rows
+    for f in range(first, end):
+        _copy(rows[f, 0] + k * rows[f, 1], own[FIRST_FIELD + f], rows[f, 1])
+
+
+@njit(cache=True)
+def advance_measured(handles: Handles, k: int) -> None:
+    """One physics step of simulation k of which only what is MEASURED gets into the arrays."""
+    own, rows, calls = handles.addresses[k], handles.rows, handles.calls
+    inputs = calls[7]
+    for f in range(inputs):
+        _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
+    _call_step(calls[0], own[MODEL], own[DATA])
+    _call_step(calls[1], own[MODEL], own[DATA])
+    _copy_out(handles, k, own, inputs, inputs + calls[8])
+
+
+@njit(cache=True)
+def advance(handles: Handles, k: int) -> None:
+    """One physics step of simulation k: inputs into its data, mj_step2, mj_step1, outputs into the arrays."""
+    advance_measured(handles, k)
+    done = handles.calls[7] + handles.calls[8]
+    _copy_out(handles, k, handles.addresses[k], done, handles.rows.shape[0])
+
+
+@njit(cache=True)
+def believe(handles: Handles, k: int) -> None:
+    """Write all outputs but the measured ones of simulation k as the common model has them.
+
+    They follow from the arrays of qpos and qvel, which must be among the outputs: kinematics, M and bias of
+    the stages of mj_step1 that need no contacts.
+    """
+    own, rows, calls = handles.belief, handles.rows, handles.calls
+    first = calls[7]
+    for f in range(first, first + 2):
+        _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
+    for c in range(2, 6):
+        _call_step(calls[c], own[MODEL], own[DATA])
+    _call_rne(calls[6], own[MODEL], own[DATA], own[FIRST_FIELD + rows.shape[0]])
+    _copy_out(handles, k, own, first + calls[8], rows.shape[0])

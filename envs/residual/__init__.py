@@ -1,0 +1,1 @@
+"""Actions that correct a policy below."""

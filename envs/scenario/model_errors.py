@@ -1,0 +1,105 @@
+"""How far the robot is from what its planner believes: `ModelErrors`, a part of a scenario."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.validation import require_keys, require_number, require_vector
+
+STEEPEST_SLOPE = math.radians(5.0)  # [rad]
+TRUNK_COM_MAX = 0.1  # [m]
+
+# field: unit, smallest, largest
+BOUNDS: dict[str, tuple[str, float, float]] = {
+    "mass": ("", -0.5, 0.5),
+    "payload": (" [kg]", 0.0, 30.0),
+    "friction": ("", 0.2, 2.0),
+    "slope_forward": (" [rad]", -STEEPEST_SLOPE, STEEPEST_SLOPE),
+    "slope_left": (" [rad]", -STEEPEST_SLOPE, STEEPEST_SLOPE),
+    "delay": (" [s]", 0.0, 0.05),
+    "dcm_noise": (" [m]", 0.0, 0.1),
+    "joint_noise": (" [rad]", 0.0, 0.05),
+    "floor_step": (" [m]", 0.0, 0.05),
+}
+
+
+@dataclass(frozen=True)
+class ModelErrors:
+    """What is true of the robot and its floor, and unknown to planner and whole-body control.
+
+    Both go on believing the nominal robot of 60 kg on a level floor. The defaults are no errors.
+    """
+
+    mass: float = 0.0  # relative, of every body, its inertia and the rotors': 0.1 is 10 % heavier
+    payload: float = 0.0  # a point mass at the trunk's CoM [kg]
+    trunk_com: tuple[float, float, float] = (0.0, 0.0, 0.0)  # how far the trunk's CoM is off, body axes [m]
+    friction: float | None = None  # coefficient between soles and floor; None: the model's
+    slope_forward: float = 0.0  # the floor rises forward by this angle [rad]
+    slope_left: float = 0.0  # and to the left [rad]
+    delay: float = 0.0  # between computing an actuator's command and its action [s]
+    dcm_noise: float = 0.0  # standard deviation of the observed DCM, each axis and period [m]
+    joint_noise: float = 0.0  # standard deviation of a measured joint angle, each physics step [rad]
+    floor_step: float = 0.0  # tiles of the floor are up to this much higher than others [m]
+
+    def __post_init__(self) -> None:
+        for name, (unit, low, high) in BOUNDS.items():
+            value = getattr(self, name)
+            if name == "friction" and value is None:
+                continue
+            checked = require_number(f"ModelErrors.{name}{unit}", value, low, high)
+            object.__setattr__(self, name, checked + 0.0)  # no -0.0
+        trunk_com = require_vector("ModelErrors.trunk_com [m]", self.trunk_com)
+        for axis, value in zip("xyz", trunk_com, strict=True):
+            require_number(f"ModelErrors.trunk_com {axis} [m]", value, -TRUNK_COM_MAX, TRUNK_COM_MAX)
+        object.__setattr__(self, "trunk_com", tuple(value + 0.0 for value in trunk_com))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Fields that differ from their default."""
+        return tuple(f.name for f in fields(self) if getattr(self, f.name) != f.default)
+
+    def mirrored(self) -> ModelErrors:
+        """Reflection in the x-z plane; noise is mirrored with the stance side of the first step."""
+        x, y, z = self.trunk_com
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return ModelErrors(**{**values, "trunk_com": (x, -y, z), "slope_left": -self.slope_left})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types; fields at their default are left out."""
+        values = {name: getattr(self, name) for name in self.names}
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+
+    @classmethod
+    def from_dict(cls, data: object) -> ModelErrors:
+        """Inverse of `to_dict`."""
+        return cls(**require_keys("model errors", data, set(), {f.name for f in fields(cls)}))
+
+    @classmethod
+    def from_json(cls, text: str) -> ModelErrors:
+        """From a JSON object such as '{"mass": 0.1, "friction": 0.6}'.
+
+        Raises:
+            InvalidValueError: no JSON, or a value out of its bounds.
+            UnknownNameError: for an unknown field.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InvalidValueError(f"model errors are not valid JSON: {error}") from error
+        return cls.from_dict(data)
+
+    def require_only(self, robot: str, known: Sequence[str]) -> None:
+        """Raise InvalidValueError where an error is set that this kind of robot cannot have."""
+        if unknown := [name for name in self.names if name not in known]:
+            raise InvalidValueError(
+                f"{robot} has no model error {unknown[0]!r} (valid: {', '.join(known)}), "
+                f"got {getattr(self, unknown[0])!r}"
+            )
+
+
+EXACT_MODEL = ModelErrors()

@@ -1,0 +1,1 @@
+"""What a second of a robot costs."""

@@ -1,0 +1,140 @@
+"""Show one episode in a window, or write it as a film or a strip of pictures."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, SupportsFloat
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import MissingExtraError, UnknownNameError
+from ...controllers.files import write_atomically
+from ...envs.scenario.scenario import Scenario
+from ..rollout.by_name import load_policy, make_env
+from ..rollout.one import planning_period, rollout
+from ..rollout.outcome import Outcome
+
+FORMATS = (".mp4", ".gif", ".png")
+FILM_RATE = 25.0  # frames per simulated second
+STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments of a strip, after the push began [s]
+PANEL = (11, 12)  # width to height of one picture of a strip
+
+
+class _Camera(gym.Wrapper):
+    """Keeps a rendered frame at FILM_RATE of simulated time, and when the push began."""
+
+    def __init__(self, env: gym.Env):
+        super().__init__(env)
+        self.frames: list[NDArray[np.uint8]] = []
+        self.times: list[float] = []  # of the frames, since reset [s]
+        self.push_start = 0.0  # [s]
+        self._period = planning_period(env)
+        self._every = max(1, round(1.0 / (FILM_RATE * self._period)))
+        self._count = 0
+
+    def _shoot(self, info: dict[str, Any], ended: bool) -> None:
+        if self._count % self._every == 0 or ended:
+            self.frames.append(np.array(self.env.render(), dtype=np.uint8))
+            self.times.append(float(info.get("time", self._count * self._period)))
+        self._count += 1
+        start = (info.get("push") or {}).get("start")
+        self.push_start = self.push_start if start is None else float(start)
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        observation, info = self.env.reset(**kwargs)
+        self._shoot(info, False)
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._shoot(info, terminated or truncated)
+        return observation, reward, terminated, truncated, info
+
+
+def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tuple[Outcome, Path | None]:
+    """Run a scenario with rendering; returns its outcome and the file written.
+
+    Raises:
+        MissingExtraError: a film is asked for and imageio is not installed.
+        UnknownNameError: the suffix is no known format.
+        RenderError: a window is asked for and there is no display.
+    """
+    suffix = output_suffix(out, FORMATS) if out else None
+    if suffix in {".mp4", ".gif"}:
+        _imageio()
+    if out is None:
+        from ...envs.physics.offscreen import require_display
+
+        require_display()
+    env = make_env(env_id, render_mode="rgb_array" if out else "human")
+    try:
+        if out is None:
+            return rollout(env, load_policy(policy, env), scenario, policy), None
+        camera = _Camera(env)
+        outcome = rollout(camera, load_policy(policy, env), scenario, policy)
+    finally:
+        env.close()
+    write_atomically(out, _strip(camera) if suffix == ".png" else _film(camera.frames, str(suffix)))
+    return outcome, out
+
+
+def _imageio() -> Any:
+    try:
+        import imageio.v2 as imageio
+        import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("imageio", "view") from error
+    return imageio
+
+
+def _film(frames: list[NDArray[np.uint8]], suffix: str) -> bytes:
+    """Frames as mp4 or gif."""
+    buffer = io.BytesIO()
+    options: dict[str, Any] = {"macro_block_size": 1} if suffix == ".mp4" else {}
+    with _imageio().get_writer(buffer, format=suffix[1:], mode="I", fps=FILM_RATE, **options) as writer:
+        for frame in frames:
+            writer.append_data(frame)
+    return buffer.getvalue()
+
+
+def _moments(camera: _Camera) -> list[int]:
+    """Frames nearest to the moments of STRIP, all of them earlier where the episode ends before the last."""
+    times = np.array(camera.times)
+    squeeze = min(1.0, (times[-1] - camera.push_start) / STRIP[-1])
+    return [int(np.argmin(np.abs(times - camera.push_start - squeeze * after))) for after in STRIP]
+
+
+def _strip(camera: _Camera) -> bytes:
+    """The push and what follows: six frames side by side with their times after its begin, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    width, height = 2.3, 2.3 * PANEL[1] / PANEL[0]  # of a panel [inch]
+    figure = Figure(figsize=(width * len(STRIP), height + 0.25), dpi=100)
+    for column, index in enumerate(_moments(camera)):
+        axes = figure.add_axes((column / len(STRIP), 0.0, 0.995 / len(STRIP), height / (height + 0.25)))
+        axes.imshow(_crop(camera.frames[index]), aspect="auto")
+        axes.set_title(f"{camera.times[index] - camera.push_start:+.2f} s", fontsize=10, pad=3)
+        axes.set_axis_off()
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    return buffer.getvalue()
+
+
+def _crop(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The middle of a frame, in the proportions of PANEL."""
+    rows, columns = frame.shape[:2]
+    kept = min(columns, rows * PANEL[0] // PANEL[1])
+    left = (columns - kept) // 2
+    return frame[:, left : left + kept]
+
+
+def output_suffix(path: Path, valid: tuple[str, ...]) -> str:
+    """The suffix of an output file; raises UnknownNameError listing the valid ones."""
+    suffix = path.suffix.lower()
+    if suffix not in valid:
+        raise UnknownNameError("output format", suffix or str(path), valid)
+    return suffix

@@ -1,0 +1,1 @@
+"""The largest push by direction, beside its closed form."""

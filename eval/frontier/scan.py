@@ -1,0 +1,186 @@
+"""The largest recoverable push by direction, beside the closed-form limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...controllers.errors import InvalidValueError
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.push import Body, GaitEvent, polar_push
+from ...envs.scenario.scenario import Command, Scenario
+from ..output.progress import progress_bars
+from ..output.rows import RowFile, default_directory
+from ..rollout.by_name import code_digest, env_label, file_digest, preset_digest, require_distinct
+from ..rollout.outcome import Outcome
+from ..rollout.workers import Runner, parallel
+from ..score.limits_met import fall_limits
+from .closed_form import limit_force
+
+FORMAT = 2  # of the rows
+NOMINAL_STEPS = 4  # before the push
+BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
+FORCE_CAP = 4000.0  # no scan goes further [N]
+IN_PLACE = Command()
+
+
+@dataclass(frozen=True)
+class FrontierSettings:
+    """The push whose force is scanned: at the start of a left stance after four nominal steps."""
+
+    env_id: str
+    grid: float = 20.0  # [N]
+    duration: float = 0.1  # [s]
+    body: Body = "pelvis"
+    command: Command = IN_PLACE
+    errors: ModelErrors = EXACT_MODEL
+
+    def __post_init__(self) -> None:
+        if not 0 < self.grid <= FORCE_CAP:
+            raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
+
+    def scenario(self, psi_deg: float, force: float) -> Scenario:
+        """The push of `force` [N] towards psi."""
+        event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
+        push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
+        name = f"frontier-{psi_deg:g}deg-{force:g}N"
+        return Scenario(name, (push,), self.command, "left", errors=self.errors)
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """One direction of one policy."""
+
+    settings: FrontierSettings
+    policy: str
+    psi_deg: float
+
+
+def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
+    """Raise the force by the grid until BEYOND past the first failure; survival is not monotone in it."""
+    outcomes = _outcomes(runner, job)
+    failed = [force for force, outcome in outcomes.items() if not outcome.survived]
+    survived = [force for force, outcome in outcomes.items() if outcome.survived]
+    before = [force for force in survived if not failed or force < failed[0]]
+    return {
+        "policy": job.policy,
+        "psi_deg": job.psi_deg,
+        "survived_N": max(before, default=0.0),
+        "largest_survived_N": max(survived, default=0.0),
+        "failed_N": failed,
+        "falls": [fall_limits(force, outcomes[force]) for force in failed],
+    }
+
+
+def _outcomes(runner: Runner, job: ScanJob) -> dict[float, Outcome]:
+    """The outcome of each force of the scan [N], in rising order.
+
+    Forces run side by side, so a weaker one may fail late; what was tried past the end it sets is left out.
+    """
+    grid, end = job.settings.grid, FORCE_CAP
+    forces: dict[str, float] = {}  # of the scenarios begun
+    found: dict[float, Outcome] = {}
+
+    def scenarios() -> Iterator[Scenario]:
+        for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
+            if k * grid > end + 1e-9:
+                return
+            scenario = job.settings.scenario(job.psi_deg, k * grid)
+            forces[scenario.id] = k * grid
+            yield scenario
+
+    for outcome in runner.run_all(job.policy, scenarios()):
+        force = forces[outcome.scenario_id]
+        found[force] = outcome
+        if not outcome.survived:
+            end = min(end, force + BEYOND)
+    return {force: found[force] for force in sorted(found) if force <= end + 1e-9}
+
+
+def directions_deg(count: int) -> list[float]:
+    """`count` directions counter-clockwise from forward [deg]."""
+    if count < 1:
+        raise InvalidValueError(f"directions must be >= 1, got {count}")
+    return [360.0 * k / count for k in range(count)]
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """Scans of several policies in the same directions."""
+
+    settings: FrontierSettings
+    rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
+    limits: Mapping[float, float]  # F* by direction [N]
+    directory: Path
+
+    def to_dict(self, policy: str) -> dict[str, Any]:
+        """The contract's object of one policy."""
+        directions = []
+        for row in self.rows[policy]:
+            limit = self.limits[row["psi_deg"]]
+            directions.append(
+                {
+                    "psi_deg": row["psi_deg"],
+                    "survived_N": row["survived_N"],
+                    "largest_survived_N": row["largest_survived_N"],
+                    "limit_N": limit,
+                    "fraction": row["survived_N"] / limit if limit > 0 else None,
+                }
+            )
+        push = {"duration": self.settings.duration, "body": self.settings.body}
+        return {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
+
+
+def default_grid(env_id: str) -> float:
+    """10 N on the pendulum, 20 N elsewhere."""
+    return 10.0 if "Pendulum" in env_id else 20.0
+
+
+def frontier(
+    settings: FrontierSettings,
+    policies: Sequence[str],
+    directions: int = 16,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Frontier:
+    """Scan all directions for all policies; directions done before in the directory are kept.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration.
+    """
+    policies = require_distinct("policy", policies)
+    angles = directions_deg(directions)
+    runner = Runner(settings.env_id)
+    for name in policies:
+        runner.policy(name)
+    limits = {
+        psi: limit_force(runner.env, math.radians(psi), settings.duration, settings.command) for psi in angles
+    }
+    runner.close()
+    digests = {name: file_digest(name) for name in policies}
+    config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
+    config |= preset_digest(settings.env_id)
+    label = f"frontier-{env_label(settings.env_id)}"
+    directory = directory or default_directory(label, config)
+    store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)
+    store.check_policies(digests)
+    jobs = [
+        ScanJob(settings, name, psi) for name in policies for psi in angles if (name, psi) not in store.rows
+    ]
+    try:
+        with progress_bars(policies, len(angles)) as bars:
+            count = {name: sum((name, psi) in store.rows for psi in angles) for name in policies}
+            for row in parallel(settings.env_id, scan, jobs, workers):
+                store.append({**row, "policy_sha256": digests[row["policy"]]})
+                count[row["policy"]] += 1
+                bars.set(
+                    row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N"
+                )
+    finally:
+        store.close()
+    rows = {name: [store.rows[name, psi] for psi in angles] for name in policies}
+    return Frontier(settings, rows, limits, directory)

@@ -1,0 +1,1 @@
+"""Rows, progress and tables."""

@@ -1,0 +1,1 @@
+"""All sections in one directory, as a page and as a command."""

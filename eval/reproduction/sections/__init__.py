@@ -1,0 +1,1 @@
+"""The sections of the reproduction: jobs, summary, tables, pictures."""

@@ -1,0 +1,1 @@
+"""From scenarios and policies to outcomes: one episode, many, on several processes."""

@@ -1,0 +1,90 @@
+"""What became of one episode."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from ..output.statistics import wilson_interval
+
+NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One row of results: a scenario, a policy, what happened."""
+
+    scenario_id: str
+    policy: str
+    survived: bool  # no fall until the end
+    recovered: bool  # survived, and back at the nominal gait at the end
+    recovered_at: float | None  # time from which the recovery criterion held [s]
+    failure_reason: str | None  # of a fall
+    end_time: float  # [s]
+    env_steps: int
+    total_reward: float
+    impulse: float  # of the first push [N s]
+    psi_deg: float | None  # its direction, counter-clockwise from forward [deg]
+    pushes: int
+    command: tuple[float, float]  # [m/s]
+    first_limit: str | None = None  # of envs/biped/limit_record.py, met first since the first push began
+    limits_met: Mapping[str, float] = field(default_factory=dict)  # limit -> when first [s], in that order
+    limit_shares: Mapping[str, float] = field(default_factory=dict)  # limit -> share of the time since then
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return {**asdict(self), "command": list(self.command)}
+
+
+def failure_label(row: Mapping[str, Any]) -> str:
+    """Why a row does not count as recovered."""
+    return row["failure_reason"] or ("unknown" if not row["survived"] else NOT_SETTLED)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Recovery rate of one policy over a set of rows."""
+
+    recovered: int
+    survived: int
+    episodes: int
+    failures: dict[str, int]  # reason -> episodes that did not recover
+
+    @classmethod
+    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Score:
+        """Count rows as written to the outcome file."""
+        rows = list(rows)
+        failures = Counter(failure_label(row) for row in rows if not row["recovered"])
+        return cls(
+            recovered=sum(row["recovered"] for row in rows),
+            survived=sum(row["survived"] for row in rows),
+            episodes=len(rows),
+            failures=dict(sorted(failures.items(), key=lambda item: (-item[1], item[0]))),
+        )
+
+    @property
+    def rate(self) -> float:
+        """Share of episodes recovered; 0 without episodes."""
+        return self.recovered / self.episodes if self.episodes else 0.0
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """Wilson interval of the rate."""
+        return wilson_interval(self.recovered, self.episodes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's object of one policy."""
+        return {
+            "recovered": self.recovered,
+            "episodes": self.episodes,
+            "rate": self.rate,
+            "ci95": list(self.ci95),
+            "failures": self.failures,
+        }
+
+
+def impulse_between(rows: Iterable[Mapping[str, Any]], low: float, high: float) -> list[Mapping[str, Any]]:
+    """Rows whose first push has an impulse in [low, high] [N s]."""
+    return [row for row in rows if low <= row["impulse"] <= high]

@@ -1,0 +1,170 @@
+"""Episodes on several processes; what comes out does not depend on how many, or on the order."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, TypeVar
+
+from ...controllers.errors import PushRecoveryError
+from ...controllers.policies.interface import Policy
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.scenario.scenario import Scenario
+from .batch import batch_episodes, plans_batches, rollout_batch
+from .by_name import load_policy, make_env
+from .one import rollout
+from .outcome import Outcome
+from .wrapped_action import ActionRule, action_rule
+
+J = TypeVar("J")
+R = TypeVar("R")
+Job = tuple[str, Scenario]  # policy name or file, scenario
+Chunk = tuple[str, tuple[Scenario, ...]]  # policy name or file, scenarios that may run side by side
+SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are written when all of it is done
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class WorkerError(PushRecoveryError):
+    """An episode raised in a worker process; the message carries what it said."""
+
+
+def default_workers() -> int:
+    """Processes that this machine has cores for."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Runner:
+    """Runs jobs in one environment, making it and its policies once."""
+
+    def __init__(self, env_id: str):
+        self.env = make_env(env_id)
+        self._policies: dict[str, Policy] = {}
+        self._rule: ActionRule | None = action_rule(self.env)
+        self._slots: GaitEpisodes | None = None  # made on first use
+
+    def policy(self, name: str) -> Policy:
+        """The policy of this name or file, made on first use."""
+        if name not in self._policies:
+            self._policies[name] = load_policy(name, self.env)
+        return self._policies[name]
+
+    def run(self, job: Job) -> Outcome:
+        """One episode."""
+        name, scenario = job
+        return rollout(self.env, self.policy(name), scenario, name)
+
+    def run_all(self, name: str, scenarios: Iterable[Scenario]) -> Iterator[Outcome]:
+        """Episodes of one policy, side by side where that changes no outcome, as they finish.
+
+        A scenario is taken when there is room for it: outcomes so far may decide what comes. One such run at
+        a time.
+        """
+        slots = self._make_slots(name)
+        if slots is None:
+            return (self.run((name, scenario)) for scenario in scenarios)
+        return rollout_batch(slots, self.policy(name), scenarios, name, self._rule)
+
+    def chunk(self, name: str) -> int:
+        """How many scenarios are worth a job of this policy."""
+        return 1 if self._make_slots(name) is None else SLOTS
+
+    def _make_slots(self, name: str) -> GaitEpisodes | None:
+        if self._rule is None or not plans_batches(self.policy(name)):
+            return None
+        if self._slots is None:
+            self._slots = batch_episodes(self._rule.env, SLOTS)
+        return self._slots
+
+    def close(self) -> None:
+        """Close the environment."""
+        self.env.close()
+
+
+_runner: Runner | None = None
+
+
+def _start_worker(env_id: str) -> None:
+    global _runner
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
+    _runner = Runner(env_id)
+
+
+def _work(task: Callable[[Runner, Any], Any], job: Any) -> Any:
+    """Run in a worker; errors travel as text, since not every exception survives pickling."""
+    if _runner is None:
+        raise WorkerError("worker was not started")
+    try:
+        return task(_runner, job), None
+    except Exception as error:
+        return None, f"{type(error).__name__}: {error}"
+
+
+def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
+    """The task of `parallel` for episodes."""
+    return list(runner.run_all(*chunk))
+
+
+def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], workers: int) -> Iterator[R]:
+    """Results of the jobs as they finish; in this process for one worker, else in spawned ones.
+
+    Args:
+        env_id: environment that every worker makes.
+        task: module-level function of a runner and a job.
+        jobs: picklable.
+        workers: number of processes.
+
+    Raises:
+        WorkerError: a job raised in a worker.
+    """
+    if workers <= 1 or len(jobs) <= 1:
+        runner = Runner(env_id)
+        try:
+            for job in jobs:
+                yield task(runner, job)
+        finally:
+            runner.close()
+        return
+    for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
+        os.environ.setdefault(name, "1")
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (env_id,))
+    try:
+        yield from _in_window(pool, task, jobs, 4 * workers)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C within the block; only the main thread may say so, elsewhere nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+
+
+def _in_window(
+    pool: ProcessPoolExecutor, task: Callable[[Runner, J], R], jobs: Iterable[J], window: int
+) -> Iterator[R]:
+    """Keep at most `window` jobs in flight, so that an interrupt has little to wait for."""
+    queue = iter(jobs)
+    with _interrupts_ignored():  # inherited by the processes that the first submission starts
+        pending: set[Future[Any]] = {pool.submit(_work, task, job) for job in islice(queue, window)}
+    while pending:
+        done, pending = wait(pending, return_when=FIRST_COMPLETED)
+        pending |= {pool.submit(_work, task, job) for job in islice(queue, len(done))}
+        for future in done:
+            result, error = future.result()
+            if error is not None:
+                raise WorkerError(error)
+            yield result

@@ -1,0 +1,1 @@
+"""Suites, and what a policy is worth on them."""

@@ -1,0 +1,58 @@
+"""Two policies on the same pushes: paired counts, exact McNemar test, paired bootstrap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..output.statistics import PairedCounts
+from .evaluate import evaluate
+from .suites import Suite
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Recovery of a against b."""
+
+    a: str
+    b: str
+    suite: Suite
+    counts: PairedCounts
+    directory: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's object; rate_difference = rate of a - rate of b."""
+        return {
+            "a": self.a,
+            "b": self.b,
+            "suite": self.suite.name,
+            "pairs": self.counts.pairs,
+            "both": self.counts.both,
+            "only_a": self.counts.only_a,
+            "only_b": self.counts.only_b,
+            "neither": self.counts.neither,
+            "mcnemar_p": self.counts.p_value,
+            "rate_difference": self.counts.rate_difference,
+            "ci95": list(self.counts.bootstrap_interval()),
+        }
+
+
+def compare(
+    a: str,
+    b: str,
+    suite: Suite,
+    env_id: str,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Comparison:
+    """Evaluate both on the suite (rows in the directory are kept) and pair their outcomes."""
+    evaluation = evaluate(suite, env_id, [a, b], workers, directory, overwrite)
+    recovered = {
+        name: np.array([row["recovered"] for row in rows], dtype=bool)
+        for name, rows in evaluation.rows.items()
+    }
+    return Comparison(a, b, suite, PairedCounts.of(recovered[a], recovered[b]), evaluation.directory)

@@ -1,0 +1,165 @@
+"""Score policies on a suite: every policy meets the same pushes, in parallel, resumable."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.files import write_text
+from ...envs.scenario.scenario import Scenario
+from ..output.progress import progress_bars
+from ..output.rows import RowFile, default_directory
+from ..rollout.by_name import code_digest, env_label, file_digest, preset_digest, require_distinct
+from ..rollout.outcome import Score, impulse_between
+from ..rollout.workers import Chunk, Runner, parallel, run_chunk
+from .limits_met import limit_summary
+from .suites import Suite
+
+FORMAT = 2  # of the rows
+CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
+SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
+Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Outcomes of policies on one suite."""
+
+    suite: Suite
+    env_id: str
+    rows: Rows
+    directory: Path
+    wall_time: float  # of this run, without resumed rows [s]
+
+    def score(self, policy: str) -> Score:
+        """Over the whole suite."""
+        return Score.of(self.rows[policy])
+
+    def subset_score(self, policy: str) -> Score:
+        """Over first-push impulses within SUBSET."""
+        return Score.of(impulse_between(self.rows[policy], *SUBSET))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's object."""
+        return {
+            "suite": self.suite.summary(),
+            "env": self.env_id,
+            "policies": {name: self.score(name).to_dict() for name in self.rows},
+            "out": str(self.directory),
+        }
+
+
+def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
+    """What the rows of a directory belong to: suite, environment, and the code behind them."""
+    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
+    return names | preset_digest(env_id)
+
+
+def evaluate(
+    suite: Suite,
+    env_id: str,
+    policies: Sequence[str],
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+    on_row: Callable[[dict[str, Any]], None] | None = None,
+) -> Evaluation:
+    """Run every policy on every scenario of the suite; rows present in the directory are kept.
+
+    Args:
+        suite: scenarios.
+        env_id: environment.
+        policies: names or files.
+        workers: processes.
+        directory: where outcomes.jsonl, config.json and the reports go; by default under runs/.
+        overwrite: start over where the directory holds rows.
+        on_row: called after each new row is on disk.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
+    """
+    policies = require_distinct("policy", policies)
+    if not policies:
+        raise InvalidValueError("no policy is given")
+    runner = Runner(env_id)  # names and files fail here, before any work, and caches are warm for the workers
+    for name in policies:
+        runner.policy(name)
+    sizes = {name: runner.chunk(name) for name in policies}
+    runner.close()
+    config = configuration(suite, env_id)
+    label = f"{suite.name}-{env_label(env_id)}"
+    directory = directory or default_directory(label, config)
+    store = RowFile(directory, config, ("policy", "scenario_id"), overwrite)
+    digests = {name: file_digest(name) for name in policies}
+    store.check_policies(digests)
+    began = time.perf_counter()
+    try:
+        _run_missing(store, suite, env_id, digests, sizes, workers, on_row)
+    finally:
+        store.close()
+    rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in policies}
+    return Evaluation(suite, env_id, rows, directory, time.perf_counter() - began)
+
+
+def _run_missing(
+    store: RowFile,
+    suite: Suite,
+    env_id: str,
+    digests: Mapping[str, str | None],
+    sizes: Mapping[str, int],
+    workers: int,
+    on_row: Callable[[dict[str, Any]], None] | None,
+) -> None:
+    """Append the rows that the store lacks, with a bar for each policy (key of `digests` and `sizes`)."""
+    policies = list(digests)
+    missing = {name: [s for s in suite.scenarios if (name, s.id) not in store.rows] for name in policies}
+    chunks = make_chunks(missing, sizes, workers)
+    ids = {scenario.id for scenario in suite.scenarios}
+    done = {
+        name: [row for key, row in store.rows.items() if key[0] == name and key[1] in ids]
+        for name in policies
+    }
+    with progress_bars(policies, len(suite.scenarios)) as bars:
+        for name in policies:
+            bars.set(name, len(done[name]))
+        for outcome in chain.from_iterable(parallel(env_id, run_chunk, chunks, workers)):
+            row = {**outcome.to_dict(), "policy_sha256": digests[outcome.policy]}
+            store.append(row)
+            done[outcome.policy].append(row)
+            score = Score.of(done[outcome.policy])
+            bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
+            if on_row is not None:
+                on_row(row)
+
+
+def make_chunks(
+    missing: Mapping[str, Sequence[Scenario]], sizes: Mapping[str, int], workers: int
+) -> list[Chunk]:
+    """Cut the scenarios of every policy into jobs of at most `sizes`, of which every worker gets several."""
+    share = math.ceil(sum(map(len, missing.values())) / (CHUNKS_A_WORKER * max(workers, 1)))
+    chunks: list[Chunk] = []
+    for name, scenarios in missing.items():
+        size = max(1, min(sizes[name], share))
+        chunks += [(name, tuple(scenarios[i : i + size])) for i in range(0, len(scenarios), size)]
+    return chunks
+
+
+def write_reports(evaluation: Evaluation, markdown: str) -> Path:
+    """Write report.json and report.md into the directory; returns the path of the latter."""
+    content = evaluation.to_dict()
+    for name, entry in content["policies"].items():
+        entry["survived"] = evaluation.score(name).survived
+        entry["impulse_5_60"] = evaluation.subset_score(name).to_dict()
+        entry["limits"] = limit_summary(evaluation.rows[name])
+    content["wall_time_s"] = round(evaluation.wall_time, 3)
+    write_text(evaluation.directory / "report.json", json.dumps(content, indent=1) + "\n")
+    path = evaluation.directory / "report.md"
+    write_text(path, markdown)
+    return path

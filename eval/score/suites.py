@@ -1,0 +1,239 @@
+"""Versioned suites of scenarios: the same pushes for every policy, addressed by a hash of their content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.files import write_text
+from ...controllers.validation import require_keys
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.push import GaitEvent, Push
+from ...envs.scenario.scenario import COMMAND_KINDS, PushDistribution, Scenario
+
+LEVELS = 16  # of each factor
+BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
+SEED, HARD_SEED = 20180609, 20181121
+VERSION = "1"
+ForceOf = Callable[[float, float, str], float]  # [N], of a share in [0, 1], psi and the stance side
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A named, versioned, ordered set of scenarios with distinct ids."""
+
+    name: str
+    version: str
+    scenarios: tuple[Scenario, ...]
+
+    def __post_init__(self) -> None:
+        if not self.scenarios:
+            raise InvalidValueError(f"suite {self.name!r} has no scenarios")
+        ids = [scenario.id for scenario in self.scenarios]
+        if len(set(ids)) != len(ids):
+            twice = next(name for name in ids if ids.count(name) > 1)
+            raise InvalidValueError(f"suite {self.name!r} has the scenario id {twice!r} more than once")
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of name, version and all scenarios as canonical JSON."""
+        head = json.dumps([self.name, self.version])
+        lines = "\n".join([head, *(scenario.to_json() for scenario in self.scenarios)])
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def summary(self) -> dict[str, Any]:
+        """Name, version, hash and number of scenarios."""
+        return {
+            "name": self.name,
+            "version": self.version,
+            "sha256": self.sha256,
+            "scenarios": len(self.scenarios),
+        }
+
+    def save(self, path: Path) -> None:
+        """Write the suite as JSON, whole or not at all."""
+        content = {**self.summary(), "scenarios": [scenario.to_dict() for scenario in self.scenarios]}
+        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def load_suite(path: Path) -> Suite:
+    """Read a suite file; its `sha256`, where it states one, must match its content.
+
+    Raises:
+        InvalidValueError: the file is missing, no suite, or its hash does not match.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InvalidValueError(f"cannot read suite file {str(path)!r}: {error}") from error
+    content = require_keys(f"suite file {str(path)!r}", data, {"name", "version", "scenarios"}, {"sha256"})
+    if not isinstance(content["scenarios"], list):
+        raise InvalidValueError(f"suite file {str(path)!r}: scenarios must be a list")
+    scenarios = tuple(Scenario.from_dict(entry) for entry in content["scenarios"])
+    suite = Suite(str(content["name"]), str(content["version"]), scenarios)
+    if "sha256" in content and content["sha256"] != suite.sha256:
+        raise InvalidValueError(
+            f"suite file {str(path)!r} states sha256 {content['sha256']} but its content has {suite.sha256}: "
+            "it was changed; remove the sha256 key to use it as a suite of your own"
+        )
+    return suite
+
+
+def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
+    """The same scenarios on robots that are off by `errors`, a suite of its own name and hash.
+
+    Scenarios keep their ids, so that outcomes pair with those of the robot without errors, and their noise
+    seeds. No errors give the suite itself.
+
+    Raises:
+        InvalidValueError: the suite has errors already.
+    """
+    if errors == EXACT_MODEL:
+        return suite
+    if taken := [scenario for scenario in suite.scenarios if scenario.errors != EXACT_MODEL]:
+        raise InvalidValueError(
+            f"suite {suite.name!r} has model errors already: scenario {taken[0].id!r} has "
+            f"{taken[0].errors.to_dict()}"
+        )
+    label = "+".join(f"{name}={_text(value)}" for name, value in errors.to_dict().items())
+    scenarios = tuple(replace(scenario, errors=errors) for scenario in suite.scenarios)
+    return Suite(f"{suite.name}+{label}", suite.version, scenarios)
+
+
+def _text(value: float | list[float]) -> str:
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def gf16_multiply(a: int, b: int) -> int:
+    """Product in the field of 16 elements, modulo x^4 + x + 1."""
+    product = 0
+    while b:
+        if b & 1:
+            product ^= a
+        a, b = a << 1, b >> 1
+        if a & 16:
+            a ^= 0b10011
+    return product
+
+
+def orthogonal_array(factors: int) -> NDArray[np.int64]:
+    """Strength-2 orthogonal array (256, factors) of 16 levels (Bush 1952), up to 17 factors.
+
+    Row (a, b) holds a, b, a + b, a + 2 b, ... in the field of 16 elements: any two columns take each of the
+    256 pairs of levels exactly once.
+    """
+    rows = [
+        [a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))]
+        for a in range(LEVELS)
+        for b in range(LEVELS)
+    ]
+    return np.array(rows, dtype=np.int64)
+
+
+def _uniforms(generator: np.random.PCG64, *shape: int) -> NDArray[np.float64]:
+    """Uniforms in [0, 1) from raw bits, whose stream numpy guarantees across versions."""
+    raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
+    return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
+
+
+def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.float64]:
+    """Points (256 blocks, factors) in the unit cube, stratified in every block of 256.
+
+    In each block every pair of factors falls once into each of 16 x 16 cells, and each factor once into each
+    of 256 intervals; over all blocks each factor falls once into each of 256 x blocks intervals.
+    """
+    generator = np.random.PCG64(np.random.SeedSequence(seed))
+    array = orthogonal_array(factors)
+    quarter = np.argsort(_uniforms(generator, factors, blocks), axis=1)  # of the finest interval, by block
+    points = np.empty((blocks, BLOCK, factors))
+    for block in range(blocks):
+        order = np.argsort(_uniforms(generator, BLOCK))
+        for factor in range(factors):
+            level = np.argsort(_uniforms(generator, LEVELS))[array[:, factor]]
+            rank = np.empty(BLOCK, dtype=np.int64)
+            for value in range(LEVELS):
+                rank[level == value] = np.argsort(_uniforms(generator, LEVELS))
+            inner = (quarter[factor, block] + _uniforms(generator, BLOCK)) / blocks
+            points[block, :, factor] = ((level + (rank + inner) / LEVELS) / LEVELS)[order]
+    return points.reshape(-1, factors)
+
+
+def stratified_scenario(
+    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
+) -> Scenario:
+    """Scenario of one stratified point: direction, force, phase, command speed, kind and sides.
+
+    Values are rounded far below what matters so that the content does not hang on a platform's libm.
+    """
+    category = int(u[4] * LEVELS)  # 4 kinds of command x side of the push x first stance side
+    side = "left" if category & 4 else "right"
+    psi = (2 * u[0] - 1) * math.pi
+    force = force_of(u[1], psi, side)
+    vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+    event = GaitEvent(ranges.first_step, side, round(u[2] * ranges.phase_max, 4))
+    signed = 2 * u[3] - 1
+    speed = abs(signed) if COMMAND_KINDS[category & 3] == "sideways" else u[3]
+    return Scenario(
+        id=scenario_id,
+        pushes=(Push(vector, ranges.push_duration, event),),
+        command=ranges.command(category & 3, round(speed, 4), bool(signed > 0)),
+        stance_side="left" if category & 8 else "right",
+        settle_time=ranges.settle_time,
+        noise_seed=noise_seed,
+    )
+
+
+def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
+    """1024 pushes from `ranges`, one each, in four blocks of 256."""
+
+    def force_of(share: float, _psi: float, _side: str) -> float:
+        return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
+
+    points = stratified_uniforms(blocks=4, factors=5, seed=seed)
+    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force_of, u, i) for i, u in enumerate(points))
+    return Suite(name, VERSION, tuple(drawn))
+
+
+@cache
+def standard_suite() -> Suite:
+    """1024 pushes of 5-80 N s, 0.1 s at the pelvis, after four nominal steps."""
+    return _stratified_suite("standard", PushDistribution(), SEED)
+
+
+@cache
+def quick_suite() -> Suite:
+    """The first 256 of `standard`, stratified too."""
+    return Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])
+
+
+@cache
+def hard_suite() -> Suite:
+    """Like `standard`, but 80-200 N s: pushes that tell strong controllers apart."""
+    return _stratified_suite("hard", PushDistribution(impulse_min=80.0, impulse_max=200.0), HARD_SEED)
+
+
+SUITES: dict[str, Callable[[], Suite]] = {
+    "quick": quick_suite,
+    "standard": standard_suite,
+    "hard": hard_suite,
+}
+
+
+def get_suite(name_or_file: str) -> Suite:
+    """A built-in suite by name, or one from a JSON file."""
+    if name_or_file in SUITES:
+        return SUITES[name_or_file]()
+    path = Path(name_or_file)
+    if path.suffix == ".json" or path.is_file():
+        return load_suite(path)
+    raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])

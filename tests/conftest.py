@@ -1,0 +1,72 @@
+"""Bipeds to test: a robot in any state beside MuJoCo's own data of that state, and episodes."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.envs.biped.core import BipedCore
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.posture import biped_model, posture
+from push_recovery.envs.scenario.scenario import Scenario
+
+
+@pytest.fixture(scope="session")
+def random_state() -> Callable:
+    """State (qpos, qvel) of a crouching robot, coordinates off by `spread`, rates by twice that."""
+
+    def draw(rng: np.random.Generator, spread: float = 0.2):
+        soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+        soles[:, :2] += rng.uniform(-0.08, 0.08, (2, 2))
+        com = np.array([0.0, 0.0, 0.78]) + rng.uniform(-0.03, 0.03, 3)
+        qpos, qvel = posture(com, rng.normal(0.0, 0.3, 3), soles)
+        mujoco.mj_integratePos(biped_model(), qpos, rng.normal(0.0, spread, 20), 1.0)
+        return qpos, qvel + rng.normal(0.0, 2.0 * spread, 20)
+
+    return draw
+
+
+@pytest.fixture(scope="session")
+def robot_in(biped_core) -> Callable:
+    """A core of one robot in a state (qpos, qvel), and MuJoCo's data of the same state."""
+    core = biped_core(1)
+
+    def put(qpos: np.ndarray, qvel: np.ndarray, stance: int = 0):
+        core.put(0, qpos, qvel)
+        for field in core.gait:
+            field[0] = 0
+        core.gait.stance[0] = stance
+        data = mujoco.MjData(biped_model())
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_forward(biped_model(), data)
+        mujoco.mj_subtreeVel(biped_model(), data)
+        return core, data
+
+    return put
+
+
+@pytest.fixture(scope="session")
+def biped_core() -> Callable:
+    """A core of n robots."""
+
+    def make(n: int = 1, control_hz: float = 100.0, threads: int = 1) -> BipedCore:
+        return BipedCore(n, BIPED, BIPED_LIMITS, control_hz, threads)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def begin() -> Callable:
+    """Put robot k of a core at the start of a scenario; returns the nominal gait (7,) of its command."""
+
+    def start(core: BipedCore, k: int, scenario: Scenario) -> np.ndarray:
+        sign = -1.0 if scenario.stance_side == "left" else 1.0
+        nominal = nominal_gait(BIPED, BIPED_LIMITS, (scenario.command.vx, sign * scenario.command.vy))
+        gait = np.array([nominal.length, nominal.width, nominal.duration, 0, 0, 0, 0])
+        action = BIPED_LIMITS.to_action(gait).astype(np.float64)
+        core.reset(k, scenario, nominal_start(nominal, BIPED.pelvis_width, BIPED.omega), gait, action)
+        return gait
+
+    return start

@@ -1,0 +1,132 @@
+"""The biped's observation against MuJoCo's own quantities, and its mirror symmetry."""
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.model import observation as layout
+from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK
+from push_recovery.envs.biped.env import BIPED
+from push_recovery.envs.biped.posture import SOLES, biped_model
+
+MODEL = biped_model()
+
+
+def observe(core, command=(0.0, 0.0)) -> np.ndarray:
+    """Observation of the state as it is; a planning period of no length."""
+    core.command[0, :2] = command
+    substeps, core.substeps = core.substeps, 0
+    core.gait.plan[0] = [0.0, 0.2, 0.5, 0.0, 0.0, 0.0, 0.0]
+    core.step(core.gait.plan.copy(), np.full((1, 7), 0.25))
+    core.substeps = substeps
+    return core.observation[0].copy()
+
+
+def velocity(data: mujoco.MjData, kind: mujoco.mjtObj, index: int) -> np.ndarray:
+    """Linear, then angular velocity in world axes, (6,)."""
+    twist = np.empty(6)
+    mujoco.mj_objectVelocity(MODEL, data, kind, index, twist, 0)
+    return np.concatenate([twist[3:], twist[:3]])
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_entries_are_mujocos_quantities_in_the_canonical_frame(random_state, robot_in, stance):
+    rng, flip = np.random.default_rng(stance), np.array([1.0, -1.0 if stance == 0 else 1.0])
+    for _ in range(10):
+        core, data = robot_in(*random_state(rng), stance)
+        core.gait.elapsed[0] = 0.123
+        obs = observe(core, (0.3, 0.1))
+        soles = [MODEL.site(name).id for name in SOLES]
+        sole, swing = data.site_xpos[soles[stance]], data.site_xpos[soles[1 - stance]]
+        com, com_velocity = data.subtree_com[0], data.subtree_linvel[0]
+        foot = velocity(data, mujoco.mjtObj.mjOBJ_SITE, soles[1 - stance])
+        expected = [
+            (layout.COM, flip * (com - sole)[:2]),
+            (layout.COM_VELOCITY, flip * com_velocity[:2]),
+            (layout.DCM, flip * ((com - sole)[:2] + com_velocity[:2] / BIPED.omega)),
+            (layout.SWING_POSITION, [*(flip * (swing - sole)[:2]), swing[2]]),
+            (layout.SWING_VELOCITY, [*(flip * foot[:2]), foot[2]]),
+            (layout.COMMAND, flip * [0.3, 0.1]),
+            (layout.PREVIOUS_ACTION, np.full(7, 0.25)),
+        ]
+        for entry, value in expected:
+            np.testing.assert_allclose(obs[entry], value, atol=1e-12)
+        assert obs[layout.ELAPSED] == 0.123
+        assert obs[layout.COM_HEIGHT_ERROR] == pytest.approx(com[2] - sole[2] - BIPED.com_height, abs=1e-12)
+        assert obs[layout.COM_VERTICAL_VELOCITY] == pytest.approx(com_velocity[2], abs=1e-12)
+        spin = velocity(data, mujoco.mjtObj.mjOBJ_BODY, PELVIS)[3:]
+        assert obs[layout.YAW_RATE] == pytest.approx(flip[1] * spin[2], abs=1e-12)
+        spin = velocity(data, mujoco.mjtObj.mjOBJ_BODY, TRUNK)[3:]
+        np.testing.assert_allclose(obs[layout.TRUNK_RATE], [spin[1], -flip[1] * spin[0]], atol=1e-12)
+
+
+def test_dcm_is_com_plus_velocity_over_omega(random_state, robot_in):
+    core, _ = robot_in(*random_state(np.random.default_rng(2)))
+    obs = observe(core)
+    dcm = obs[layout.COM] + obs[layout.COM_VELOCITY] / BIPED.omega
+    np.testing.assert_allclose(obs[layout.DCM], dcm, atol=1e-15)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+@pytest.mark.parametrize("body", ["trunk", "pelvis"])
+def test_lean_is_positive_towards_x_and_the_swing_side(robot_in, stance, body):
+    """A lean that moves the body's top by 0.1 m per metre reads atan(0.1)."""
+    entry = layout.TRUNK_ANGLE if body == "trunk" else layout.PELVIS_ANGLE
+    outward = -1.0 if stance == 0 else 1.0
+    for axis, towards in ((0, [1.0, 0.0]), (1, [0.0, outward])):
+        qpos = MODEL.qpos0.copy()
+        angle = np.arctan(0.1)
+        # a turn about the horizontal axis z x towards
+        turn = np.array([-towards[1], towards[0], 0.0])
+        mujoco.mju_axisAngle2Quat(qpos[3:7], turn, angle)
+        if body == "trunk":
+            qpos[3:7], qpos[7], qpos[8] = (1, 0, 0, 0), angle * turn[1], angle * turn[0]
+        core, data = robot_in(qpos, np.zeros(MODEL.nv), stance)
+        top = data.body(body).xmat.reshape(3, 3)[:, 2]
+        assert top[:2] @ towards > 0.09
+        value = observe(core)[entry]
+        assert value[axis] == pytest.approx(angle, abs=1e-9)
+        assert value[1 - axis] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rates_are_the_derivatives_of_the_angles(robot_in, random_state):
+    rng = np.random.default_rng(4)
+    qpos, qvel = random_state(rng, 0.01)
+    qvel[3:6] *= [10.0, 10.0, 10.0]
+    core, _ = robot_in(qpos, qvel)
+    rates = observe(core)
+    angles, eps = [], 1e-5
+    for step in (eps, -eps):
+        moved = qpos.copy()
+        mujoco.mj_integratePos(MODEL, moved, qvel, step)
+        angles.append(observe(robot_in(moved, qvel)[0]))
+    derivative = (angles[0] - angles[1]) / (2 * eps)
+    pairs = ((layout.TRUNK_RATE, layout.TRUNK_ANGLE), (layout.YAW_RATE, layout.HEADING_ERROR))
+    for rate, angle in pairs:
+        np.testing.assert_allclose(rates[rate], derivative[angle], atol=0.02 * np.abs(qvel).max())
+
+
+def mirrored(qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reflection in the x-z plane: legs exchanged, y and the turns about x and z negated."""
+    leg = np.array([-1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
+    q, v = qpos.copy(), qvel.copy()
+    q[1], q[4], q[6], q[8] = -q[1], -q[4], -q[6], -q[8]
+    v[1], v[3], v[5], v[7] = -v[1], -v[3], -v[5], -v[7]
+    q[9:15], q[15:21] = leg * qpos[15:21], leg * qpos[9:15]
+    v[8:14], v[14:20] = leg * qvel[14:20], leg * qvel[8:14]
+    return q, v
+
+
+def test_the_mirrored_robot_sees_the_same(random_state, robot_in):
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        qpos, qvel = random_state(rng)
+        left = observe(robot_in(qpos, qvel, 0)[0], (0.2, 0.1))
+        right = observe(robot_in(*mirrored(qpos, qvel), 1)[0], (0.2, -0.1))
+        np.testing.assert_allclose(left, right, atol=1e-10)
+
+
+def test_the_frame_moves_with_the_robot(random_state, robot_in):
+    qpos, qvel = random_state(np.random.default_rng(6))
+    here = observe(robot_in(qpos, qvel)[0])
+    qpos[:2] += [3.0, -2.0]
+    np.testing.assert_allclose(observe(robot_in(qpos, qvel)[0]), here, atol=1e-12)

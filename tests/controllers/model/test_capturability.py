@@ -1,0 +1,74 @@
+import math
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.capturability import (
+    capture_margin,
+    max_recoverable_force,
+    recoverable_offset,
+)
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+ANGLES = range(-90, 91, 15)
+POINT_FOOT = [316, 327, 365, 447, 632, 693, 670, 332, 172, 122, 99, 89, 86]
+ALL = [641, 664, 741, 907, 1283, 1159, 1120, 1159, 823, 582, 475, 426, 412]
+
+
+@pytest.mark.parametrize(("both", "table"), [(False, POINT_FOOT), (True, ALL)])
+def test_limits_of_the_papers_robot(both, table):
+    forces = [
+        max_recoverable_force(ROBOT, math.radians(psi), 0.1, foot=both, flywheel=both) for psi in ANGLES
+    ]
+    assert forces == pytest.approx(table, abs=1.01)
+
+
+def test_margin_vanishes_at_the_bounds_and_is_largest_inside():
+    bounds = recoverable_offset(ROBOT, LIMITS, 0.2)
+    middle = 0.5 * (bounds.low + bounds.high)
+    for axis in range(2):
+        for edge in (bounds.low, bounds.high):
+            dcm = middle.copy()
+            dcm[axis] = edge[axis]
+            assert capture_margin(ROBOT, LIMITS, 0.2, dcm) == pytest.approx(0.0, abs=1e-12)
+    assert capture_margin(ROBOT, LIMITS, 0.2, middle) > 0.1
+    assert capture_margin(ROBOT, LIMITS, 0.2, bounds.high + 0.1) == pytest.approx(-0.1)
+
+
+def test_bounds_grow_as_the_earliest_touchdown_comes_nearer():
+    early, late = (recoverable_offset(ROBOT, LIMITS, t).high for t in (0.0, 0.3))
+    growth = math.exp(ROBOT.omega * LIMITS.duration_min)
+    reserve = (
+        recoverable_offset(ROBOT, LIMITS).high
+        - recoverable_offset(ROBOT, LIMITS, foot=False, flywheel=False).high
+    )
+    assert late - reserve == pytest.approx(growth * (early - reserve))
+
+
+def test_trunk_reserve_equals_dense_integration_of_the_fastest_swing():
+    gain, push, top = ROBOT.cmp_per_trunk_acceleration, 18.75, ROBOT.trunk_angle_max
+    for angle, rate in ((0.0, 0.0), (-0.4, 1.0), (0.3, -2.0), (0.5, 3.0)):
+        speed = math.sqrt(push * (top - angle) + 0.5 * rate**2)
+        dt, t, total, a, r = 1e-5, 0.0, 0.0, angle, rate
+        while t < (speed - rate) / push + speed / push:
+            u = push if t < (speed - rate) / push else -push
+            total += gain * u * ROBOT.omega * math.exp(-ROBOT.omega * (t + dt / 2)) * dt
+            a, r, t = a + r * dt + u * dt * dt / 2, r + u * dt, t + dt
+        assert a == pytest.approx(top, abs=1e-3)
+        with_trunk = recoverable_offset(ROBOT, LIMITS, 0.0, (angle, 0.0), (rate, 0.0)).high[0]
+        without = recoverable_offset(ROBOT, LIMITS, flywheel=False).high[0]
+        assert with_trunk - without == pytest.approx(total, abs=1e-4)
+
+
+def test_a_trunk_too_fast_to_stop_costs_margin():
+    resting = capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1))
+    slamming = capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1), (1.0, 0.0), (6.0, 0.0))
+    assert slamming < resting
+
+
+@pytest.mark.parametrize("bad", [(math.nan, 0.1), (0.0, 0.0)])
+def test_bad_push(bad):
+    with pytest.raises(InvalidValueError):
+        max_recoverable_force(ROBOT, *bad)

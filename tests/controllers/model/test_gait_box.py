@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.gait_box import GaitLimits
+
+LIMITS = GaitLimits()
+
+
+def test_actions_span_the_box():
+    np.testing.assert_array_equal(LIMITS.from_action(np.full(7, -1.0)), LIMITS.low)
+    np.testing.assert_array_equal(LIMITS.from_action(np.ones(7)), LIMITS.high)
+    middle = LIMITS.from_action(np.zeros((2, 3, 7), np.float32))
+    np.testing.assert_allclose(middle, np.broadcast_to(0.5 * (LIMITS.low + LIMITS.high), (2, 3, 7)))
+
+
+def test_actions_outside_are_clipped_and_nan_stays():
+    action = np.array([-5.0, 5.0, np.nan, np.inf, -np.inf, 0.0, 1.0])
+    gait = LIMITS.from_action(action)
+    np.testing.assert_array_equal(gait[[0, 4]], LIMITS.low[[0, 4]])
+    np.testing.assert_array_equal(gait[[1, 3, 6]], LIMITS.high[[1, 3, 6]])
+    assert np.isnan(gait[2])
+    assert action[0] == -5.0  # the caller's own is left alone
+
+
+def test_to_action_is_the_inverse_whatever_the_memory_layout():
+    actions = np.asfortranarray(np.random.default_rng(0).uniform(-1.0, 1.0, (5, 7)).astype(np.float32))
+    np.testing.assert_allclose(LIMITS.to_action(LIMITS.from_action(actions)), actions, atol=1e-6)
+    np.testing.assert_array_equal(LIMITS.from_action(actions), LIMITS.from_action(actions.copy("C")))
+
+
+def test_seven_entries_are_asked_for():
+    with pytest.raises(InvalidValueError, match=r"7 entries, got shape \(6,\)"):
+        LIMITS.from_action(np.zeros(6))

@@ -1,0 +1,267 @@
+import dataclasses
+import hashlib
+import json
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.policies.policy_file import policy_paths
+from push_recovery.controllers.policies.residual import compose, default_residual_scale
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy
+from push_recovery.controllers.settings.planner_config import PlannerConfig
+
+SCALE = default_residual_scale(GaitLimits())
+
+
+class SlopePolicy:
+    """A planner's stand-in: a fixed function of the observation."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.tanh(np.asarray(observation)[..., :7]).astype(np.float32), None
+
+
+def network(sizes=(36, 16, 16, 7), seed=0):
+    rng = np.random.default_rng(seed)
+    shapes = list(zip(sizes[1:], sizes[:-1], strict=True))
+    weights = tuple(rng.normal(0, 1 / np.sqrt(i), (o, i)).astype(np.float32) for o, i in shapes)
+    return Mlp(weights, tuple(rng.normal(0, 0.1, o).astype(np.float32) for o, _ in shapes))
+
+
+def policy(hold=1, residual=True, sizes=(36, 16, 16, 7)):
+    rng = np.random.default_rng(1)
+    normalisation = Normalisation(rng.normal(size=sizes[0]), rng.uniform(0.1, 2.0, sizes[0]))
+    base = ResidualBase("two-stage", "default", tuple(SCALE.tolist())) if residual else None
+    about = PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), base, hold)
+    return NetworkPolicy(network(sizes), normalisation, about, SlopePolicy() if residual else None)
+
+
+OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 36))
+
+
+def test_forward_is_the_tanh_network_in_double_precision():
+    net = network((36, 128, 128, 7))
+    inputs = OBSERVATIONS.astype(np.float32)
+    x = inputs.astype(np.float64)
+    for i, (w, b) in enumerate(zip(net.weights, net.biases, strict=True)):
+        x = x @ w.T.astype(np.float64) + b
+        x = np.tanh(x) if i < 2 else x
+    np.testing.assert_allclose(net.forward(inputs), x, atol=3e-6)
+
+
+def test_batch_and_single_have_equal_bits():
+    p = policy()
+    batch, _ = p.predict(OBSERVATIONS)
+    assert batch.shape == (40, 7)
+    assert batch.dtype == np.float32
+    for row, observation in zip(batch, OBSERVATIONS, strict=True):
+        single, _ = p.predict(observation)
+        assert single.tobytes() == row.tobytes()
+
+
+def test_residual_composes_as_the_wrapper_does():
+    p = policy()
+    base, _ = SlopePolicy().predict(OBSERVATIONS)
+    expected = compose(base, p.learned_action(OBSERVATIONS), SCALE)
+    assert p.predict(OBSERVATIONS)[0].tobytes() == expected.tobytes()
+
+
+def test_zero_network_is_the_base_bit_for_bit():
+    p = policy()
+    zero = Mlp(
+        (*p.network.weights[:-1], 0 * p.network.weights[-1]),
+        (*p.network.biases[:-1], np.zeros(7, np.float32)),
+    )
+    q = NetworkPolicy(zero, p.normalisation, p.description, SlopePolicy())
+    assert q.predict(OBSERVATIONS)[0].tobytes() == SlopePolicy().predict(OBSERVATIONS)[0].tobytes()
+
+
+def test_without_residual_the_network_acts_alone():
+    p = policy(residual=False)
+    action, _ = p.predict(10 * OBSERVATIONS)
+    np.testing.assert_array_equal(action, p.learned_action(10 * OBSERVATIONS))
+    assert np.all(np.abs(action) <= 1)
+
+
+def test_hold_renews_the_learned_action_every_other_call_and_the_base_in_each():
+    p = policy(hold=2)
+    state, actions = None, []
+    for observation in OBSERVATIONS[:6]:
+        action, state = p.predict(observation, state)
+        actions.append(action)
+    base = SlopePolicy().predict(OBSERVATIONS[:6])[0]
+    learned = p.learned_action(OBSERVATIONS[[0, 0, 2, 2, 4, 4]])
+    np.testing.assert_array_equal(actions, compose(base, learned, SCALE))
+
+
+def test_episode_start_renews_the_held_action_of_that_row_only():
+    p = policy(hold=3)
+    _, state = p.predict(OBSERVATIONS[:2])
+    action, state = p.predict(OBSERVATIONS[2:4], state, episode_start=np.array([True, False]))
+    learned = p.learned_action(OBSERVATIONS[[2, 1]])
+    np.testing.assert_array_equal(
+        action, compose(SlopePolicy().predict(OBSERVATIONS[2:4])[0], learned, SCALE)
+    )
+    with pytest.raises(InvalidValueError, match="state is of 2 episodes"):
+        p.predict(OBSERVATIONS[:3], state)
+
+
+def test_normalisation_clips():
+    n = Normalisation(np.zeros(2), np.array([4.0, 0.0]), clip=3.0)
+    np.testing.assert_allclose(n.apply(np.array([1.0, 1.0])), [0.5, 3.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["policy", "policy.json", "policy.safetensors", "a.b"])
+def test_file_round_trip_keeps_every_bit(tmp_path, name):
+    p = policy(hold=2)
+    path = p.save(tmp_path / name, {"timesteps": 5})
+    q = NetworkPolicy.load(tmp_path / name, base=SlopePolicy())
+    assert q.description == p.description
+    assert q.predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
+    assert sorted(f.name for f in tmp_path.iterdir()) == sorted(x.name for x in policy_paths(path))
+
+
+def test_saving_again_replaces_the_pair(tmp_path):
+    policy().save(tmp_path / "p")
+    other = policy(residual=False)
+    other.save(tmp_path / "p")
+    assert NetworkPolicy.load(tmp_path / "p").description.residual is None
+
+
+@pytest.mark.parametrize(
+    "observation",
+    [np.zeros(33), np.zeros((2, 35)), np.zeros((1, 1, 36)), np.full(36, np.nan), np.float64(1.0)],
+)
+def test_bad_observations_are_refused(observation):
+    with pytest.raises(InvalidValueError, match="observation"):
+        policy().predict(observation)
+
+
+def test_another_robot_or_limits_are_refused():
+    p = policy()
+    p.check_made_for(RobotModel(), GaitLimits())
+    with pytest.raises(InvalidValueError, match="made for robot"):
+        p.check_made_for(RobotModel(mass=70.0), GaitLimits())
+    with pytest.raises(InvalidValueError, match="made for limits"):
+        p.check_made_for(RobotModel(), GaitLimits(length_max=0.35))
+
+
+@pytest.mark.parametrize("hold", [0, -2, 1.5, True, "2"])
+def test_impossible_holds_are_refused(hold):
+    with pytest.raises(InvalidValueError, match="hold"):
+        PolicyDescription("x", RobotModel(), GaitLimits(), hold=hold)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InvalidValueError, match=r"can't read the policy description .*nowhere.json"):
+        NetworkPolicy.load(tmp_path / "nowhere.safetensors")
+    path = policy().save(tmp_path / "p")
+    path.unlink()
+    with pytest.raises(InvalidValueError, match=r"can't read the policy weights .*p.safetensors"):
+        NetworkPolicy.load(tmp_path / "p.json")
+
+
+def edit(tmp_path, **changes):
+    policy().save(tmp_path / "p")
+    path = tmp_path / "p.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    return path
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"format": "other"},
+        {"format_version": 99},
+        {"activation": "relu"},
+        {"hidden_sizes": [16, 17]},
+        {"hidden_sizes": "wide"},
+        {"observation_size": 33},
+        {"action_size": True},
+        {"observation_mean": [0.0] * 33},
+        {"observation_mean": [float("nan")] * 36},
+        {"observation_mean": "zero"},
+        {"observation_variance": [-1.0] * 36},
+        {"observation_clip": 0},
+        {"hold": 0},
+        {"env_id": 7},
+        {"residual": {"policy": "two-stage"}},
+        {"residual": {"policy": "two-stage", "preset": "default", "scale": [1, 2], "config": None}},
+        {"residual": {"policy": 3, "preset": "default", "scale": [1] * 7, "config": None}},
+        {"residual": {"policy": "two-stage", "preset": "default", "scale": [1] * 7, "config": {"alpha": 1}}},
+        {"robot": {"mass": 60}},
+        {"robot": dataclasses.asdict(RobotModel()) | {"mass": "heavy"}},
+        {"limits": dataclasses.asdict(GaitLimits()) | {"duration_min": 2.0}},
+        {"weights_sha256": "0"},
+    ],
+)
+def test_a_damaged_description_is_refused(tmp_path, changes):
+    path = edit(tmp_path, **changes)
+    with pytest.raises(PushRecoveryError, match=r"p\.(json|safetensors)|policy"):
+        NetworkPolicy.load(path, base=SlopePolicy())
+
+
+def test_text_that_is_no_json_and_json_that_is_no_object(tmp_path):
+    path = edit(tmp_path)
+    for text in ("{", "[]", "", "\x00"):
+        path.write_text(text)
+        with pytest.raises(InvalidValueError, match=r"p\.json"):
+            NetworkPolicy.load(path)
+
+
+def test_an_unknown_base_policy_is_refused(tmp_path):
+    residual = {"policy": "three-stage", "preset": "default", "scale": [1.0] * 7, "config": None}
+    path = edit(tmp_path, residual=residual)
+    with pytest.raises(PushRecoveryError, match="three-stage"):
+        NetworkPolicy.load(path)
+
+
+def test_the_base_keeps_the_weights_of_its_training(tmp_path):
+    config = PlannerConfig(beta_dcm=123.0, adapt_duration=False)
+    p = policy()
+    base = dataclasses.replace(p.description.residual, config=config)
+    about = dataclasses.replace(p.description, residual=base)
+    path = NetworkPolicy(p.network, p.normalisation, about).save(tmp_path / "p")
+    loaded = NetworkPolicy.load(path)
+    assert loaded.description.residual.config == config
+    observations = OBSERVATIONS * 0.05
+    expected = compose(
+        TwoStagePolicy(RobotModel(), GaitLimits(), config).predict(observations)[0],
+        loaded.learned_action(observations),
+        SCALE,
+    )
+    assert loaded.predict(observations)[0].tobytes() == expected.tobytes()
+
+
+def test_truncated_or_swapped_weights_are_refused(tmp_path):
+    p = policy()
+    path = p.save(tmp_path / "p")
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(InvalidValueError, match="SHA-256"):
+        NetworkPolicy.load(path)
+    garbage = b"\xff" * 64
+    path.write_bytes(garbage)
+    edited = json.loads(path.with_suffix(".json").read_text()) | {
+        "weights_sha256": hashlib.sha256(garbage).hexdigest()
+    }
+    path.with_suffix(".json").write_text(json.dumps(edited))
+    with pytest.raises(InvalidValueError, match="damaged"):
+        NetworkPolicy.load(path)
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    net = network()
+    with pytest.raises(InvalidValueError, match="layer 1"):
+        Mlp((net.weights[0], np.full_like(net.weights[1], np.nan), net.weights[2]), net.biases)
+
+
+def test_a_failed_save_leaves_the_old_policy(tmp_path):
+    policy().save(tmp_path / "p")
+    before = {f.name: f.read_bytes() for f in tmp_path.iterdir()}
+    with pytest.raises(TypeError):
+        policy(residual=False, sizes=(36, 8, 7)).save(tmp_path / "p", {"note": object()})
+    assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == before

@@ -1,0 +1,284 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.observation import (
+    COMMAND,
+    DCM,
+    ELAPSED,
+    PREVIOUS_ACTION,
+    PUSH_ESTIMATE,
+    SWING_POSITION,
+    SWING_VELOCITY,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.stage_1.planner import swing_time
+from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
+
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+
+
+def random_observations(n, seed=0):
+    rng = np.random.default_rng(seed)
+    obs = rng.normal(0.0, 0.05, (n, 36))
+    obs[:, ELAPSED] = rng.uniform(0.0, 0.6, n)
+    obs[:, TRUNK_RATE] *= 10
+    obs[:, COMMAND] = rng.uniform([-0.25, -0.2], [0.5, 0.2], (n, 2))
+    obs[:, PREVIOUS_ACTION] = rng.uniform(-1, 1, (n, 7))
+    return obs
+
+
+@pytest.mark.parametrize("name", POLICY_NAMES)
+@pytest.mark.parametrize("preset", ["default", "biped"])
+def test_is_a_function_of_the_observation_alone(name, preset):
+    policy = make_policy(name, preset=preset)
+    obs = random_observations(12)
+    batch, state = policy.predict(obs, state="anything")
+    assert batch.shape == (12, 7)
+    assert batch.dtype == np.float32
+    assert np.abs(batch).max() <= 1.0
+    assert state == "anything"
+    for i in reversed(range(12)):  # other order, one at a time, fresh or used: the same bits
+        assert np.array_equal(policy.predict(obs[i])[0], batch[i])
+    assert np.array_equal(make_policy(name, preset=preset).predict(obs[3])[0], batch[3])
+
+
+@pytest.mark.parametrize("name", [n for n in POLICY_NAMES if n != "random"])
+def test_action_is_the_plan_in_the_units_of_the_limits(name):
+    policy = make_policy(name)
+    for obs in random_observations(5, 1):
+        assert np.array_equal(policy.predict(obs)[0], LIMITS.to_action(policy.plan(obs).gait))
+
+
+@pytest.mark.parametrize("name", [n for n in POLICY_NAMES if n not in ("random", "passive")])
+def test_nominal_state_gives_the_nominal_step(name):
+    for command in ((0.0, 0.0), (0.5, 0.0)):
+        gait = nominal_gait(ROBOT, LIMITS, command)
+        obs = np.zeros(36)
+        obs[COMMAND] = command
+        obs[DCM] = gait.offset_x, -gait.offset_y
+        plan = make_policy(name).plan(obs)
+        assert plan.gait[:3] == pytest.approx([gait.length, gait.width, gait.duration], abs=1e-6)
+        if "paper" not in name:
+            assert plan.gait[3:] == pytest.approx(np.zeros(4), abs=1e-6)
+
+
+def discounted(shift, duration, omega):
+    """int_0^duration omega exp(-omega s) shift ds by quadrature, shift constant."""
+    edges = np.linspace(0.0, duration, 2001)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return shift * np.sum(omega * np.exp(-omega * middle)) * (edges[1] - edges[0])
+
+
+def test_stage_1_solves_equation_3():
+    policy, thresholds = make_policy("stage-1"), set()
+    for obs in random_observations(50, 2):
+        t, omega = obs[ELAPSED], ROBOT.omega
+        obs[PUSH_ESTIMATE] *= 4.0
+        carried = 0.1 if np.linalg.norm(obs[PUSH_ESTIMATE]) >= 0.2 else 0.0  # the push goes on for 0.1 s
+        thresholds.add(carried)
+        plan, dcm = policy.plan(obs), obs[DCM] + discounted(obs[PUSH_ESTIMATE], carried, omega)
+        for axis, rate in enumerate(obs[TRUNK_RATE]):  # the trunk is stopped by its full torque
+            torque = math.copysign(ROBOT.trunk_torque_max, rate)
+            dcm[axis] += discounted(torque / ROBOT.weight, 8.0 * abs(rate) / 150.0, omega)
+        gain = dcm * math.exp(-omega * t)
+        exact = solve_step(
+            StepProblem(
+                gain=(gain[0], gain[1]),
+                step_nominal=(plan.nominal.length, plan.nominal.width),
+                tau_nominal=math.exp(omega * plan.nominal.duration),
+                offset_nominal=(plan.nominal.offset_x, plan.nominal.offset_y),
+                step_low=(-0.5, LIMITS.width_min),
+                step_high=(0.5, LIMITS.width_max),
+                tau_low=math.exp(omega * max(0.3, t)),
+                tau_high=math.exp(omega * 1.0),
+            )
+        )
+        assert plan.step == pytest.approx(exact.step, abs=1e-6)
+        assert plan.duration == pytest.approx(exact.duration(omega), abs=1e-6)
+        assert plan.offset == pytest.approx(exact.offset, abs=1e-6)
+        assert plan.dcm_target == pytest.approx(plan.step + plan.nominal.offset)  # eq. 7
+    assert thresholds == {0.0, 0.1}
+
+
+def test_arms_use_only_what_they_may():
+    obs = random_observations(1, 3)[0]
+    obs[DCM] = 0.15, 0.2
+    obs[ELAPSED] = 0.1
+    plans = {name: make_policy(name).plan(obs) for name in POLICY_NAMES if name != "random"}
+    upright = np.clip(-20 * obs[TRUNK_ANGLE] - 9 * obs[TRUNK_RATE], -18.75, 18.75)
+    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+cop"):
+        assert plans[name].trunk_acceleration == pytest.approx(upright)
+    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+momentum"):
+        assert plans[name].cop.tolist() == [0.0, 0.0]
+    assert np.abs(plans["stage-1+cop"].cop).max() > 0.01
+    assert np.abs(plans["two-stage"].cop).max() > 0.01
+    assert np.abs(plans["stage-1+momentum"].trunk_acceleration - upright).max() > 1.0
+    assert plans["passive"].step == pytest.approx(
+        [plans["passive"].nominal.length, plans["passive"].nominal.width]
+    )
+    assert plans["stage-1-paper"].duration != plans["stage-1"].duration
+
+
+def test_duration_is_never_in_the_past_and_never_after_its_maximum_unless_late():
+    policy = make_policy("two-stage")
+    for t in (0.0, 0.5, 0.99, 1.0, 1.2):
+        obs = random_observations(1, 4)[0]
+        obs[ELAPSED] = t
+        plan = policy.plan(obs)
+        assert plan.duration >= t - 1e-9
+        assert plan.duration <= max(1.0, t) + 1e-9
+
+
+def test_plan_is_held_at_the_end_of_a_step():
+    policy = TwoStagePolicy(config=PlannerConfig(freeze=0.034, touchdown_delay=0.026))
+    obs = random_observations(1, 5)[0]
+    previous = np.array([0.1, 0.25, 0.5, 0, 0, 0, 0])
+    obs[PREVIOUS_ACTION] = LIMITS.to_action(previous)
+    obs[ELAPSED] = 0.48
+    plan = policy.plan(obs)
+    assert plan.held
+    assert plan.gait[:3] == pytest.approx(previous[:3], abs=1e-6)
+    obs[ELAPSED] = 0.0  # a new step: nothing to hold
+    assert not policy.plan(obs).held
+    assert policy.plan(obs).remaining == pytest.approx(policy.plan(obs).duration + 0.026)
+
+
+def test_touchdown_delay_is_in_the_prediction():
+    delay = 0.026
+    policy = TwoStagePolicy(config=PlannerConfig(touchdown_delay=delay, use_cop=False, use_trunk=False))
+    obs = random_observations(1, 6)[0]
+    plan = policy.plan(obs)
+    end = obs[DCM] * math.exp(ROBOT.omega * (plan.duration + delay - obs[ELAPSED]))
+    assert plan.step + plan.offset == pytest.approx(end)
+
+
+@pytest.mark.parametrize("name", ["two-stage", "stage-1", "random"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        np.zeros(33),
+        np.zeros((2, 33)),
+        np.zeros((1, 2, 36)),
+        np.full(36, np.nan),
+        np.full(36, np.inf),
+        "x",
+        1.0,
+    ],
+)
+def test_bad_observations(name, bad):
+    with pytest.raises(InvalidValueError, match="observation"):
+        make_policy(name).predict(bad)
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_no_action(threads):
+    obs = random_observations(1100, 7)
+    shared = TwoStagePolicy(threads=threads)
+    assert shared.predict(obs)[0].tobytes() == TwoStagePolicy().predict(obs)[0].tobytes()
+    assert len(shared.statuses) == 1100
+    assert set(shared.statuses) <= {"solved", "clipped"}
+    obs[1050, 3] = np.nan
+    with pytest.raises(InvalidValueError, match="finite"):
+        shared.predict(obs)
+
+
+def test_an_observation_that_may_not_be_written_to_is_as_good_as_any():
+    policy, obs = make_policy("two-stage"), random_observations(4, 8)
+    frozen, turned = obs.copy(), np.asfortranarray(obs)
+    frozen.flags.writeable = False
+    for other in (frozen, turned):
+        assert policy.predict(other)[0].tobytes() == policy.predict(obs)[0].tobytes()
+
+
+def test_unknown_names():
+    with pytest.raises(UnknownNameError, match="two-stage"):
+        make_policy("two-stages")
+    with pytest.raises(UnknownNameError, match="biped"):
+        make_policy("two-stage", preset="bipedal")
+
+
+def test_paper_preset_is_table_2():
+    config = PRESETS["paper"]
+    assert (config.alpha_step, config.alpha_duration, config.alpha_offset) == (1.0, 1.0, 1000.0)
+    betas = (
+        config.beta_cop,
+        config.beta_dcm_acceleration,
+        config.beta_trunk,
+        config.beta_trunk_rate,
+        config.beta_dcm,
+    )
+    assert betas == (1.0, 1.0, 1.0, 1.0, 1e5)
+    assert config.form == "jerk"
+
+
+def test_swing_time_is_that_of_the_quintic_from_rest_and_half_of_it_half_way():
+    """Rest to rest in t: peak acceleration 10 d / (sqrt(3) t^2), half-way at speed 15 d / (8 t)."""
+    distance, bound = 0.6, 100.0
+    whole = math.sqrt(10.0 * distance / (math.sqrt(3.0) * bound))
+    assert swing_time(distance, 0.0, bound) == pytest.approx(whole, rel=1e-12)
+    half = swing_time(distance / 2, 15.0 * distance / (8.0 * whole), bound)
+    assert half == pytest.approx(whole / 2, rel=2e-3)
+
+
+def test_the_step_lasts_as_long_as_the_swing_foot_needs():
+    """A far place waits for the foot, as far as T_max lets it; a near one is planned as before."""
+    bound, waited = 30.0, 0
+    free, slow = (
+        TwoStagePolicy(ROBOT, LIMITS, replace(PRESETS["default"], swing_acceleration=a)) for a in (0.0, bound)
+    )
+    for obs in random_observations(200, 6):
+        obs[ELAPSED] *= 0.5
+        before, plan = free.plan(obs), slow.plan(obs)
+        way = plan.step - obs[SWING_POSITION][:2]
+        distance = np.hypot(*way)
+        needed = obs[ELAPSED] + swing_time(distance, way @ obs[SWING_VELOCITY][:2] / distance, bound)
+        assert plan.duration >= min(needed, LIMITS.duration_max) - 0.01
+        assert plan.duration >= before.duration
+        waited += plan.duration > before.duration
+    assert 20 < waited < 180
+
+
+def test_a_push_reopens_a_step_that_is_about_to_land():
+    """A push to the swing side shortly before landing: the foot goes farther out and lands later."""
+    config = PlannerConfig(freeze=0.03, push_carry=0.02, push_threshold=0.1, swing_acceleration=160.0)
+    policy, obs = TwoStagePolicy(config=config), np.zeros(36)
+    obs[PREVIOUS_ACTION] = LIMITS.to_action(np.array([0.0, 0.2, 0.4, 0.0, 0.0, 0.0, 0.0]))
+    obs[ELAPSED], obs[DCM], obs[SWING_POSITION] = 0.38, (0.0, 0.3), (0.0, 0.2, 0.01)
+    assert policy.plan(obs).held
+    obs[PUSH_ESTIMATE] = 0.0, 0.15
+    plan = policy.plan(obs)
+    assert not plan.held
+    assert plan.step[1] > 0.3
+    assert plan.duration >= 0.38 + config.freeze
+
+
+@pytest.mark.parametrize("name", ["stage-1+cop", "stage-1+momentum", "two-stage"])
+def test_the_whole_plan_is_held_shortly_before_landing(name):
+    """From T - freeze on an arm repeats its action, except where only the upright law moves the trunk."""
+    policy = make_policy(name, ROBOT, LIMITS, "biped")
+    rng = np.random.default_rng(4)
+    observations = rng.normal(0.0, 0.1, (50, 36))
+    previous = rng.uniform(-0.9, 0.9, (50, 7))
+    previous[:, 3:5] *= policy.config.use_cop
+    previous[:, 5:7] *= policy.config.use_trunk
+    observations[:, PREVIOUS_ACTION], observations[:, PUSH_ESTIMATE] = previous, 0.0
+    durations = LIMITS.from_action(previous)[:, 2]
+    kept = 7 if policy.config.use_trunk else 5
+    for before, holds in ((0.9, True), (1.1, False)):
+        observations[:, ELAPSED] = durations - before * policy.config.freeze
+        actions = policy.predict(observations)[0]
+        same = np.isclose(actions[:, :kept], previous[:, :kept], atol=1e-6).all(axis=1)
+        assert same.all() == holds
+        one_by_one = np.array([policy.plan(obs).gait for obs in observations])
+        np.testing.assert_allclose(LIMITS.to_action(one_by_one), actions, atol=1e-6)

@@ -1,0 +1,76 @@
+import json
+from dataclasses import replace
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings.named_presets import ARM_GAINS, PRESETS
+from push_recovery.controllers.settings.presets import PresetFile, load_preset, preset_config
+
+PRESET = PresetFile(
+    "biped",
+    {"touchdown_delay": 0.006},
+    {"two-stage": {"beta_dcm": 900.0, "touchdown_delay": 0.007}},
+    {"gains": {"swing_kp": 350.0}},
+    {"trials": 3},
+)
+
+
+def write(path, **changes):
+    path.write_text(json.dumps({**PRESET.to_dict(), **changes}))
+    return str(path)
+
+
+def test_a_file_is_read_as_it_was_written(tmp_path):
+    PRESET.save(tmp_path / "tuned.json")
+    assert load_preset(str(tmp_path / "tuned.json")) == PRESET
+
+
+def test_an_arm_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path):
+    base = PRESETS["biped"]
+    assert PRESET.config() == replace(base, touchdown_delay=0.006)
+    own = ARM_GAINS["biped"]["stage-1"]
+    assert PRESET.config("stage-1") == replace(base, **{**own, "touchdown_delay": 0.006})
+    assert PRESET.config("passive") == PRESET.config()
+    assert PRESET.config("two-stage") == replace(base, touchdown_delay=0.007, beta_dcm=900.0)
+    assert preset_config(write(tmp_path / "p.json")) == PRESET.config()
+
+
+def test_a_name_is_a_file_that_changes_nothing():
+    for name, config in PRESETS.items():
+        assert load_preset(name).config("two-stage") == config
+
+
+def test_policies_take_a_file_for_a_preset(tmp_path):
+    policy = make_policy("stage-1", preset=write(tmp_path / "p.json"))
+    assert policy.config == replace(PRESET.config("stage-1"), use_cop=False, use_trunk=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": "policy"}, r"is no preset file: its 'format' is not 'push-recovery preset'$"),
+        ({"format_version": 2}, r"has format_version 2; this version reads 1$"),
+        ({"base": "bipd"}, r"^unknown base of a preset file 'bipd'; did you mean 'biped'\? \(valid: paper, "),
+        ({"plannr": {}}, r"^unknown section of preset file .* 'plannr'; did you mean 'planner'\?"),
+        ({"planner": {"beta": 1.0}}, r"^unknown planner field of a preset file 'beta'.*\(valid: alpha_s"),
+        ({"arms": {"two-stage": {"beta": 1.0}}}, r"^unknown planner field of a preset file 'beta'"),
+        ({"planner": {"beta_dcm": -1.0}}, r"^PlannerConfig.beta_dcm must be finite and >= 0, got -1.0$"),
+        ({"arms": {"two-stage": 3}}, r"^arms.two-stage of a preset file must be an object, got 3$"),
+        ({"biped": []}, r"^biped of a preset file must be an object, got \[\]$"),
+    ],
+)  # fmt: skip
+def test_bad_files_are_refused(tmp_path, changes, message):
+    with pytest.raises((InvalidValueError, UnknownNameError), match=message):
+        load_preset(write(tmp_path / "bad.json", **changes))
+
+
+def test_unreadable_files_and_unknown_names_are_refused(tmp_path):
+    (tmp_path / "torn.json").write_text("{")
+    for name in ("torn.json", "absent.json"):
+        with pytest.raises(InvalidValueError, match=r"^cannot read preset file"):
+            load_preset(str(tmp_path / name))
+    with pytest.raises(
+        UnknownNameError, match=r"^unknown preset 'bipd'; did you mean 'biped'\?.*FILE\.json\)$"
+    ):
+        load_preset("bipd")

@@ -1,0 +1,122 @@
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.double_support import strip, transfer_mean
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
+from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner
+
+ROBOT, LIMITS = RobotModel(), GaitLimits()
+CONFIG = PRESETS["double-support"]
+PLANNER = DoubleSupportPlanner(ROBOT, LIMITS, CONFIG)
+ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_debt": False, "trunk_gravity": 50.0},
+        {"cop_margin_x": 0.02, "cop_margin_y": 0.01}]  # fmt: skip
+
+
+def rows(n: int, seed: int = 0, spread: float = 0.04) -> np.ndarray:
+    """States about a step that needs no correction, as `plan_batch` takes them."""
+    rng, out = np.random.default_rng(seed), np.empty((n, 12))
+    for row in out:
+        elapsed, duration = rng.choice([0.0, 0.01, 0.05, 0.0893, 0.09, 0.0962]), rng.uniform(0.3, 1.0)
+        other, step = (np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.1, 0.4)]) for _ in range(2))
+        target = step + [0.0, -0.02]
+        dcm = target * math.exp(-ROBOT.omega * (duration - elapsed)) + 0.15 * other
+        row[0:2] = duration - elapsed, elapsed
+        row[2:4], row[4:6], row[10:12] = other, dcm + spread * rng.normal(size=2), target
+        row[6:8], row[8:10] = 0.3 * rng.normal(size=2), rng.normal(size=2)
+    return out
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
+def test_plan_is_the_optimum_of_the_dense_problem(arm):
+    planner = DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
+    tight = 0
+    for row, out in zip(rows(40), planner.plan_batch(rows(40)), strict=True):
+        problem = planner.program(row)
+        solution = solve_qp(problem.qp)
+        residual = kkt_residual(problem.qp, solution)
+        assert max(residual.stationarity, residual.feasibility, residual.complementarity) < 1e-3
+        assert out[6] == 0
+        for i, (axis, x) in enumerate(zip(problem.axes, problem.split(solution.x), strict=True)):
+            cop, acceleration = axis.first(x)
+            assert out[i] == pytest.approx(cop, abs=1e-6)
+            assert out[2 + i] == pytest.approx(acceleration, abs=1e-5)
+            assert out[4 + i] == pytest.approx(axis.dcm_end(x), abs=1e-6)
+        strips = problem.qp.lower.size - 2 * problem.axes[0].qp.lower.size
+        tight += bool(strips and np.abs(solution.dual[-strips:]).max() > 1e-6)
+    if planner.config.use_cop:
+        assert tight > 5  # the hull's strip couples the axes
+
+
+def test_undisturbed_state_follows_the_transfer():
+    omega, d, remaining = ROBOT.omega, CONFIG.double_support, 0.63
+    other, target = np.array([-0.1, 0.2]), np.array([0.12, 0.17])
+    dcm = target * math.exp(-omega * remaining) + other * transfer_mean(0.02, 10.0, d, omega)
+    plan = PLANNER.plan(remaining, 0.02, other, dcm, (0, 0), (0, 0), target)
+    assert plan.cop == pytest.approx(other * transfer_mean(0.02, 0.01, d, omega), abs=1e-9)
+    assert plan.trunk_acceleration == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert plan.dcm_end == pytest.approx(target, abs=1e-9)
+
+
+def test_cop_stays_in_the_hull_and_reaches_its_slanted_edge():
+    states = rows(600, seed=1, spread=0.1)
+    edge = 0
+    for row, out in zip(states, PLANNER.plan_batch(states), strict=True):
+        normal_x, normal_y, half = strip(row[2], row[3], LIMITS.cop_x_max, LIMITS.cop_y_max)
+        over = abs(normal_x * out[0] + normal_y * out[1])
+        assert over <= half + 1e-12
+        for i, size in enumerate((LIMITS.cop_x_max, LIMITS.cop_y_max)):
+            assert min(row[2 + i], 0.0) - size - 1e-12 <= out[i] <= max(row[2 + i], 0.0) + size + 1e-12
+        edge += over > half - 1e-9
+    assert edge > 60
+
+
+def test_mirrored_state_gives_the_mirrored_plan():
+    states = rows(100, seed=2)
+    for flip in ([-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]):
+        mirrored = states * np.concatenate([[1.0, 1.0], np.tile(flip, 5)])
+        expected = PLANNER.plan_batch(states)[:, :6] * np.tile(flip, 3)
+        np.testing.assert_allclose(PLANNER.plan_batch(mirrored)[:, :6], expected, atol=1e-7)
+
+
+def test_a_plan_depends_on_its_arguments_alone():
+    states = rows(30, seed=3)
+    together = PLANNER.plan_batch(states)
+    fresh = pickle.loads(pickle.dumps(PLANNER))  # noqa: S301
+    for k in np.random.default_rng(0).permutation(30):
+        plan = fresh.plan(states[k, 0], states[k, 1], *states[k, 2:].reshape(5, 2))
+        np.testing.assert_array_equal(np.concatenate([plan.cop, plan.trunk_acceleration]), together[k, :4])
+        assert plan.status == "solved"
+
+
+def test_osqp_agrees_with_daqp():
+    second, solved = DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, solver="osqp")), 0
+    for row in rows(8, seed=4, spread=0.01):
+        arguments = (row[0], row[1], *row[2:].reshape(5, 2))
+        exact, first_order = PLANNER.plan(*arguments), second.plan(*arguments)
+        solved += first_order.status == "solved"
+        np.testing.assert_allclose(first_order.cop, exact.cop, atol=1e-4)
+        np.testing.assert_allclose(first_order.dcm_end, exact.dcm_end, atol=1e-4)
+    assert solved >= 5
+
+
+def test_bad_input_is_named():
+    row, zero = rows(1)[0], (0.0, 0.0)
+    with pytest.raises(InvalidValueError, match="finite"):
+        PLANNER.plan(0.6, 0.0, (np.nan, 0.2), zero, zero, zero, zero)
+    with pytest.raises(InvalidValueError, match=r"less than 0\.1 s since the last"):
+        PLANNER.plan(0.5, 0.1, (0.0, 0.2), zero, zero, zero, zero)
+    with pytest.raises(InvalidValueError, match=r"at most 1\.3 s"):
+        PLANNER.plan(2.0, 0.0, (0.0, 0.2), zero, zero, zero, zero)
+    with pytest.raises(InvalidValueError, match="vectors of 2"):
+        PLANNER.plan(0.6, 0.0, (0.0, 0.2, 0.0), zero, zero, zero, zero)
+    with pytest.raises(InvalidValueError, match=r"\(n, 12\)"):
+        PLANNER.plan_batch(row)
+    with pytest.raises(InvalidValueError, match="margins"):
+        DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, cop_margin_y=0.05))

@@ -1,0 +1,149 @@
+"""Touchdown, reach and pushes of the biped's gait machine."""
+
+import numpy as np
+import pytest
+from push_recovery.controllers.whole_body.gait_machine import (
+    GaitSettings,
+    accept,
+    has_landed,
+    reach_height,
+    touch_down,
+)
+from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.posture import PHYSICS_DT
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Scenario
+
+SETTINGS = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
+
+
+def run(core, begin, scenario: Scenario, seconds: float) -> np.ndarray:
+    """External forces (steps, bodies, 6) of a robot that walks the nominal gait."""
+    gait, forces = begin(core, 0, scenario), []
+    core.after_physics_step = lambda: forces.append(core.physics.xfrc[0].copy())
+    action = BIPED_LIMITS.to_action(gait).astype(np.float64)[None]
+    for _ in range(round(seconds / (core.substeps * PHYSICS_DT))):
+        core.step(gait[None], action)
+    core.after_physics_step = None
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("control_hz", [20, 25, 50, 100, 125, 250, 500])
+@pytest.mark.parametrize(("start", "duration"), [(0.1, 0.1), (0.0, 0.05), (0.12345, 0.0301), (0.2, 0.0004)])
+def test_the_impulse_on_the_body_is_force_times_duration(biped_core, begin, control_hz, start, duration):
+    core, push = biped_core(1, control_hz), Push((37.0, -45.0, 7.0), duration, start)
+    forces = run(core, begin, Scenario("a", (push,)), 0.4)
+    np.testing.assert_allclose(forces[:, PELVIS, :3].sum(axis=0) * PHYSICS_DT, push.impulse, atol=1e-9)
+    np.testing.assert_allclose(core.pushes.delivered[0, 0], push.impulse, atol=1e-9)
+    forces[:, PELVIS, :3] = 0.0
+    assert not forces.any()  # no torque, and nothing on another body
+
+
+def test_two_pushes_on_two_bodies_add_up_and_nothing_else_writes_forces(biped_core, begin):
+    pushes = (
+        Push((30.0, 0.0, 0.0), 0.1, 0.05),
+        Push((0.0, 20.0, 0.0), 0.06, 0.1, "trunk"),
+        Push((-10.0, 5.0, 0.0), 0.1, 0.1),
+    )
+    forces = run(biped_core(), begin, Scenario("a", pushes), 0.4)
+    dt = PHYSICS_DT
+    np.testing.assert_allclose(forces[:, TRUNK, :3].sum(axis=0) * dt, pushes[1].impulse, atol=1e-9)
+    both = np.add(pushes[0].impulse, pushes[2].impulse)
+    np.testing.assert_allclose(forces[:, PELVIS, :3].sum(axis=0) * dt, both, atol=1e-9)
+    times = np.arange(len(forces)) * dt
+    pushed = np.abs(forces).sum(axis=(1, 2)) > 0
+    assert pushed[(times > 0.05) & (times < 0.199)].all()
+    assert not pushed[(times < 0.047) | (times > 0.201)].any()
+    rest = np.delete(forces, (PELVIS, TRUNK), axis=1)
+    assert not rest.any()
+
+
+def test_an_offset_turns_the_body(biped_core, begin):
+    push = Push((40.0, 0.0, 0.0), 0.1, 0.0, "trunk", (0.0, 0.1, 0.2))
+    forces = run(biped_core(), begin, Scenario("a", (push,)), 0.02)
+    # the trunk is upright at the start: torque = offset x force
+    np.testing.assert_allclose(forces[0, TRUNK, 3:], np.cross(push.offset, push.force), atol=1e-9)
+    assert forces[0, TRUNK, 4] > 0  # forwards over the CoM pitches forwards
+
+
+def test_nothing_of_a_push_is_left_after_a_reset(biped_core, begin):
+    core = biped_core()
+    run(core, begin, Scenario("a", (Push((60.0, 20.0, 0.0), 1.0, 0.05, "trunk", (0.0, 0.1, 0.0)),)), 0.2)
+    assert core.physics.xfrc.any()
+    forces = run(core, begin, Scenario("b"), 0.4)
+    assert not forces.any()
+    assert not core.pushes.delivered.any()
+
+
+def test_a_gait_event_starts_in_its_step(biped_core, begin):
+    core, event = biped_core(), GaitEvent(1, "right", 0.3)
+    gait = begin(core, 0, Scenario("a", (Push((5.0, 0.0, 0.0), 0.05, event),)))
+    action = BIPED_LIMITS.to_action(gait).astype(np.float64)[None]
+    starts = {}
+    while core.gait.steps[0] < 2 and core.gait.time[0] < 2.0:
+        core.step(gait[None], action)
+        starts.setdefault(int(core.gait.steps[0]), core.gait.time[0] - core.gait.elapsed[0])
+    assert core.pushes.start[0, 0] == pytest.approx(starts[1] + 0.3 * gait[2], abs=1e-9)
+
+
+def test_a_foot_lands_near_the_end_of_its_step_or_under_heavy_load():
+    duration, s = 0.5, SETTINGS
+    late, near, mid = duration - 0.5 * s.early, duration - 2.0 * s.early, 0.5 * s.forced_phase * duration
+    assert has_landed(1.01 * s.early_load, late, duration, s)
+    assert not has_landed(0.99 * s.early_load, late, duration, s)
+    assert has_landed(1.01 * s.forced_load, near, duration, s)
+    assert not has_landed(0.99 * s.forced_load, near, duration, s)
+    assert not has_landed(1e4, mid, duration, s)
+
+
+@pytest.mark.parametrize(("remaining", "held"), [(2.0, 0), (0.5, 3)])
+def test_place_and_time_of_a_step_are_final_shortly_before_it_ends(biped_core, begin, remaining, held):
+    """Within `commit` of touchdown a new foothold and duration are not taken over; CoP and trunk are."""
+    core = biped_core()
+    plan = begin(core, 0, Scenario("a"))
+    core.gait.elapsed[0] = plan[2] - remaining * SETTINGS.commit
+    asked, action, previous = plan + 0.01, np.full(7, 0.5), np.zeros(7)
+    accept(core.gait, 0, SETTINGS, asked, action, previous)
+    np.testing.assert_array_equal(core.gait.plan[0], np.where(np.arange(7) < held, plan, asked))
+    np.testing.assert_array_equal(previous, np.where(np.arange(7) < held, 0.0, action))
+
+
+def test_a_final_step_gives_way_to_one_that_is_far_from_landing(biped_core, begin):
+    core = biped_core()
+    plan = begin(core, 0, Scenario("a"))
+    core.gait.elapsed[0] = plan[2] - 0.5 * SETTINGS.commit
+    asked = plan + np.array([0.0, 0.2, 0.6 * SETTINGS.commit, 0.0, 0.0, 0.0, 0.0])
+    accept(core.gait, 0, SETTINGS, asked, np.zeros(7), np.zeros(7))
+    np.testing.assert_array_equal(core.gait.plan[0], asked)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_touchdown_exchanges_the_feet_and_mirrors_the_plan(random_state, robot_in, stance):
+    core, _ = robot_in(*random_state(np.random.default_rng(0)), stance)
+    core.gait.plan[0] = [0.1, 0.2, 0.5, 0.02, 0.01, 3.0, 4.0]
+    core.gait.elapsed[0] = 0.5
+    touch_down(core.physics, core.gait, 0)
+    assert (core.gait.stance[0], core.gait.steps[0], core.gait.elapsed[0]) == (1 - stance, 1, 0.0)
+    np.testing.assert_array_equal(core.gait.plan[0], [0.1, 0.2, 0.5, 0.0, 0.0, 3.0, -4.0])
+    np.testing.assert_array_equal(core.gait.swing[0, :3], sole_position(core.physics, 0, stance))
+    assert not core.gait.swing[0, 3:].any()
+
+
+def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
+    """At the height found, leg^2 = above^2 + aside^2 <= reach^2 for the foothold as it was moved."""
+    s, rng = SETTINGS, np.random.default_rng(1)
+    core, data = robot_in(*random_state(rng, 0.01))
+    sole, hips = sole_position(core.physics, 0, 0), data.xanchor[[3, 9]]
+    com = data.subtree_com[0]
+    heights = []
+    for length in (0.0, 0.3, 0.5, 1.0):
+        target, travel = (sole[0] + length, sole[1] - 0.2), (0.5 * length, 0.0)
+        height, target = reach_height(core.physics, 0, 0, sole, target, travel, s)
+        above = height + hips[1, 2] - com[2] - 0.06
+        aside = np.hypot(*(np.array(target) - hips[1, :2] - travel))
+        assert np.hypot(above, aside) <= s.reach + 1e-9
+        assert s.com_height - s.height_drop <= height <= s.com_height
+        heights.append(height)
+    assert np.all(np.diff(heights) <= 0)
+    assert heights[-1] == pytest.approx(s.com_height - s.height_drop)

@@ -1,0 +1,232 @@
+"""Whole-body control against one dense system of MuJoCo's own matrices."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.model.robot import GRAVITY
+from push_recovery.controllers.whole_body.bounds import (
+    Bounds,
+    BoundSettings,
+    centre_of_pressure,
+    make_bounds,
+)
+from push_recovery.controllers.whole_body.deviation_maps import TASKS
+from push_recovery.controllers.whole_body.inverse_dynamics import (
+    Gains,
+    Task,
+    base_angular_acceleration,
+    stance_acceleration,
+    swing_acceleration,
+    whole_body_torque,
+)
+from push_recovery.controllers.whole_body.kinematics import (
+    NU,
+    NV,
+    PELVIS,
+    WAIST_DOF,
+    SoleMotion,
+    base_angular_velocity,
+    sole_motion,
+    sole_position,
+)
+from push_recovery.controllers.whole_body.mass_matrix import com_velocity
+from push_recovery.controllers.whole_body.motors import driving_share
+from push_recovery.envs.biped.env import BIPED
+from push_recovery.envs.biped.posture import SOLES, biped_model, motor_limits
+from push_recovery.envs.scenario.scenario import Scenario
+
+MODEL = biped_model()
+GAINS = Gains(damping=0.0)  # exact leg inverse
+MOTORS = motor_limits(MODEL)
+LOOSE, _LOOSE_MEMORY = make_bounds(
+    BoundSettings(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6, force_min=-1e9),
+    np.full((2, NU), 1e9),
+)
+
+
+def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) -> Task:
+    """A task near what the robot does, accelerations of about `size` times those of walking."""
+    swing = np.zeros(9)
+    foot = sole_motion(core.physics, 0, 1 - stance, base_angular_velocity(core.physics, 0))
+    swing[:3] = foot.position + rng.normal(0.0, 0.005, 3)
+    swing[3:6] = foot.velocity + rng.normal(0.0, 0.05, 3)
+    swing[6:] = rng.normal(0.0, 2.0 * size, 3)
+    com, waist = rng.normal(0.0, size, 2), rng.normal(0.0, 4.0 * size, 2)
+    heading = rng.normal(0.0, 0.05)
+    facing = float(np.cos(heading)), float(np.sin(heading))
+    above, climb = (
+        core.physics.com[0, 0, 2] - sole_position(core.physics, 0, stance)[2],
+        com_velocity(core.physics, 0)[2],
+    )
+    height = above + rng.normal(0.0, 0.001), climb + rng.normal(0.0, 0.01), rng.normal(0.0, size)
+    return Task(stance, tuple(com), height, facing, swing, tuple(waist))
+
+
+def torques(core, task: Task, gains: Gains, bounds: Bounds, out: np.ndarray) -> np.ndarray:
+    """Write the torques (14,) of the core's robot; returns the wrench (6,)."""
+    climb, wrench = com_velocity(core.physics, 0)[2], np.empty(6)
+    whole_body_torque(core.physics, 0, task, climb, gains, bounds, wrench, out)
+    return wrench
+
+
+def drift(foot: SoleMotion) -> np.ndarray:
+    """Jdot qd of a sole, linear and angular part, (2, 3)."""
+    return np.array([foot.drift, foot.turn_drift])
+
+
+def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, np.ndarray]:
+    """A qdd = b of the 14 tasks in the order of `wrench_bounds`, and of the stance foot at rest (6 rows)."""
+    phys, omega = core.physics, base_angular_velocity(core.physics, 0)
+    stance, swing = (sole_motion(phys, 0, leg, omega) for leg in (task.stance, 1 - task.stance))
+    M, A, b = np.zeros((NV, NV)), np.zeros((TASKS + 6, NV)), np.empty(TASKS + 6)
+    mujoco.mj_fullM(MODEL, data, M)
+    height = data.subtree_com[0, 2] - stance.position[2]
+    asked, rate, climb = task.height
+    climb += GAINS.height_kp * (asked - height) + GAINS.height_kd * (rate - com_velocity(phys, 0)[2])
+    A[:3], b[:3] = M[:3] / BIPED.mass, [*task.com_acceleration, GRAVITY + climb]
+    b[:3] -= data.qfrc_bias[:3] / BIPED.mass
+    A[3:6, 3:6] = data.xmat[PELVIS].reshape(3, 3)
+    b[3:6] = base_angular_acceleration(phys, 0, omega, task, GAINS)
+    jacobians = [np.zeros((6, NV)), np.zeros((6, NV))]
+    for J, leg in zip(jacobians, (task.stance, 1 - task.stance), strict=True):
+        mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
+    A[6:12] = jacobians[1]
+    b[6:12] = np.subtract(swing_acceleration(phys, 0, swing, task, GAINS), drift(swing)).ravel()
+    A[12, WAIST_DOF] = A[13, WAIST_DOF + 1] = 1.0
+    b[12:14] = task.waist
+    A[14:] = jacobians[0]
+    b[14:] = np.subtract(stance_acceleration(phys, 0, stance, task, GAINS), drift(stance)).ravel()
+    return A, b
+
+
+def dense_solution(core, data, task: Task, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wrench (6,) and torque (14,), M qdd + h = S' tau + J_s' w, of the tasks + `deviation` (14,)."""
+    A, b = task_equations(core, data, task)
+    b[:TASKS] += deviation
+    M = np.zeros((NV, NV))
+    mujoco.mj_fullM(MODEL, data, M)
+    total = M @ np.linalg.solve(A, b) + data.qfrc_bias
+    J = A[TASKS:]
+    wrench = np.linalg.solve(J[:, :6].T, total[:6])
+    return wrench, (total - J.T @ wrench)[6:]
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_torque_and_wrench_are_the_exact_inverse_dynamics_of_the_tasks(random_state, robot_in, stance):
+    rng = np.random.default_rng(stance)
+    for _ in range(20):
+        core, data = robot_in(*random_state(rng, 0.1), stance)
+        task, torque = random_task(rng, core, stance), np.empty(NU)
+        wrench = torques(core, task, GAINS, LOOSE, torque)
+        expected = dense_solution(core, data, task, np.zeros(TASKS))
+        np.testing.assert_allclose(wrench, expected[0], rtol=1e-8, atol=1e-6)
+        np.testing.assert_allclose(torque, expected[1], rtol=1e-8, atol=1e-6)
+
+
+def test_damping_of_the_leg_inverse_is_negligible_off_the_straight_knee(random_state, robot_in):
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        core, _ = robot_in(*random_state(rng, 0.1))
+        task, damped, exact = random_task(rng, core, 0), np.empty(NU), np.empty(NU)
+        torques(core, task, Gains(), LOOSE, damped)
+        torques(core, task, GAINS, LOOSE, exact)
+        np.testing.assert_allclose(damped, exact, atol=0.1)
+
+
+def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> np.ndarray:
+    """Excess over each bound: CoP x, y [m], friction, yaw [m], load [300 N], torque [100 N m]."""
+    s = BoundSettings()
+    R = core.physics.xmat[0, foot_body(stance)].reshape(3, 3)
+    x = R[:2, 0] / np.linalg.norm(R[:2, 0])
+    y = np.array([-x[1], x[0]])
+    force, moment = wrench[:3], wrench[3:]
+    cop = np.array([-moment[1], moment[0]]) / force[2]
+    yaw = moment[2] - (cop[0] * force[1] - cop[1] * force[0])
+    return np.array(
+        [
+            abs(cop @ x) - s.cop_x_max,
+            abs(cop @ y) - s.cop_y_max,
+            math.hypot(force[0], force[1]) / force[2] - s.friction,
+            abs(yaw) / force[2] - s.yaw_friction,
+            (s.force_min - force[2]) / 300.0,
+            np.max(np.abs(torque) - torque_limits(core, torque)) / 100.0,
+        ]
+    )
+
+
+def torque_limits(core, torque: np.ndarray) -> np.ndarray:
+    """What the motors can give in the direction of the torques, (14,) [N m]."""
+    share = [driving_share(v * np.sign(t), v0)
+             for v, t, v0 in zip(core.physics.qvel[0, 6:], torque, MOTORS[1], strict=True)]  # fmt: skip
+    return MOTORS[0] * share
+
+
+def foot_body(stance: int) -> int:
+    return MODEL.body(("left_foot", "right_foot")[stance]).id
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robot_in, stance):
+    """KKT of min |v|^2 / 2 + sum w e^2 / 2: v + M' (w e) = 0, e what passes each row, d = Q^(-1/2) v."""
+    rng, bound = np.random.default_rng(10 + stance), 0
+    settings = BoundSettings()
+    bounds, _memory = make_bounds(settings, MOTORS)
+    for _ in range(60):
+        core, data = robot_in(*random_state(rng, 0.1), stance)
+        task, torque = random_task(rng, core, stance, 2.0), np.empty(NU)
+        bounds.solution[:] = np.nan
+        wrench = torques(core, task, GAINS, bounds, torque)
+        if np.isnan(bounds.solution).any():  # the exact solution passes no bound
+            assert bound_values(core, wrench, torque, stance).max() <= 1e-9
+            continue
+        bound += 1
+        v, M = bounds.solution, bounds.matrix
+        passed = np.maximum(M @ v - bounds.upper, 0) - np.maximum(bounds.lower - M @ v, 0)
+        np.testing.assert_allclose(v + M.T @ (settings.row_price * passed), 0.0, atol=1e-7)
+        assert np.abs(passed).max() < 5e-3  # in the units of the rows: 300 N, 20 N m, 100 N m
+        # the yaw moment is bounded about the CoP of the exact solution, which is among the rows
+        values = np.delete(bound_values(core, wrench, torque, stance), [2, 3])
+        assert values.max() < 5e-3
+        asked = torques(core, task, GAINS, LOOSE, np.empty(NU))[:2]
+        # eight faces about the cone, one of them where the force was asked
+        grip = settings.friction * wrench[2] + 300.0 * 5e-3
+        assert wrench[:2] @ asked / np.linalg.norm(asked) < grip
+        assert np.linalg.norm(wrench[:2]) * math.cos(math.pi / 8) < grip
+        expected = dense_solution(core, data, task, bounds.scale * v)
+        np.testing.assert_allclose(wrench, expected[0], rtol=1e-7, atol=1e-5)
+        np.testing.assert_allclose(torque, expected[1], rtol=1e-7, atol=1e-5)
+    assert bound >= 20
+
+
+def test_a_problem_whose_bounds_do_not_bind_leaves_the_exact_solution(random_state, robot_in):
+    """Only the lowest vertical force is passed, by a hair: the answer is the exact one but for a hair."""
+    rng = np.random.default_rng(20)
+    for _ in range(5):
+        core, _ = robot_in(*random_state(rng, 0.1))
+        task, exact, torque = random_task(rng, core, 0), np.empty(NU), np.empty(NU)
+        wrench = torques(core, task, GAINS, LOOSE, exact)
+        settings = LOOSE.settings._replace(force_min=wrench[2] + 1e-6)
+        bounds, _memory = make_bounds(settings, np.full((2, NU), 1e9))
+        again = torques(core, task, GAINS, bounds, torque)
+        assert again[2] == pytest.approx(wrench[2] + 1e-6, abs=1e-6)
+        np.testing.assert_allclose(again, wrench, atol=1e-4)
+        np.testing.assert_allclose(torque, exact, atol=1e-4)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_cop_makes_up_for_the_swing_legs_momentum(biped_core, begin, axis):
+    """With the CoM's acceleration asked for, an acceleration a of the swing sole moves the CoP by
+    0.0031 s^2 a (docs/whole-body.md): what the leg takes the CMP away from the CoP."""
+    core, a, cops = biped_core(1), 30.0, []
+    begin(core, 0, Scenario("still"))
+    foot = sole_motion(core.physics, 0, 1, base_angular_velocity(core.physics, 0))
+    for share in (0.0, 1.0):
+        swing = np.array([*foot.position, *foot.velocity, 0.0, 0.0, 0.0])
+        swing[6 + axis] = share * a
+        height = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, 0)[2]
+        task = Task(0, (0.0, 0.0), (height, 0.0, 0.0), (1.0, 0.0), swing, (0.0, 0.0))
+        wrench = torques(core, task, GAINS, LOOSE, np.empty(NU))
+        cops.append(centre_of_pressure(wrench, (1.0, 0.0))[axis])
+    assert cops[1] - cops[0] == pytest.approx(0.0031 * a, rel=0.1)

@@ -1,0 +1,54 @@
+"""Motors: their torque-speed line, and that nothing passes it in a hard push."""
+
+import math
+
+import numpy as np
+import pytest
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.motors import FULL_TORQUE_SHARE, driving_share
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.scenario import Scenario
+
+MODEL = biped_model()
+
+
+@pytest.mark.parametrize(
+    ("speed", "share"),
+    [(-30.0, 1.0), (0.0, 1.0), (FULL_TORQUE_SHARE * 10.0, 1.0), (8.5, 0.5), (10.0, 0.0), (30.0, 0.0)],
+)
+def test_a_motor_drives_with_less_torque_near_its_free_speed(speed, share):
+    assert driving_share(speed, 10.0) == pytest.approx(share, abs=1e-12)
+
+
+def test_every_motor_has_both_limits_and_left_and_right_the_same():
+    limits = motor_limits(MODEL)
+    names = [MODEL.actuator(i).name for i in range(MODEL.nu)]
+    assert (limits > 0).all()
+    for name, column in zip(names, limits.T, strict=True):
+        twin = names.index(name.replace("left", "right"))
+        np.testing.assert_array_equal(column, limits[:, twin])
+
+
+def test_no_motor_gives_more_than_it_can_at_its_speed_in_a_hard_push():
+    """Torques are for the speeds before the physics step, so these are kept from one step to the next."""
+    episodes, policy = BipedEpisodes(1), make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+    core, (top, free_speed) = episodes.core, motor_limits(MODEL)
+    push = polar_push(900.0, math.pi, 0.1, GaitEvent(2, "left", 0.0))
+    episodes.begin(0, Scenario("hard", (push,)))
+    speeds, used = core.physics.qvel[0, 6:].copy(), []
+
+    def look() -> None:
+        torque = core.physics.ctrl[0]
+        share = [
+            driving_share(v * np.sign(t), v0) for v, t, v0 in zip(speeds, torque, free_speed, strict=True)
+        ]
+        used.append(np.abs(torque) - top * share)
+        speeds[:] = core.physics.qvel[0, 6:]
+
+    core.after_physics_step = look
+    for _ in range(200):
+        episodes.step(policy.predict(core.observation)[0])
+    assert np.max(used) <= 1e-9
+    assert np.max(used, axis=0).max() > -1e-9  # some motor was at its limit

@@ -1,0 +1,305 @@
+"""Bipeds that are not what their planner believes: physics, what control sees, repeatability."""
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
+from push_recovery.controllers.model.robot import GRAVITY
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.kinematics import TRUNK
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
+from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+
+MODEL = biped_model()
+POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+PUSH = Push((60.0, 90.0, 0.0), 0.1, GaitEvent(1, "right", 0.3))
+BODY = ModelErrors(mass=0.1, payload=3.0, trunk_com=(0.01, -0.01, 0.02), slope_forward=0.03, slope_left=-0.02)
+DIFFERENT = (
+    ModelErrors(mass=0.1),
+    ModelErrors(delay=0.01, dcm_noise=0.004),
+    ModelErrors(),
+    ModelErrors(friction=0.5, payload=4.0),
+    ModelErrors(slope_left=0.04, delay=0.004),
+    ModelErrors(joint_noise=5e-4),
+    BODY,
+    ModelErrors(trunk_com=(0.0, 0.02, 0.0), dcm_noise=0.002),
+    ModelErrors(floor_step=0.015, delay=0.002),
+)
+
+
+def model_of(**errors) -> mujoco.MjModel:
+    values = vars(ModelErrors(**errors))
+    own = altered_model(*(values[name] for name in list(values)[:6]))
+    assert own is not None
+    return own
+
+
+def step(core) -> None:
+    action = POLICY.predict(core.observation)[0]
+    core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+
+
+def scenarios(all_errors=DIFFERENT) -> list[Scenario]:
+    return [
+        Scenario(
+            f"s{k}", (PUSH,), Command(0.1 * (k % 3)), ("left", "right")[k % 2], noise_seed=k, errors=errors
+        )
+        for k, errors in enumerate(all_errors)
+    ]
+
+
+def trajectory(core, begin, all_scenarios, seconds: float) -> np.ndarray:
+    """True state of the physics and what is seen at every planning period, (ticks, n, 77)."""
+    for k, scenario in enumerate(all_scenarios):
+        begin(core, k, scenario)
+    out = []
+    for _ in range(round(seconds * 100)):
+        step(core)
+        state = [np.concatenate([data.qpos, data.qvel]) for data in core.simulations.data]
+        out.append(np.concatenate([np.array(state), core.observation], axis=1))
+    return np.array(out)
+
+
+# The robot's own model
+
+
+def test_masses_and_inertias_scale_alike():
+    data, own = mujoco.MjData(MODEL), model_of(mass=0.1)
+    heavier = mujoco.MjData(own)
+    M, M_own = np.zeros((2, MODEL.nv, MODEL.nv))
+    for model, state, out in ((MODEL, data, M), (own, heavier, M_own)):
+        state.qpos[7:] += 0.1
+        mujoco.mj_forward(model, state)
+        mujoco.mj_fullM(model, state, out)
+    np.testing.assert_allclose(M_own, 1.1 * M, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(own.body_subtreemass[0], 1.1 * BIPED.mass)
+    np.testing.assert_allclose(own.body_invweight0, MODEL.body_invweight0 / 1.1, rtol=1e-9)
+    np.testing.assert_allclose(heavier.subtree_com, data.subtree_com, atol=1e-14)
+
+
+def test_payload_and_trunk_com_move_the_com_of_the_whole():
+    own = model_of(payload=6.0, trunk_com=(0.01, 0.02, -0.03))
+    data, off = mujoco.MjData(MODEL), mujoco.MjData(own)
+    mujoco.mj_forward(MODEL, data), mujoco.mj_forward(own, off)
+    assert own.body_subtreemass[0] == pytest.approx(66.0)
+    trunk = data.xipos[TRUNK] + [0.01, 0.02, -0.03]
+    moment = 60.0 * data.subtree_com[0] - 30.0 * data.xipos[TRUNK] + 36.0 * trunk
+    np.testing.assert_allclose(off.subtree_com[0], moment / 66.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("friction", [0.25, 0.5])
+def test_a_sole_slips_at_mu_times_the_normal_force(biped_core, begin, friction):
+    """A pyramid bounds the tangential force: |f_x| + |f_y| <= mu f_z, and a sliding sole is on it."""
+    core, shares = biped_core(), []
+
+    def look():
+        force = core.contacts.force[0]
+        if force[2] > 100.0:
+            shares.append((abs(force[0]) + abs(force[1])) / force[2])
+
+    core.after_physics_step = look
+    push = Push((700.0, 0.0, 0.0), 0.2, 0.1)
+    begin(core, 0, Scenario("a", (push,), errors=ModelErrors(friction=friction)))
+    for _ in range(40):
+        step(core)
+    assert max(shares) == pytest.approx(friction, rel=1e-3)
+    assert MODEL.pair_friction[0, 0] == 0.9
+
+
+def test_a_slope_pulls_downhill_like_a_push(biped_core, begin):
+    """Mean push estimate = -h tan(slope): the external force over m omega^2, omega^2 = g / h."""
+    own = model_of(slope_forward=0.03, slope_left=-0.04)
+    np.testing.assert_allclose(np.linalg.norm(own.opt.gravity), GRAVITY)
+    np.testing.assert_allclose(own.opt.gravity[:2] / own.opt.gravity[2], np.tan([0.03, -0.04]))
+    core, estimates = biped_core(), []
+    begin(core, 0, Scenario("a", errors=ModelErrors(slope_forward=0.03, slope_left=-0.04)))
+    for _ in range(120):
+        step(core)
+        estimates.append(core.truth[0, PUSH_ESTIMATE] * [1.0, -1.0 if core.gait.stance[0] == 0 else 1.0])
+    downhill = -BIPED.com_height * np.tan([0.03, -0.04])
+    np.testing.assert_allclose(np.mean(estimates, axis=0), downhill, atol=2e-3)
+
+
+def test_equal_errors_share_a_model_and_none_have_the_common_one(biped_core, begin):
+    core = biped_core(3)
+    for k, errors in enumerate((BODY, BODY, ModelErrors(delay=0.01, dcm_noise=0.01, joint_noise=0.001))):
+        begin(core, k, Scenario("a", errors=errors))
+    models = core.simulations.models
+    assert models[0] is models[1] is not models[2]
+    assert models[2] is core.simulations.model
+    begin(core, 0, Scenario("a"))
+    assert core.simulations.models[0] is core.simulations.model
+    assert not core.errors.physical[0]
+
+
+# What control sees
+
+
+@pytest.mark.parametrize(
+    "errors", [BODY, ModelErrors(joint_noise=1e-3), ModelErrors(mass=-0.2, delay=0.004)], ids=str
+)
+def test_control_believes_the_nominal_robot_in_the_measured_state(biped_core, begin, errors):
+    core, data = biped_core(), mujoco.MjData(MODEL)
+    begin(core, 0, Scenario("a", (PUSH,), noise_seed=4, errors=errors))
+    fields = ("xpos", "xmat", "xanchor", "xaxis", "subtree_com")
+    for tick in range(60):
+        arrays, true = core.simulations.arrays, core.simulations.data[0]
+        data.qpos[:], data.qvel[:] = arrays["qpos"][0], arrays["qvel"][0]
+        mujoco.mj_step1(MODEL, data)
+        for name in fields:
+            assert arrays[name][0].tobytes() == getattr(data, name).tobytes(), (tick, name)
+        for name in ("sensordata", "qfrc_constraint"):
+            assert arrays[name][0].tobytes() == getattr(true, name).tobytes()
+        factor = arrays["M"][0, 0] / data.M[0]  # the mass that it has found, see test_self_model.py
+        assert abs(factor - 1.0) < 0.2
+        np.testing.assert_allclose(arrays["M"][0], factor * data.M, rtol=1e-14)
+        np.testing.assert_allclose(arrays["qfrc_bias"][0], factor * data.qfrc_bias, rtol=1e-13)
+        assert not np.array_equal(arrays["qfrc_bias"][0], true.qfrc_bias) or tick == 0
+        step(core)
+
+
+def test_joint_noise_has_the_stated_size_and_leaves_the_pelvis_alone(biped_core, begin):
+    core, angles, rates = biped_core(), [], []
+
+    def look():
+        arrays, true = core.simulations.arrays, core.simulations.data[0]
+        assert arrays["qpos"][0, :7].tobytes() == true.qpos[:7].tobytes()
+        assert arrays["qvel"][0, :6].tobytes() == true.qvel[:6].tobytes()
+        angles.append(arrays["qpos"][0, 7:] - true.qpos[7:])
+        rates.append(arrays["qvel"][0, 6:] - true.qvel[6:])
+
+    core.after_physics_step = look
+    begin(core, 0, Scenario("a", noise_seed=2, errors=ModelErrors(joint_noise=1e-3)))
+    for _ in range(150):
+        step(core)
+    assert core.gait.failure[0] == 0
+    for noise, size in ((np.array(angles), 1e-3), (np.array(rates), RATE_NOISE * 1e-3)):
+        np.testing.assert_allclose(noise.std(axis=0), size, rtol=0.12)
+        assert np.abs(np.corrcoef(noise.T) - np.eye(14)).max() < 0.17
+        assert abs(np.mean(noise[1:] * noise[:-1])) < 0.05 * size**2
+
+
+@pytest.mark.parametrize("steps", [1, 5, LONGEST_DELAY])
+def test_torques_act_late_by_whole_physics_steps(biped_core, begin, steps):
+    core, asked, acted = biped_core(), [], []
+
+    def look():
+        ring = core.errors.torques[0]
+        asked.append(ring[(core.errors.step[0] - 1) % len(ring)].copy())
+        acted.append(core.simulations.data[0].ctrl.copy())
+
+    core.after_physics_step = look
+    begin(core, 0, Scenario("a", errors=ModelErrors(delay=0.002 * steps)))
+    for _ in range(16):
+        step(core)
+    late = [asked[0]] * steps + asked[:-steps]
+    np.testing.assert_array_equal(acted, late)
+    prompt = biped_core()
+    begin(prompt, 0, Scenario("a"))
+    first = []
+    prompt.after_physics_step = lambda: first.append(prompt.simulations.data[0].ctrl.copy())
+    step(prompt)
+    np.testing.assert_array_equal(first[0], asked[0])
+    assert not np.array_equal(asked[-1], acted[-1])
+
+
+def test_a_delay_that_is_no_whole_number_of_steps_changes_nothing(biped_core, begin):
+    core = biped_core()
+    begin(core, 0, scenarios()[0])
+    before = core.physics.qpos.copy(), core.errors.physical.copy()
+    text = r"delay \[s\] must be a multiple of 0.002 .* up to 0.05, got 0.003"
+    with pytest.raises(InvalidValueError, match=text):
+        begin(core, 0, Scenario("a", errors=ModelErrors(delay=0.003)))
+    np.testing.assert_array_equal(before[0], core.physics.qpos)
+    np.testing.assert_array_equal(before[1], core.errors.physical)
+
+
+# What the policy sees
+
+
+def test_dcm_noise_is_white_of_the_stated_size_and_consistent(biped_core, begin):
+    core, seen, true, steps = biped_core(), [], [], []
+    begin(core, 0, Scenario("a", noise_seed=3, errors=ModelErrors(dcm_noise=0.002)))
+    for _ in range(400):
+        seen.append(core.observation[0].copy())
+        true.append(core.truth[0].copy())
+        steps.append(core.gait.steps[0])
+        core.known.felt[0, 2] = 0.0  # otherwise it soon knows this noise, and the push is not shown
+        step(core)
+    assert core.gait.failure[0] == 0
+    side = np.stack([np.ones(400), np.where(np.array(steps) % 2 == 0, 1.0, -1.0)], axis=1)
+    noise = np.array(seen) - np.array(true)
+    dcm, velocity = side * noise[:, DCM], side * noise[:, COM_VELOCITY]
+    np.testing.assert_allclose(dcm.std(axis=0), 0.002, rtol=0.12)
+    np.testing.assert_allclose(velocity.std(axis=0), BIPED.omega * 0.002 / np.sqrt(2.0), rtol=0.12)
+    assert np.abs([np.corrcoef(axis[1:], axis[:-1])[0, 1] for axis in dcm.T]).max() < 0.15
+    np.testing.assert_allclose(
+        noise[:, DCM], noise[:, COM] + noise[:, COM_VELOCITY] / BIPED.omega, atol=1e-15
+    )
+    jump = (velocity[1:] - velocity[:-1]) / (BIPED.omega**2 * 0.01)  # what a change of velocity tells
+    np.testing.assert_allclose(noise[0, PUSH_ESTIMATE], 0.0)
+    np.testing.assert_allclose(side[1:] * noise[1:, PUSH_ESTIMATE], jump, atol=1e-12)
+    others = np.delete(noise, [*range(1, 7), 34, 35], axis=1)
+    assert not others.any()
+
+
+def test_a_fallen_robot_is_seen_as_it_was(biped_core, begin):
+    core = biped_core()
+    fall = Push((0.0, 3000.0, 0.0), 0.1, 0.2)
+    begin(core, 0, Scenario("a", (fall,), errors=ModelErrors(dcm_noise=0.01, payload=2.0)))
+    for _ in range(300):
+        step(core)
+    assert core.gait.failure[0] != 0
+    before = core.observation[0].copy()
+    step(core)
+    kept = np.delete(before, range(27, 34))  # all but the previous action
+    np.testing.assert_array_equal(np.delete(core.observation[0], range(27, 34)), kept)
+
+
+def test_without_noise_all_that_is_true_is_seen(biped_core, begin):
+    core = biped_core(2)
+    begin(core, 0, Scenario("a", errors=ModelErrors(mass=0.1)))
+    begin(core, 1, Scenario("b"))
+    for _ in range(5):
+        step(core)
+        assert core.observation.tobytes() == core.truth.tobytes()
+
+
+# Repeatability
+
+
+def test_robots_together_are_those_alone_bit_for_bit(biped_core, begin):
+    together = [trajectory(biped_core(9, threads=threads), begin, scenarios(), 1.0) for threads in (1, 2)]
+    assert together[0].tobytes() == together[1].tobytes()
+    for k, scenario in enumerate(scenarios()):
+        alone = trajectory(biped_core(), begin, [scenario], 1.0)
+        assert together[0][:, k].tobytes() == alone[:, 0].tobytes(), scenario.errors
+    ends = together[0][-1, :, :2]
+    assert len(np.unique(ends.round(9), axis=0)) == 9  # the errors do something
+
+
+def test_nothing_of_an_error_is_left_after_the_next_reset(biped_core, begin):
+    core, clean = biped_core(), [Scenario("clean", (PUSH,))]
+    expected = trajectory(core, begin, clean, 0.5)
+    for errors in DIFFERENT:
+        trajectory(core, begin, [Scenario("off", errors=errors)], 0.1)
+        assert trajectory(core, begin, clean, 0.5).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("errors", DIFFERENT, ids=lambda errors: str(errors.to_dict()))
+def test_the_mirrored_scenario_gives_the_mirrored_outcome(biped_core, begin, errors):
+    scenario = Scenario("a", (PUSH,), Command(0.1, 0.05), noise_seed=5, errors=errors)
+    core, coms = biped_core(), []
+    for side in (scenario, scenario.mirrored()):
+        begin(core, 0, side)
+        com = []
+        for _ in range(100):
+            step(core)
+            com.append(core.simulations.data[0].subtree_com[0].copy())
+        coms.append(np.array(com))
+    np.testing.assert_allclose(coms[0], coms[1] * [1.0, -1.0, 1.0], atol=1e-6)

@@ -1,0 +1,172 @@
+"""Pictures of the biped: what is drawn, where, and that drawing changes nothing."""
+
+import os
+import subprocess
+import sys
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.envs.biped.env import BipedEnv
+from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.scene import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
+from push_recovery.envs.physics.offscreen import RenderError, make_context, require_display
+from push_recovery.envs.scenario.push import Push
+from push_recovery.envs.scenario.scenario import Scenario
+
+import push_recovery  # noqa: F401
+
+LATERAL = Scenario("left", (Push((0.0, 300.0, 0.0), 0.1, 0.02),))
+HOLD = np.zeros(7, np.float32)
+
+
+@pytest.fixture(scope="module")
+def env():
+    try:
+        make_context(8, 8).free()
+    except RenderError as error:
+        pytest.skip(str(error))
+    made = gym.make("PushRecovery/Biped-v0", render_mode="rgb_array")
+    yield made
+    made.close()
+
+
+def run(env, periods, scenario=LATERAL):
+    _, info = env.reset(options={"scenario": scenario})
+    for _ in range(periods):
+        info = env.step(HOLD)[4]
+    return info
+
+
+def markers(core):
+    """Marker geoms of robot 0 as (kind, position, size, opacity)."""
+    model = biped_model()
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, maxgeom=50)
+    set_posture(model, data, core)
+    add_markers(scene, data, core)
+    return data, [(g.type, g.pos.copy(), g.size.copy(), float(g.rgba[3])) for g in scene.geoms[: scene.ngeom]]
+
+
+def reddish(image):
+    red, green, blue = (image[..., i].astype(int) for i in range(3))
+    return (red > 100) & (red > 3 * green) & (red > 3 * blue)
+
+
+def assert_same_picture(a, b):
+    """Equal but for the rounding of the driver's threads."""
+    assert np.abs(a.astype(int) - b.astype(int)).max() <= 2
+
+
+def test_image_is_an_image_and_repeats(env):
+    run(env, 1)
+    image = env.render()
+    assert image.shape == (480, 640, 3)
+    assert image.dtype == np.uint8
+    assert image.std() > 10
+    assert_same_picture(image, env.render())
+
+
+def test_drawing_does_not_touch_the_simulation(env):
+    def state(draw):
+        env.reset(options={"scenario": LATERAL})
+        for _ in range(15):
+            env.step(HOLD)
+            if draw:
+                env.render()
+        core = env.unwrapped.core
+        return core.physics.qpos[0].copy(), core.physics.qvel[0].copy()
+
+    for plain, drawn in zip(state(False), state(True), strict=True):
+        np.testing.assert_array_equal(plain, drawn)
+
+
+def test_arrow_is_drawn_while_the_push_acts_and_points_at_the_pelvis(env):
+    run(env, 2, Scenario("calm"))
+    calm = reddish(env.render())
+    run(env, 6)
+    red = reddish(env.render()) & ~calm
+    assert red.sum() > 500
+    columns = np.flatnonzero(red.any(axis=0))
+    assert columns[0] < 200  # a push of 300 N to the robot's left comes from the left of the picture
+    assert 250 < columns[-1] < 320  # and ends at the pelvis, which is in the middle
+
+
+def test_arrow_length_and_side(env):
+    run(env, 6)
+    data, geoms = markers(env.unwrapped.core)
+    arrow = next(g for g in geoms if g[0] == mujoco.mjtGeom.mjGEOM_ARROW)
+    assert arrow[2][2] == pytest.approx(2 * 300 * ARROW)  # MuJoCo draws half of it
+    assert arrow[1][0] == pytest.approx(data.xipos[1, 0])
+    assert arrow[1][1] < data.xipos[1, 1] - 300 * ARROW
+    assert arrow[3] == 1.0
+
+
+def test_opacity_of_a_push():
+    assert push_opacity(0.99, 1.0, 0.1) == 0.0
+    assert push_opacity(1.0, 1.0, 0.1) == 1.0
+    assert push_opacity(1.1, 1.0, 0.1) == pytest.approx(1.0)
+    assert push_opacity(1.1 + FADE / 2, 1.0, 0.1) == pytest.approx(0.5)
+    assert push_opacity(1.1 + FADE, 1.0, 0.1) == pytest.approx(0.0, abs=1e-12)
+    assert push_opacity(5.0, np.inf, 0.1) == 0.0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_markers_lie_where_info_says(env, side):
+    info = run(env, 3, Scenario("start", stance_side=side))
+    core = env.unwrapped.core
+    _, geoms = markers(core)
+    box = next(g for g in geoms if g[0] == mujoco.mjtGeom.mjGEOM_BOX)
+    spheres = [g[1][:2] for g in geoms if g[0] == mujoco.mjtGeom.mjGEOM_SPHERE]
+    np.testing.assert_allclose(spheres, [info["dcm"], info["cop"]], atol=1e-6)
+    plan = core.gait.plan[0]
+    np.testing.assert_allclose(box[1][:2], to_world(core, plan[0], plan[1])[:2], atol=1e-6)
+    stance_to_target = box[1][1] - to_world(core, 0.0, 0.0)[1]
+    assert np.sign(stance_to_target) == (-1.0 if side == "left" else 1.0)
+
+
+def test_two_views_live_side_by_side_and_close_twice(env):
+    run(env, 1)
+    before = env.render()
+    other = BipedEnv(render_mode="rgb_array")
+    run(other, 1)
+    assert_same_picture(other.render(), before)
+    view = other._picture
+    other.close()
+    view.close()
+    with pytest.raises(RenderError, match="closed"):
+        view.draw(env.unwrapped.core)
+    assert_same_picture(env.render(), before)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are found otherwise")
+@pytest.mark.parametrize("env_id", ["PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"])
+def test_window_without_a_display_is_a_clear_warning(monkeypatch, env_id):
+    """The environment runs unseen, so that Gymnasium's checker passes; `play` refuses, see test_cli."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    human = gym.make(env_id, render_mode="human")
+    with pytest.warns(RuntimeWarning, match=r"display.*rgb_array.*Nothing is shown"):
+        human.reset(seed=0)
+    human.step(np.zeros(7, np.float32))
+    assert human.render() is None
+    human.close()
+    with pytest.raises(RenderError, match=r"display.*rgb_array"):
+        require_display()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other backends")
+def test_error_names_both_backends_where_neither_works():
+    """In a process of its own, where neither library can be imported."""
+    code = (
+        "import sys\n"
+        "sys.modules['mujoco.egl'] = sys.modules['mujoco.osmesa'] = None\n"
+        "from push_recovery.envs.physics.offscreen import RenderError, make_context\n"
+        "try: make_context(8, 8)\n"
+        "except RenderError as error: print(error)\n"
+    )
+    clean = {key: value for key, value in os.environ.items() if key not in {"MUJOCO_GL", "PYOPENGL_PLATFORM"}}
+    done = subprocess.run([sys.executable, "-c", code], env=clean, capture_output=True, text=True, check=True)
+    assert "egl: " in done.stdout
+    assert "osmesa: " in done.stdout
+    assert "libosmesa6" in done.stdout

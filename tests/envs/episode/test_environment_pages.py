@@ -1,0 +1,126 @@
+"""The pages under docs/environments say what the code does."""
+
+import inspect
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.model.gait_box import GAIT_NAMES
+from push_recovery.controllers.model.observation import OBSERVATION_NAMES
+from push_recovery.controllers.policies.residual import default_residual_scale
+from push_recovery.controllers.whole_body import gait_machine as biped_gait
+from push_recovery.envs.biped.env import BipedEnv
+from push_recovery.envs.episode.reward import REWARD_TERMS
+from push_recovery.envs.pendulum import core as pendulum_core
+from push_recovery.envs.pendulum.env import PendulumEnv
+from push_recovery.envs.residual.wrapper import make_biped_residual
+
+import push_recovery  # noqa: F401
+
+DOCS = Path(__file__).parents[3] / "docs"
+PAGES = {"Pendulum": "pendulum", "Biped": "biped", "BipedResidual": "biped_residual"}
+
+
+def section(name, title):
+    text = (DOCS / "environments" / f"{PAGES[name]}.md").read_text(encoding="utf-8")
+    return text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+def rows(name, title):
+    """Cells of the section's first table, without its head."""
+    lines = [line for line in section(name, title).splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def names(cells):
+    return re.findall(r"`([^`]+)`", cells[0])
+
+
+@pytest.fixture(params=PAGES)
+def env(request):
+    made = gym.make(f"PushRecovery/{request.param}-v0")
+    yield request.param, made
+    made.close()
+
+
+def test_action_table(env):
+    name, made = env
+    limits = made.unwrapped.limits
+    table = rows(name, "Action space")
+    assert [cells[1].strip("`") for cells in table] == list(GAIT_NAMES)
+    bounds = np.array([[float(cells[3]), float(cells[4])] for cells in table])
+    np.testing.assert_allclose(bounds, np.stack([limits.low, limits.high], axis=1), rtol=1e-5)
+    if name == "BipedResidual":
+        adds = default_residual_scale(limits) * (limits.high - limits.low) / 2
+        np.testing.assert_allclose([float(cells[2]) for cells in table], adds, rtol=2e-3)
+
+
+def test_observation_table(env):
+    name, made = env
+    table = rows(name, "Observation space")
+    assert [(int(cells[0]), cells[1].strip("`")) for cells in table] == list(enumerate(OBSERVATION_NAMES))
+    observation, _ = made.reset(seed=3)
+    for _ in range(20):
+        observation, *_ = made.step(made.action_space.sample() * 0)
+    for cells, value in zip(table, observation, strict=True):
+        if "(0 here)" in cells[2]:
+            assert value == 0.0, cells[1]
+
+
+def test_reward_terms_reasons_and_info(env):
+    name, made = env
+    assert [names(cells)[0] for cells in rows(name, "Rewards")] == list(REWARD_TERMS)
+    ends = {names(cells)[0] for cells in rows(name, "Episode end") if names(cells)}
+    failures = pendulum_core.FAILURES if name == "Pendulum" else biped_gait.FAILURES
+    assert ends == set(failures) - {""}
+    made.reset(seed=0)
+    info = made.step(np.zeros(7, np.float32))[4]
+    stated = [key for cells in rows(name, "Info") for key in names(cells)]
+    assert sorted(stated) == sorted(info)
+    push = next(cells for cells in rows(name, "Info") if cells[0] == "`push`")[1]
+    assert set(info["push"]) <= set(re.findall(r"`(\w+)`", push))
+
+
+def test_arguments(env):
+    name, _ = env
+    biped = dict(inspect.signature(BipedEnv).parameters)
+    builder = {"Pendulum": PendulumEnv, "Biped": BipedEnv, "BipedResidual": make_biped_residual}[name]
+    expected = {k: p for k, p in inspect.signature(builder).parameters.items() if p.kind is not p.VAR_KEYWORD}
+    if name == "BipedResidual":
+        expected = {**biped, **expected}
+    stated = {names(cells)[0]: cells[1].strip("`") for cells in rows(name, "Arguments")}
+    assert stated == {key: repr(parameter.default) for key, parameter in expected.items()}
+
+
+def test_limits_of_an_episode(env):
+    name, made = env
+    assert made.spec is not None
+    assert made.spec.max_episode_steps is None
+    if name != "Pendulum":
+        lowest = biped_gait.LOWEST * made.unwrapped.robot.com_height
+        assert f"less than {lowest:g} m" in section(name, "Episode end")
+        tilt = np.degrees(np.arccos(biped_gait.STEEPEST))
+        assert f"more than {tilt:.0f} degrees" in section(name, "Episode end")
+
+
+def test_vector_form_autoresets_on_the_next_step(env):
+    name, _ = env
+    mode = gym.vector.AutoresetMode
+    for expected, kwargs in ((mode.NEXT_STEP, {}), (mode.SAME_STEP, {"autoreset_mode": mode.SAME_STEP})):
+        vector = gym.make_vec(
+            f"PushRecovery/{name}-v0", num_envs=1, vectorization_mode="sync", vector_kwargs=kwargs
+        )
+        assert vector.metadata["autoreset_mode"] == expected
+        vector.close()
+    assert "AutoresetMode.NEXT_STEP" in section(name, "Vector form")
+
+
+def test_pictures_and_links_exist():
+    for page in PAGES.values():
+        text = (DOCS / "environments" / f"{page}.md").read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)#]+)", text):
+            assert (DOCS / "environments" / target).is_file(), target
+    for picture in (DOCS / "pictures").iterdir():
+        assert picture.stat().st_size < 300_000, picture.name

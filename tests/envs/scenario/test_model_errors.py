@@ -1,0 +1,139 @@
+"""Model errors as values: JSON, mirror, bounds, and draws from ranges."""
+
+import math
+import re
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.biped.posture import PHYSICS_DT
+from push_recovery.envs.scenario.error_ranges import DELAY_STEP, ErrorRanges
+from push_recovery.envs.scenario.model_errors import BOUNDS, EXACT_MODEL, ModelErrors
+from push_recovery.envs.scenario.scenario import PushDistribution, Scenario
+
+ALL = ModelErrors(
+    mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,
+    delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02,
+)  # fmt: skip
+RANGES = ErrorRanges(mass=(-0.1, 0.2), friction=(0.4, 1.2), delay=(0.002, 0.01), trunk_com=(-0.02, 0.02))
+
+
+def test_all_is_all():
+    assert ALL.names == tuple(field.name for field in fields(ModelErrors))
+    assert EXACT_MODEL.names == ()
+
+
+def test_a_scenario_without_errors_is_written_as_ever():
+    scenario = Scenario("a")
+    assert scenario.to_json() == (
+        '{"command":{"vx":0.0,"vy":0.0},"duration":null,"id":"a","noise_seed":0,"pushes":[],'
+        '"settle_time":4.0,"stance_side":"left"}'
+    )
+    assert Scenario.from_dict({**scenario.to_dict(), "errors": {}}) == scenario
+    assert "errors" not in PushDistribution().to_dict()
+
+
+def test_json_round_trip_names_only_what_is_off():
+    scenario = Scenario("a", errors=ALL)
+    assert Scenario.from_json(scenario.to_json()) == scenario
+    assert ModelErrors(friction=0.6).to_dict() == {"friction": 0.6}
+    assert ModelErrors.from_json('{"trunk_com": [0, 0.01, 0]}') == ModelErrors(trunk_com=(0.0, 0.01, 0.0))
+    assert ModelErrors(friction=0.9).to_dict() == {"friction": 0.9}  # said, not assumed
+
+
+def test_the_mirror_is_an_involution_that_keeps_what_has_no_side():
+    mirror = ALL.mirrored()
+    assert mirror.trunk_com == (0.01, 0.02, 0.03)
+    assert (mirror.slope_forward, mirror.slope_left) == (0.05, 0.03)
+    assert mirror.mirrored() == ALL
+    assert Scenario("a", errors=ALL).mirrored().errors == mirror
+    assert math.copysign(1.0, EXACT_MODEL.mirrored().slope_left) == 1.0
+    assert EXACT_MODEL.mirrored() == EXACT_MODEL
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_values_out_of_bounds_name_the_bound(name):
+    unit, low, high = BOUNDS[name]
+    ModelErrors(**{name: low}), ModelErrors(**{name: high})
+    for bad in (low - 0.01, high + 0.01):
+        text = f"ModelErrors.{name}{unit} must be in [{low:g}, {high:g}], got {bad:g}"
+        with pytest.raises(InvalidValueError, match=re.escape(text)):
+            ModelErrors(**{name: bad})
+    with pytest.raises(InvalidValueError, match="must be finite"):
+        ModelErrors(**{name: math.nan})
+
+
+def test_other_bad_values_name_themselves():
+    with pytest.raises(InvalidValueError, match=r"trunk_com y \[m\] must be in \[-0.1, 0.1\], got 0.2"):
+        ModelErrors(trunk_com=(0.0, 0.2, 0.0))
+    with pytest.raises(UnknownNameError, match="did you mean 'friction'"):
+        ModelErrors.from_dict({"fricton": 0.5})
+    for text in ("{", "[]", "3", '{"mass": "heavy"}', '{"trunk_com": 3}'):
+        with pytest.raises(PushRecoveryError):
+            ModelErrors.from_json(text)
+    with pytest.raises(InvalidValueError, match="errors must be ModelErrors, got 3"):
+        Scenario("a", errors=3)  # type: ignore[arg-type]
+
+
+def test_ranges_are_kept_and_filled():
+    rng = np.random.default_rng(0)
+    drawn = [RANGES.sample(rng) for _ in range(400)]
+    for name, (low, high) in (("mass", (-0.1, 0.2)), ("friction", (0.4, 1.2))):
+        values = np.array([getattr(errors, name) for errors in drawn])
+        assert low <= values.min() < low + 0.02 * (high - low)
+        assert high - 0.02 * (high - low) < values.max() <= high
+        assert abs(values.mean() - (low + high) / 2) < 0.06 * (high - low)
+    offsets = np.array([errors.trunk_com for errors in drawn])
+    assert np.abs(offsets).max() <= 0.02
+    assert np.abs(np.corrcoef(offsets.T) - np.eye(3)).max() < 0.2
+    steps = {round(errors.delay / DELAY_STEP, 9) for errors in drawn}
+    assert steps == {1.0, 2.0, 3.0, 4.0, 5.0}
+    assert DELAY_STEP == PHYSICS_DT
+    assert all(errors.slope_left == errors.dcm_noise == 0.0 for errors in drawn)
+
+
+def test_one_more_range_changes_no_other_draw():
+    more = ErrorRanges(**{**vars(RANGES), "payload": (0.0, 5.0), "slope_left": (-0.05, 0.05)})
+    for seed in range(5):
+        a, b = (ranges.sample(np.random.default_rng(seed)) for ranges in (RANGES, more))
+        assert (a.mass, a.friction, a.delay, a.trunk_com) == (b.mass, b.friction, b.delay, b.trunk_com)
+        assert b.payload > 0.0
+
+
+def test_a_distribution_draws_the_same_pushes_with_and_without_errors():
+    plain, off = PushDistribution(), PushDistribution(errors=RANGES)
+    a, b = plain.sample(np.random.default_rng(4)), off.sample(np.random.default_rng(4))
+    assert a.errors == EXACT_MODEL
+    assert b.errors.names == ("mass", "trunk_com", "friction", "delay")
+    assert (a.id, a.pushes, a.command, a.noise_seed) == (b.id, b.pushes, b.command, b.noise_seed)
+    rngs = [np.random.default_rng(4) for _ in range(2)]
+    plain.sample(rngs[0])
+    rngs[1].random(8), rngs[1].integers(2**31)
+    assert rngs[0].random() == rngs[1].random()  # no draw more than before there were errors
+
+
+def test_ranges_as_json():
+    distribution = PushDistribution(impulse_max=40.0, errors=RANGES)
+    data = distribution.to_dict()
+    assert data["errors"] == {
+        "mass": [-0.1, 0.2], "friction": [0.4, 1.2], "delay": [0.002, 0.01], "trunk_com": [-0.02, 0.02],
+    }  # fmt: skip
+    assert PushDistribution.from_dict(data) == distribution
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"mass": (0.1, -0.1)}, "mass must have low <= high, got 0.1 > -0.1"),
+        ({"mass": (0.0, 3.0)}, "mass must be in [-0.5, 0.5], got 3"),
+        ({"mass": 0.1}, "mass must be (low, high), got 0.1"),
+        ({"friction": (0.1, 1.0)}, "friction must be in [0.2, 2], got 0.1"),
+        ({"delay": (0.0005, 0.001)}, "delay must hold a multiple of 0.002 s, got (0.0005, 0.001)"),
+    ],
+)
+def test_bad_ranges_name_the_bound(values, text):
+    with pytest.raises(InvalidValueError, match=re.escape(text)):
+        ErrorRanges(**values)
+    with pytest.raises(InvalidValueError, match="errors must be ErrorRanges"):
+        PushDistribution(errors=0.1)  # type: ignore[arg-type]

@@ -1,0 +1,94 @@
+"""The closed loop of many robots, as it is timed."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.eval.bench import bipeds as bench_batch
+from push_recovery.eval.bench.bipeds import (
+    PERIODS,
+    WARM_UP,
+    BatchTiming,
+    batch_timings,
+    memory_per_robot,
+    resident_mib,
+    time_control,
+    walking_core,
+)
+
+POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+
+
+def test_rates_and_ratios():
+    timing = BatchTiming(64, 2, physics=30.0, plan=5.0, core=45.0, period=0.01)
+    assert timing.rtf == pytest.approx(200.0)
+    assert timing.over_physics == pytest.approx(5.0 / 3.0)
+
+
+def test_every_timed_robot_is_pushed_and_stands_to_the_end():
+    core = walking_core(24, 2)
+    for _ in range(WARM_UP + PERIODS):
+        actions = POLICY.predict(core.observation)[0]
+        core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
+    assert not core.gait.failure.any()
+    assert np.all(np.linalg.norm(core.pushes.delivered, axis=(1, 2)) > 0.0)
+
+
+def test_the_keys_of_the_contract(monkeypatch):
+    monkeypatch.setattr(bench_batch, "ROBOTS", {1: (1,), 64: (1, 2), 256: (1,)})
+    monkeypatch.setattr(bench_batch, "QUICK", (1, 64))
+    assert isinstance(POLICY, TwoStagePolicy)
+    monkeypatch.setattr(
+        bench_batch,
+        "time_batch",
+        lambda policy, n, threads: BatchTiming(n, threads, 10.0, 1.0 * n, 1.0, 0.01),
+    )
+    content = batch_timings(POLICY, quick=True)
+    assert "rtf_256_robots_1_threads" not in content
+    assert "rtf_256_robots_1_threads" in batch_timings(POLICY)
+    assert (content["vector_envs"], content["threads"]) == (64, 2)
+    assert content["vector_env_rtf"] == content["rtf_64_robots_2_threads"] == pytest.approx(1e4 / 65.0)
+    assert content["cost_over_physics_1_robots_1_threads"] == pytest.approx(0.2)
+
+
+def test_memory_counts_the_robots(monkeypatch):
+    seen = iter([100.0, 116.0])
+    monkeypatch.setattr(bench_batch, "resident_mib", lambda: next(seen))
+    monkeypatch.setattr(bench_batch, "MEMORY", 8)
+    assert memory_per_robot(POLICY) == {"memory_mib_per_robot": 2.0}
+    monkeypatch.setattr(bench_batch, "resident_mib", lambda: None)
+    assert memory_per_robot(POLICY) == {}
+
+
+def test_resident_memory_grows_with_what_is_used():
+    if resident_mib() is None:
+        pytest.skip("the system does not tell")
+    code = (
+        "import numpy as np; from push_recovery.eval.bench.bipeds import resident_mib; "
+        "before = resident_mib(); block = np.ones(64 * 2**17); print(resident_mib() - before)"
+    )  # in a process of its own: what other tests freed may go back to the system at any time
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) == pytest.approx(64.0, abs=4.0)
+
+
+def test_control_is_what_the_core_adds_to_bare_physics(monkeypatch):
+    monkeypatch.setattr(bench_batch, "CALLS", 20)
+    content = time_control(POLICY)
+    assert content["raw_physics_rtf"] > 0.0
+    assert content["whole_body_us"]["median"] <= content["whole_body_us"]["p99"]
+
+
+def test_humanoid_runs_in_turn_with_the_bipeds(monkeypatch):
+    from push_recovery.eval.bench import humanoid as bench_humanoid
+
+    rates = iter([(10.0, 30.0), (30.0, 60.0), (20.0, 90.0)])
+    turn = [rate for pair in rates for rate in pair]
+    monkeypatch.setattr(bench_humanoid, "SLICES", 3)
+    monkeypatch.setattr(bench_humanoid, "_humanoid", lambda env: turn.pop(0))
+    monkeypatch.setattr(bench_humanoid, "_bipeds", lambda core, policy: turn.pop(0))
+    monkeypatch.setattr(bench_humanoid, "ROBOTS", 2)
+    content = bench_humanoid.humanoid_timings(POLICY)
+    assert content == {"humanoid_rtf": 20.0, "biped_rtf": 60.0, "over_humanoid": 3.0}

@@ -1,0 +1,69 @@
+import json
+import sys
+
+import pytest
+import toy_gait_env as toy
+from push_recovery.eval.bench import run as module
+from push_recovery.eval.bench.keys import GROUPS, KEYS
+from push_recovery.eval.bench.run import BenchError, start_time
+from push_recovery.eval.bench.tables import key_cells, robot_cells, solver_cells
+from push_recovery.eval.cli.main import main
+
+
+def test_bench_leaves_out_what_the_environment_lacks(capsys):
+    assert main(["bench", "--env", "toy_gait_env:PushRecovery/SturdyToy-v0", "--seconds", "2", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert "raw_physics_rtf" not in content
+    assert "solvers_missing" not in content
+    assert content["threads"] == 1
+    assert content["single_env_rtf"] > 0
+    for key in ("stage_1_us", "stage_2_us", "plan_us"):
+        assert 0 < content[key]["median"] <= content[key]["p99"]
+    assert all(content[f"{part}_batch_us"] > 0 for part in ("stage_1", "stage_2", "plan"))
+
+
+def test_a_robot_that_falls_is_no_bench(capsys):
+    assert main(["bench", "--env", toy.ENV_ID, "--seconds", "2", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "fell after" in err
+
+
+def test_the_start_is_that_of_a_new_process(monkeypatch):
+    monkeypatch.setattr(module, "START", "import sys; sys.exit({env!r} != 'push_recovery:A-v0')")
+    assert start_time("A-v0") > 0.0
+    with pytest.raises(BenchError, match="B-v0 did not start"):
+        start_time("B-v0")
+    monkeypatch.setattr(module, "START", "{env}; raise SystemExit('why it did not')")
+    with pytest.raises(BenchError, match="why it did not"):
+        start_time("sys:1")
+    assert sys.executable
+
+
+CONTENT = {
+    "env": "E", "single_env_rtf": 60.1234, "threads": 2, "stage_1_us": {"median": 1.0, "p99": 2.0},
+    "stage_2_us": {"median": 3.0, "p99": 4.0}, "period_us_16_robots_2_threads": 59.6,
+    "rtf_16_robots_2_threads": 167.8, "cost_over_physics_16_robots_2_threads": 1.618,
+    "solvers_missing": ["proxqp"], "stage_1_daqp_us": {"median": 5.0, "p99": 6.0},
+    "stage_2_daqp_us": {"median": 7.0, "p99": 8.0}, "stage_2_daqp_error_m": 2e-15,
+    "stage_2_daqp_c_us": {"median": 6.0, "p99": 7.0}, "stage_1_batch_us": 0.25,
+}  # fmt: skip
+
+
+def test_tables():
+    assert robot_cells(CONTENT) == [("16", "2", "60", "168", "1.62")]
+    assert solver_cells(CONTENT) == [
+        ("this planner", "1.00 (p99 2.00)", "3.00 (p99 4.00)", "-"),
+        ("daqp", "5.00 (p99 6.00)", "7.00 (p99 8.00)", "2e-15 m"),
+        ("proxqp", "not installed", "pip install proxsuite", "-"),
+    ]
+    cells = {key: value for key, value, _ in key_cells(CONTENT)}
+    assert cells["single_env_rtf"] == "60.1"
+    assert cells["stage_1_batch_us"] == "0.25"
+    assert solver_cells({"env": "E"}) == robot_cells({"env": "E"}) == []
+
+
+def test_help_names_every_key(capsys):
+    assert main(["bench", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(key in text for key in (KEYS | GROUPS))

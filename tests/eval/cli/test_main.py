@@ -1,0 +1,199 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import toy_gait_env as toy
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.score.suites import Suite, quick_suite
+
+
+@pytest.fixture
+def suite(tmp_path):
+    path = tmp_path / "suite.json"
+    Suite("head", "1", quick_suite().scenarios[:6]).save(path)
+    return str(path)
+
+
+@pytest.fixture
+def policy(tmp_path):
+    return toy.save_policy(tmp_path / "strong.safetensors", 8.0)
+
+
+def bad_input(capsys, *argv):
+    """Exit code 2, nothing on standard output, one line on standard error; returns that line."""
+    assert main(argv) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.strip().splitlines()) == 1
+    assert "Traceback" not in err
+    assert "usage" not in err
+    return err
+
+
+def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
+    out = tmp_path / "out"
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
+    assert main([*argv, "--out", str(out), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert set(content) == {"suite", "env", "policies", "out"}
+    assert content["suite"]["name"] == "head"
+    assert content["policies"][policy]["episodes"] == 6
+    assert content["out"] == str(out)
+    report = json.loads((out / "report.json").read_text())
+    assert report["policies"][policy]["recovered"] == content["policies"][policy]["recovered"]
+    assert "impulse_5_60" in report["policies"][policy]
+    assert "Wilson" in (out / "report.md").read_text()
+    assert main([*argv, "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert f"report: {out / 'report.md'}" in text
+    assert "95 % interval" in text
+
+
+def test_compare_json(suite, tmp_path, capsys):
+    a, b = (toy.save_policy(tmp_path / f"{gain}.safetensors", gain) for gain in (9, 1))
+    argv = [
+        "compare",
+        a,
+        b,
+        "--env",
+        toy.ENV_ID,
+        "--suite",
+        suite,
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path / "c"),
+    ]
+    assert main([*argv, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert (content["a"], content["b"], content["suite"], content["pairs"]) == (a, b, "head", 6)
+    assert main(argv) == 0
+    assert "McNemar" in capsys.readouterr().out
+
+
+def test_list(capsys):
+    assert main(["list", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert "PushRecovery/Biped-v0" in content["envs"]
+    assert "two-stage" in content["policies"]
+    assert [s["name"] for s in content["suites"]] == ["quick", "standard", "hard"]
+    assert main(["list"]) == 0
+    assert quick_suite().sha256 in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["evaluat"], ["evaluat", "evaluate", "compare", "frontier"]),
+        (["evaluate", "--suite", "quik"], ["quik", "quick", "standard"]),
+        (["evaluate", "--env", "Biped"], ["Biped", "PushRecovery/Biped-v0"]),
+        (["evaluate", "--env", "nowhere:Biped-v0"], ["nowhere"]),
+        (["evaluate", "--env", toy.ENV_ID, "--policies", "two-stag"], ["two-stag", "two-stage", "passive"]),
+        (["evaluate", "--env", toy.ENV_ID, "--policies", "no.safetensors"], ["no.json"]),
+        (["evaluate", "--workers", "0"], ["--workers", ">= 1", "0"]),
+        (["evaluate", "--workers", "two"], ["--workers", "two"]),
+        (["compare", "two-stage"], ["B"]),
+        (["compare", "two-stage", "two-stage", "--env", toy.ENV_ID], ["more than once"]),
+        (["frontier", "--directions", "0"], ["--directions", ">= 1"]),
+        (["frontier", "--body", "head"], ["head", "pelvis", "trunk"]),
+        (["frontier", "--vx", "nan"], ["--vx", "nan"]),
+        (["play", "--out", "film.avi", "--env", toy.ENV_ID], [".avi", ".mp4", ".png"]),
+        (["play", "--suite", "quick", "--scenario", "standard-9999"], ["standard-9999", "standard-0000"]),
+        (["train", "everything"], ["everything", "residual", "scratch"]),
+        (["train", "residual", "--timesteps", "-1"], ["--timesteps", ">= 0"]),
+        (["bench", "--seconds", "0"], ["--seconds", "0.1"]),
+    ],
+)
+def test_bad_input_is_one_line_with_the_valid_choices(argv, words, capsys):
+    line = bad_input(capsys, *argv)
+    assert all(word in line for word in words), line
+
+
+def test_bad_output_directory_is_bad_input(suite, policy, tmp_path, capsys):
+    (tmp_path / "file").write_text("here already")
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite]
+    assert "cannot use output directory" in bad_input(capsys, *argv, "--out", str(tmp_path / "file"))
+    assert (tmp_path / "file").read_text() == "here already"
+
+
+def test_every_command_has_help(capsys):
+    commands = ("evaluate", "compare", "frontier", "bench", "list", "play", "train")
+    assert main([]) == 0
+    overview = capsys.readouterr().out
+    for name in commands:
+        assert name in overview
+        assert main([name, "--help"]) == 0
+        assert "usage: push-recovery " + name in capsys.readouterr().out
+
+
+def test_failures_inside_are_exit_1_without_traceback(monkeypatch, capsys):
+    from push_recovery.eval.cli import commands
+
+    def fail(args):
+        raise RuntimeError("broken\nin two lines")
+
+    monkeypatch.setattr(commands, "run_list", fail)
+    assert main(["list"]) == 1
+    assert capsys.readouterr().err == "push-recovery: error: RuntimeError: broken in two lines\n"
+
+
+def test_play_writes_a_contact_sheet(policy, tmp_path, capsys):
+    out = tmp_path / "push.png"
+    argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20", "--out", str(out)]
+    assert main(argv) == 0
+    assert out.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert "recovered" in capsys.readouterr().out
+
+
+def start(*argv):
+    """The command line in a process group of its own."""
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
+        "from push_recovery.eval.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
+    )
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *argv], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def interrupt(process):
+    """Ctrl-C as a terminal gives it, to every process of the group; returns standard error."""
+    os.killpg(process.pid, signal.SIGINT)
+    return process.communicate(timeout=60)[1]
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + 60
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_interrupt_keeps_what_was_done_and_exits_130(policy, tmp_path, workers):
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", "standard"]
+    process = start(*argv, "--workers", workers, "--out", str(tmp_path))
+    rows = tmp_path / "outcomes.jsonl"
+    wait_for(lambda: rows.exists() and rows.read_text().count("\n") > 5)
+    err = interrupt(process)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    kept = rows.read_text().splitlines()
+    assert 5 < len(kept) < 1024
+    assert all(json.loads(line)["policy"] == policy for line in kept)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy]
+    process = start(*argv, "--workers", "2", "--out", str(tmp_path))
+    wait_for((tmp_path / "config.json").exists)
+    time.sleep(0.15)
+    err = interrupt(process)
+    assert process.returncode == 130
+    assert "Traceback" not in err

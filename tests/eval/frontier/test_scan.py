@@ -1,0 +1,159 @@
+import json
+import math
+from itertools import islice
+
+import pytest
+import toy_gait_env as toy
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.envs.scenario.push import GaitEvent
+from push_recovery.envs.scenario.scenario import Command
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.frontier.closed_form import limit_force
+from push_recovery.eval.frontier.scan import (
+    BEYOND,
+    FrontierSettings,
+    ScanJob,
+    default_grid,
+    directions_deg,
+    frontier,
+    scan,
+)
+from push_recovery.eval.rollout.by_name import make_env
+from push_recovery.eval.rollout.outcome import Outcome
+from push_recovery.eval.score.limits_met import fall_cell
+
+
+class Holes:
+    """A runner whose robot survives the forces that a predicate accepts; remembers what it was asked."""
+
+    def __init__(self, survives):
+        self.survives = survives
+        self.forces = []
+
+    def run_all(self, policy, scenarios):
+        return (self.run(policy, scenario) for scenario in scenarios)
+
+    def run(self, policy, scenario):
+        force = math.hypot(*scenario.pushes[0].force)
+        self.forces.append(round(force, 6))
+        ok = bool(self.survives(force))
+        limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
+        base = scenario.id, policy, ok, ok, None, None if ok else "low", 1.0, 1, 0.0, force / 10, 0.0, 1
+        return Outcome(*base, (0.0, 0.0), *limits)
+
+
+def scan_with(survives, grid=20.0):
+    runner = Holes(survives)
+    return scan(runner, ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
+
+
+def test_scan_goes_100_newtons_past_the_first_failure():
+    row, forces = scan_with(lambda force: force < 210 or 250 < force < 290)
+    assert (row["survived_N"], row["largest_survived_N"]) == (200.0, 280.0)
+    assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
+    assert forces == [20.0 * k for k in range(1, 17)]
+    assert forces[-1] == 220.0 + BEYOND
+
+
+def test_scan_keeps_the_limits_of_every_failed_force():
+    row, _ = scan_with(lambda force: force < 310)
+    assert [fall["force_N"] for fall in row["falls"]] == row["failed_N"]
+    assert row["falls"][0] == {
+        "force_N": 320.0,
+        "failure_reason": "low",
+        "first_limit": "cop",
+        "limits_met": {"cop": 1.0, "contact": 1.1},
+        "limit_shares": {"cop": 0.25, "contact": 0.32},
+    }
+    assert fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
+    assert fall_cell([]) == "-"
+
+
+class SideBySide(Holes):
+    """Begins six forces at a time and tells of the strongest first."""
+
+    def run_all(self, policy, scenarios):
+        queue = iter(scenarios)
+        while begun := list(islice(queue, 6)):
+            yield from (self.run(policy, scenario) for scenario in reversed(begun))
+
+
+@pytest.mark.parametrize("first", [100.0, 210.0, 470.0])
+def test_forces_side_by_side_change_nothing(first):
+    def survives(force):
+        return force < first or first + 45 < force < first + 90 or force > first + 150
+
+    job = ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
+    rows = [scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
+    assert rows[0] == rows[1]
+
+
+def test_scan_of_one_that_always_falls():
+    row, forces = scan_with(lambda force: False, grid=10.0)
+    assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
+    assert forces == [10.0 * k for k in range(1, 12)]
+
+
+def test_push_of_the_contract():
+    scenario = FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
+    push = scenario.pushes[0]
+    assert push.force == pytest.approx((0.0, 140.0, 0.0), abs=1e-12)
+    assert push.start == GaitEvent(4, "left", 0.0)
+    assert (push.duration, push.body, scenario.stance_side, scenario.command) == (
+        0.1,
+        "pelvis",
+        "left",
+        Command(0.3),
+    )
+    assert push.start.step_index("left") == 4  # type: ignore[union-attr]
+
+
+def test_grid_and_directions():
+    assert default_grid("PushRecovery/Pendulum-v0") == 10.0
+    assert default_grid("PushRecovery/Biped-v0") == 20.0
+    assert directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
+    with pytest.raises(InvalidValueError, match="directions"):
+        directions_deg(0)
+    with pytest.raises(InvalidValueError, match="grid"):
+        FrontierSettings("env", grid=0.0)
+
+
+def test_json_and_pictures(tmp_path, capsys):
+    policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
+    out = tmp_path / "out"
+    argv = ["frontier", "--env", toy.ENV_ID, "--policy", policy, "--directions", "3", "--grid", "50"]
+    argv += ["--out", str(out), "--workers", "1"]
+    assert main([*argv, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert set(content) == {"env", "policy", "push", "directions"}
+    assert content["push"] == {"duration": 0.1, "body": "pelvis"}
+    assert [entry["psi_deg"] for entry in content["directions"]] == [0.0, 120.0, 240.0]
+    for entry in content["directions"]:
+        assert set(entry) == {"psi_deg", "survived_N", "largest_survived_N", "limit_N", "fraction"}
+        assert 0 < entry["survived_N"] <= entry["largest_survived_N"]
+        assert entry["fraction"] == pytest.approx(entry["survived_N"] / entry["limit_N"])
+    assert (out / "frontier.png").read_bytes()[:4] == b"\x89PNG"
+    assert "<svg" in (out / "frontier.svg").read_text()[:400]
+    before = (out / "outcomes.jsonl").read_text()
+    assert main(argv) == 0
+    assert (out / "outcomes.jsonl").read_text() == before
+    assert "F* [N]" in capsys.readouterr().out
+    report = json.loads((out / "report.json").read_text())["policies"][policy]
+    assert [len(entry.pop("falls")) > 0 for entry in report["directions"]] == [True] * 3
+    assert report == content  # the report says nothing else than the contract's object
+    assert "| psi [deg] | limit F* [N] |" in (out / "report.md").read_text()
+
+
+def test_workers_change_nothing(tmp_path):
+    policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
+    settings = FrontierSettings(toy.ENV_ID, grid=50.0)
+    one = frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
+    two = frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
+    assert one == two
+
+
+@pytest.mark.parametrize(("psi", "force"), [(-90, 641), (-45, 907), (0, 1120), (45, 582), (90, 412)])
+def test_limit_is_the_papers_in_place(psi, force):
+    # l_p 0.2 m, foot 0.2 x 0.1 m, T 0.65 s; on the left stance a push to the left is the hard one
+    env = make_env(toy.ENV_ID)
+    assert limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)

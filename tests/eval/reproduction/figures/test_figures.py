@@ -1,0 +1,198 @@
+"""The figures of the reproduction: files, equal bytes, looks by arm, units, and what they draw."""
+
+import io
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+from push_recovery.controllers.policies.two_stage import POLICY_NAMES
+from push_recovery.eval.reproduction.figures import animation, cartoon, histories, paths, polar, style
+from push_recovery.eval.reproduction.pendulum.record import Record
+
+PUSH_START, STEP = 2.6, 0.65  # [s]
+CURVES = {"two-stage": [(0.0, 900.0), (90.0, 300.0), (180.0, 900.0), (270.0, 600.0)]}
+LIMITS = {"F*": [(psi, 1000.0) for psi in range(0, 360, 30)]}
+
+
+def walk(arm: str = "two-stage", survived: bool = True) -> Record:
+    """A made-up walk of 0.5 m/s; the trunk sways after the push, and a fall's DCM runs away to the right."""
+    time = np.arange(0.0, 6.5 if survived else 3.7, 0.02)
+    step = np.floor(time / STEP + 1e-9).astype(np.int64)
+    touchdown = STEP * np.arange(step[-1] + 1)
+    side = np.arange(len(touchdown)) % 2
+    foothold = np.column_stack([0.325 * np.arange(len(touchdown)), -0.2 * side])
+    since = np.maximum(time - PUSH_START, 0.0)
+    lateral = -0.1 - (0.02 * np.expm1(3.5 * since) if not survived else 0.0 * since)
+    com = np.column_stack([0.5 * time, lateral])
+    ahead = foothold[step] + [0.325, 0.0]
+    ahead[:, 1] = -0.2 - ahead[:, 1]
+    return Record(
+        arm=arm, time=time, com=com, dcm=com + [0.14, 0.0] - np.outer(since, [0.0, 0.01]),
+        cop=foothold[step], cmp=foothold[step],
+        trunk_angle=np.column_stack([0.0 * time, -0.5 * np.sin(since) if survived else 0.0 * time]),
+        trunk_torque=np.column_stack([0.0 * time, -40.0 * np.sin(since)]),
+        stance=foothold[step], swing=np.column_stack([ahead, 0.05 * np.abs(np.sin(math.pi * time / STEP))]),
+        step=step, foothold=foothold, foothold_side=side, touchdown=touchdown,
+        push_force=np.array([0.0, -315.0]), push_start=PUSH_START, push_duration=0.1, survived=survived,
+        foot_size=(0.2, 0.1), com_height=0.8, trunk_torque_max=150.0, trunk_angle_max=math.pi / 3,
+    )  # fmt: skip
+
+
+CASES = [walk("stage-1-paper", survived=False), walk("two-stage-paper")]
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch) -> None:
+    """Small pictures: the tests read none of their pixels."""
+    monkeypatch.setattr(style, "PIXELS", 40)
+
+
+@pytest.fixture
+def figures(monkeypatch) -> list[Figure]:
+    """The figures that are saved while a test runs; nothing is written."""
+    seen: list[Figure] = []
+    monkeypatch.setattr(style, "save", lambda figure, directory, stem: seen.append(figure) or [])
+    return seen
+
+
+def texts(axes) -> str:
+    return " ".join([text.get_text() for text in axes.texts] + [axes.get_title("left")])
+
+
+@pytest.mark.parametrize("module", [paths, histories, cartoon])
+def test_a_figure_is_written_twice_with_the_same_bytes(module, tmp_path):
+    first, second = module.draw(CASES[1:], tmp_path / "1"), module.draw(CASES[1:], tmp_path / "2")
+    assert [path.name for path in first] == [f"{module.STEM}.png", f"{module.STEM}.svg"]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    assert b"<dc:date>" not in first[1].read_bytes()
+    assert sorted(path.name for path in (tmp_path / "1").iterdir()) == sorted(path.name for path in first)
+
+
+def test_the_polar_map_is_closed_and_carries_its_unit(figures, tmp_path):
+    polar.draw(CURVES, LIMITS, tmp_path, stem="fig7_jump", title="jump", unit="N s")
+    (axes,) = figures[0].axes
+    lines = {line.get_label(): line for line in axes.lines}
+    drawn = lines["two-stage"].get_xydata()
+    assert np.array_equal(drawn[0], drawn[-1])
+    assert len(drawn) == len(CURVES["two-stage"]) + 1
+    assert np.allclose(drawn[1], [math.pi / 2, 300.0])  # counter-clockwise from forward, which is up
+    assert axes.get_theta_direction() == 1
+    assert axes.get_theta_offset() == pytest.approx(math.pi / 2)
+    assert "limit F*: foot + flywheel" in lines
+    assert "200 N s" in texts(axes)
+    for word in ("forward", "right: towards the swing foot", "left: towards the stance foot"):
+        assert word in texts(axes)
+
+
+def test_the_polar_map_is_written_twice_with_the_same_bytes(tmp_path):
+    first = polar.draw(CURVES, LIMITS, tmp_path / "1")
+    second = polar.draw(CURVES, LIMITS, tmp_path / "2")
+    assert [path.name for path in first] == ["fig7_limits.png", "fig7_limits.svg"]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+@pytest.mark.parametrize("module", [paths, histories, cartoon])
+def test_every_axis_has_a_unit(module, figures, tmp_path):
+    module.draw(CASES, tmp_path)
+    panels = figures[0].axes
+    assert all("[" in axes.get_ylabel() for axes in panels)
+    assert "[" in panels[-1].get_xlabel()
+
+
+def test_paths_end_the_fall_where_the_dcm_leaves_the_view(figures, tmp_path):
+    paths.draw(CASES, tmp_path)
+    falling, walking = figures[0].axes
+    assert "stage 1, paper's weights: falls" in texts(falling)
+    assert f"at t = {CASES[0].time[-1]:.2f} s" in texts(falling)
+    assert "two-stage, paper's weights: recovers" in texts(walking)
+    assert "beyond" not in texts(walking)
+    assert "315 N for 0.1 s" in texts(walking)
+    low, high = walking.get_ylim()
+    view = style.shown(CASES[1])
+    assert low < CASES[1].dcm[view, 1].min() < CASES[1].dcm[view, 1].max() < high
+    assert CASES[0].dcm[:, 1].min() < low
+    assert falling.get_ylim() == (low, high)
+
+
+def test_histories_show_the_trunk_of_those_that_use_it(figures, tmp_path):
+    histories.draw(CASES, tmp_path)
+    lateral_a, lateral_b, angle, torque = figures[0].axes
+    bounds = sorted({line.get_ydata()[0] for line in angle.lines if line.get_linestyle() == "--"})
+    assert np.allclose(bounds, [-math.pi / 3, math.pi / 3])
+    assert "[N m]" in torque.get_ylabel()
+    start, end = PUSH_START - style.BEFORE, PUSH_START + style.AFTER
+    inside = [t for t in CASES[1].touchdown if start < t < end]
+    boundaries = [line for line in lateral_b.lines if line.get_color() == style.STEP_COLOUR]
+    assert np.allclose([line.get_xdata()[0] for line in boundaries], inside)
+    histories.draw([CASES[0]], tmp_path)
+    assert len(figures[1].axes) == 1
+    assert lateral_a.get_ylim() == lateral_b.get_ylim()
+
+
+def test_the_cartoon_leans_and_steps_to_the_robots_right(figures, tmp_path):
+    record = walk()
+    sample = int(np.searchsorted(record.time, PUSH_START + 1.5))
+    with style.print_style():
+        axes = style.new_figure(3, 3).subplots()
+        cartoon.draw_robot(axes, record, sample, shift=2.0)
+    lean = record.trunk_angle[sample, 1]
+    assert lean < -0.4  # to the right
+    pelvis, neck = next(
+        np.array(line.get_xydata()) for line in axes.lines if line.get_ydata()[-1] > record.com_height
+    )
+    assert np.allclose(pelvis, [2.0 - record.com[sample, 1], record.com_height])
+    assert np.allclose(neck - pelvis, cartoon.TRUNK * np.array([-math.sin(lean), math.cos(lean)]))
+    cartoon.draw(CASES, tmp_path)
+    falling, walking = figures[0].axes
+    assert len(falling.get_xticks()) < len(walking.get_xticks()) == len(cartoon.INSTANTS)
+    assert "beyond recovery" in texts(falling)
+
+
+def test_the_film_loops_at_half_speed_and_is_the_same_twice(tmp_path):
+    film = animation.save(CASES, tmp_path, fps=2)
+    content = film.read_bytes()
+    assert film.name == "fig5_motion.gif"
+    assert animation.save(CASES, tmp_path, fps=2).read_bytes() == content
+    with Image.open(io.BytesIO(content)) as image:
+        frames = getattr(image, "n_frames", 1)
+        assert image.info["loop"] == 0
+        assert image.info["duration"] == 500
+        assert frames == round((animation.BEFORE + animation.AFTER) / animation.SPEED * 2)
+
+
+def test_every_arm_has_a_colour_a_line_and_a_marker_of_its_own():
+    looks = [style.arm_style(name) for name in (*POLICY_NAMES, *style.ARM_STYLES, *style.LIMIT_STYLES)]
+    assert set(POLICY_NAMES) <= set(style.ARM_STYLES)
+    arms = list(style.ARM_STYLES.values())
+    for values in ([s.colour for s in arms], [s.line for s in arms], [s.marker for s in arms]):
+        assert len(set(values)) == len(arms)
+    assert all(0.0 <= channel <= 1.0 for look in looks for channel in to_rgb(look.colour))
+
+
+def test_limits_are_grey_and_part_by_line_and_lightness():
+    looks = list(style.LIMIT_STYLES.values())
+    assert all(len(set(to_rgb(look.colour))) == 1 for look in looks)
+    assert len({look.line for look in looks}) == len({look.colour for look in looks}) == len(looks)
+
+
+def test_an_unknown_arm_keeps_its_look_and_its_name(figures, tmp_path):
+    look = style.arm_style("my policy")
+    assert look == style.arm_style("my policy")
+    assert look.label == "my policy"
+    assert look != replace(style.arm_style("another"), label="my policy")
+    paths.draw([walk("my policy")], tmp_path)
+    assert "my policy" in texts(figures[0].axes[0])
+
+
+def test_fonts_are_legible_in_print(figures, tmp_path):
+    with style.print_style():
+        polar.draw(CURVES, LIMITS, tmp_path)
+        labels = [
+            text.get_fontsize() for text in figures[0].findobj(lambda artist: hasattr(artist, "get_fontsize"))
+        ]
+    assert min(labels) >= 9.0
+    assert figures[0].get_size_inches()[0] <= style.WIDTH

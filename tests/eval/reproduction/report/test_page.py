@@ -1,0 +1,103 @@
+import copy
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.reproduction.report.claims import DIFFERS, REPRODUCED, claims
+from push_recovery.eval.reproduction.report.page import SHOWN, page, write_page
+from push_recovery.eval.reproduction.report.run import reproduce
+from push_recovery.eval.reproduction.tables import Table
+
+CASE = {
+    "step_error_before": 0.0,
+    "duration_error_before": 0.0,
+    "cop_to_inner_edge": 0.05,
+    "final_speed": 0.5,
+    "pushed_step": {"length": 0.1, "width": 0.4, "duration": 0.3},
+    "peak_lean_within_1_s": 0.6,
+    "final_lean": 0.1,
+}
+GROUP = {"combinations": 10, "survived": 9, "recovered": 8}
+ARMS = ("stage-1-paper", "two-stage-paper", "two-stage")
+
+
+def entries(forward, outward, inward):
+    forces = ((0.0, forward), (90.0, inward), (270.0, outward))
+    return [{"psi_deg": psi, "max_force_N": force} for psi, force in forces]
+
+
+CONTENT = {
+    "scenario_1": {
+        "stage-1-paper": {"recovers_315_N": False, "max_force_N": 60},
+        "stage-1": {"recovers_315_N": True, "max_force_N": 315},
+        "two-stage-paper": {"recovers_315_N": True, "max_force_N": 397},
+    },
+    "scenario_1_limits_N": {"point foot": 315.9},
+    "scenario_1_interval": {name: {"max_force_N": [50, 500]} for name in ARMS},
+    "scenario_1_together": {
+        "stage-1-paper": {"none": GROUP},
+        "two-stage-paper": {"repaired": GROUP, "literal": {**GROUP, "recovered": 2}},
+    },
+    "scenario_1_cases": dict.fromkeys(ARMS, CASE),
+    "scenario_1_sway": [{"beta_3": 0.01, **CASE}],
+    "scenario_2": {
+        "stage-1-paper": entries(400, 60, 30),
+        "two-stage-paper": entries(900, 390, 120),
+        "two-stage": entries(1108, 633, 402),
+    },
+    "scenario_2_overview": {
+        "two-stage": {
+            "ratio_to_stage_1_min": 1.65,
+            "ratio_to_stage_1_min_inward": 4.69,
+            "fraction_mean": 0.98,
+            "fraction_worst": 0.97,
+        },
+        "stage-1": {"fraction_mean": 0.39, "fraction_worst": 0.21},
+    },
+    "jump_overview": {"two-stage": {"fraction_mean": 0.98, "fraction_worst": 0.97}},
+}
+TABLES = {
+    name: [Table(f"table of {name}", ("a",), [("1",)])]
+    for name in ("scenario-1", "scenario-2", "ablations", "limits")
+}
+
+
+def verdicts(content):
+    return {claim.claim: claim.verdict for claim in claims(content)}
+
+
+def test_verdicts_follow_the_numbers():
+    before = verdicts(CONTENT)
+    changed = copy.deepcopy(CONTENT)
+    changed["scenario_1"]["stage-1-paper"]["recovers_315_N"] = True
+    changed["scenario_1"]["two-stage-paper"]["recovers_315_N"] = False
+    changed["scenario_1_cases"]["two-stage-paper"] = {**CASE, "cop_to_inner_edge": 0.0, "final_speed": 0.3}
+    changed["scenario_2"]["two-stage-paper"] = entries(300, 390, 120)
+    after = verdicts(changed)
+    flipped = {name for name in before if before[name] != after[name]}
+    assert len(flipped) == 5
+    assert all(before[name].startswith(REPRODUCED) and after[name].startswith(DIFFERS) for name in flipped)
+
+
+def test_the_page_holds_claims_numbers_tables_and_pictures():
+    text = page(CONTENT, TABLES)
+    assert "largest force 397 N, 50-500 N" in text
+    assert "forward 1108 N, outward 633 N, inward 402 N" in text
+    assert "| two-stage | 0.980 | 0.970 | 0.980 | 0.970 |" in text
+    assert all(f"(pictures/{name})" in text for name, _ in SHOWN)
+    assert all(f"**table of {name}**" in text for name in TABLES)
+
+
+def test_the_page_brings_its_pictures(tmp_path):
+    for name, _ in SHOWN:
+        (tmp_path / name).write_bytes(name.encode())
+    written = write_page(CONTENT, TABLES, tmp_path, tmp_path / "docs" / "page.md")
+    assert {path.name for path in written} == {"page.md", *(name for name, _ in SHOWN)}
+    assert all((tmp_path / "docs" / "pictures" / name).read_bytes() == name.encode() for name, _ in SHOWN)
+
+
+def test_a_page_needs_all_sections_and_a_markdown_name(tmp_path, capsys):
+    with pytest.raises(InvalidValueError, match="a page needs all sections, got 'limits'"):
+        reproduce("limits", directory=tmp_path, page=tmp_path / "page.md")
+    assert main(["reproduce", "--page", "page.txt"]) == 2
+    assert "must name a .md file, got 'page.txt'" in capsys.readouterr().err

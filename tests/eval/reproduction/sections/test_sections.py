@@ -1,0 +1,168 @@
+"""What the sections make of their rows, and the command around them."""
+
+import json
+
+import pytest
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.output.tables import print_table
+from push_recovery.eval.reproduction.jobs import key
+from push_recovery.eval.reproduction.pendulum.cases import CaseJob
+from push_recovery.eval.reproduction.pendulum.scan import EpisodeJob, ScanJob
+from push_recovery.eval.reproduction.pendulum.variants import Variant
+from push_recovery.eval.reproduction.report.run import SECTION_NAMES, SECTIONS, reproduce
+from push_recovery.eval.reproduction.sections import ablations, limits, scenario_1, scenario_2
+from push_recovery.eval.reproduction.tables import markdown
+
+
+def rows_of(jobs, value):
+    """Rows as they would be if every scan gave `value(job)` and every push were survived below 400 N."""
+    rows = {}
+    for job in jobs:
+        if isinstance(job, ScanJob):
+            found = value(job)
+            rows[key(job)] = {"survived": found, "largest_survived": found + (job.push.psi_deg == 30.0)}
+        elif isinstance(job, CaseJob):
+            rows[key(job)] = {"key": key(job), "label": job.text, **job.identity(), "final_lean": 0.5}
+        elif isinstance(job, EpisodeJob):
+            paper = job.variant.policy == "stage-1-paper"
+            rows[key(job)] = {"survived": not paper, "recovered": not paper}
+    return rows
+
+
+def test_scenario_2_in_short():
+    """Arms at a known share of F*: 0.25 for stage 1, 0.5 for the others, 0.4 inward and 0.9 to the front."""
+
+    def value(job):
+        share = 0.25 if job.variant.label == "stage-1" else 0.4 if 45 <= job.push.psi_deg <= 135 else 0.5
+        share = 0.9 if job.variant.label == "two-stage" and job.push.psi_deg == 0 else share
+        return share * job.push.limit(job.variant)
+
+    content = scenario_2.summary(rows_of(scenario_2.jobs(12), value), 12)
+    short = content["scenario_2_overview"]["two-stage"]
+    assert short["fraction_mean"] == pytest.approx((0.9 + 3 * 0.4 + 8 * 0.5) / 12)
+    assert (short["fraction_worst"], short["worst_psi_deg"]) == (pytest.approx(0.4), 60.0)
+    assert short["ratio_to_stage_1_min"] == pytest.approx(1.6)
+    assert short["ratio_to_stage_1_min_inward"] == pytest.approx(1.6)
+    assert content["jump_overview"]["two-stage"]["fraction_worst"] == pytest.approx(0.4)
+    assert {hole["psi_deg"] for hole in content["scenario_2_holes"]} == {30.0}
+    for entry in content["scenario_2"]["two-stage"]:
+        assert set(entry) == {"psi_deg", "max_force_N", "limit_N"}
+    assert content["scenario_2"]["two-stage"][9]["limit_N"] == pytest.approx(641.5, abs=0.1)
+
+
+def test_scenario_1_reports_the_open_parameters():
+    def value(job):
+        return (
+            60.0
+            if job.variant.policy == "stage-1-paper"
+            else 300.0 + 1000 * dict(job.variant.robot).get("foot_width", 0.1)
+        )
+
+    content = scenario_1.summary(rows_of(scenario_1.jobs(1), value), 1)
+    assert content["scenario_1"]["stage-1-paper"] == {"recovers_315_N": False, "max_force_N": 60.0}
+    assert content["scenario_1"]["two-stage"] == {"recovers_315_N": True, "max_force_N": 400.0}
+    assert content["scenario_1_limits_N"]["point foot"] == pytest.approx(315.9, abs=0.05)
+    assert content["scenario_1_interval"]["two-stage"]["max_force_N"] == [380.0, 430.0]
+    together = content["scenario_1_together"]
+    assert set(together["two-stage-paper"]) == {"repaired", "literal"}
+    alone = together["stage-1-paper"]["none"]
+    assert (alone["combinations"], alone["recovered"], len(alone["does_not_recover"])) == (32, 0, 32)
+
+
+def test_ablations_measure_against_the_robot_of_the_row():
+    content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 0.5 * job.push.limit(job.variant)), 1)
+    assert {table["parameter"].split(" [")[0] for table in content["ablations"]} >= {
+        "alpha_offset", "beta_dcm", "beta_trunk", "beta_cop", "sampling_time", "tail_intervals", "foot_width",
+        "pelvis_width", "control period", "the step adapts", "DCM noise", "delay",
+    }  # fmt: skip
+    for table in content["ablations"]:
+        for case in table["cases"]:
+            assert case["fraction_mean"] == pytest.approx(0.5)
+    feet = next(t for t in content["ablations"] if t["parameter"].startswith("foot_width"))
+    assert feet["cases"][-1]["limit_N"][0] > feet["cases"][0]["limit_N"][0] + 50
+
+
+def test_every_job_has_its_own_row_and_a_label():
+    for module in SECTIONS:
+        jobs = list(module.jobs(4))
+        by_key = {}
+        for job in jobs:
+            by_key.setdefault(key(job), job.identity())
+            assert by_key[key(job)] == job.identity()
+            assert job.text
+        assert json.loads(json.dumps([job.identity() for job in jobs[:3]]))
+    assert tuple(module.NAME for module in SECTIONS) == SECTION_NAMES
+
+
+def test_brackets_in_tables_are_units(capsys):
+    content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 100.0), 1)
+    table = next(t for t in ablations.tables(content) if "foot_width" in t.title)
+    print_table(*table)
+    assert "foot_width [m]" in capsys.readouterr().out
+    assert markdown(table).startswith(
+        "**two-stage: largest force [N] by foot_width [m]**\n\n| foot_width [m] |"
+    )
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Sections that take a second."""
+    monkeypatch.setattr(limits, "CHECKED", 2)
+    for name in ("ARMS", "JUMP_ARMS"):
+        monkeypatch.setattr(scenario_2, name, (Variant("stage-1", "stage-1"),))
+    monkeypatch.setattr(scenario_2, "EXTRA_ARMS", ())
+
+
+def test_the_command_resumes_with_the_same_numbers(small, tmp_path, capsys):
+    argv = ["reproduce", "limits", "--workers", "1", "--directions", "4", "--out", str(tmp_path)]
+    assert main([*argv, "--json"]) == 0
+    first = capsys.readouterr().out
+    content = json.loads(first)
+    assert set(content) == {"limits"}
+    for entry in content["limits"]["program"]:
+        assert entry["largest_difference"] < 0.2
+        assert entry["unsolved"] == 0
+    rows = (tmp_path / "outcomes.jsonl").read_bytes()
+    whole = (tmp_path / "reproduction.json").read_bytes()
+    assert main([*argv, "--json"]) == 0
+    assert capsys.readouterr().out == first
+    assert main([*argv, "--overwrite"]) == 0
+    assert "reproduction.json" in capsys.readouterr().out
+    assert (tmp_path / "outcomes.jsonl").read_bytes() == rows
+    assert (tmp_path / "reproduction.json").read_bytes() == whole
+
+
+def test_sections_share_a_directory(small, tmp_path):
+    reproduce("limits", 4, directory=tmp_path)
+    found = reproduce("scenario-2", 2, directory=tmp_path)
+    assert set(json.loads((tmp_path / "reproduction.json").read_text())) > {"limits", "scenario_2", "jump"}
+    assert "limits" not in found.content
+    entries = found.content["scenario_2"]["stage-1"]
+    assert [entry["psi_deg"] for entry in entries] == [0.0, 180.0]
+    assert entries[0]["max_force_N"] == entries[1]["max_force_N"] > 600
+    names = {path.name for path in found.pictures}
+    assert {"fig7_limits.png", "fig7_limits.svg", "fig7_jump.png"} <= names
+    text = (tmp_path / "tables.md").read_text()
+    assert "Scenario 2" in text
+    assert "Closed-form limits" in text
+
+
+@pytest.mark.parametrize(
+    ("argv", "text"),
+    [
+        (["nonsense"], "choose from 'all', 'scenario-1', 'scenario-2', 'ablations', 'limits'"),
+        (["limits", "--directions", "0"], "must be an integer >= 1, got 0"),
+        (["limits", "--out", ""], "must name a directory"),
+    ],
+)
+def test_bad_input_is_one_line_and_2(argv, text, capsys):
+    assert main(["reproduce", *argv]) == 2
+    error = capsys.readouterr().err
+    assert text in error
+    assert error.count("\n") == 1
+
+
+def test_rows_of_other_code_are_refused(small, tmp_path, capsys):
+    (tmp_path / "config.json").write_text('{"reproduce": "other"}')
+    assert main(["reproduce", "limits", "--workers", "1", "--out", str(tmp_path)]) == 2
+    assert "holds results of another configuration" in capsys.readouterr().err

@@ -1,0 +1,181 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+import toy_gait_env as toy
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.residual.action_hold import ActionHold
+from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.rollout import batch as module
+from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
+from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.rollout.workers import SLOTS, Runner
+from push_recovery.eval.rollout.wrapped_action import action_rule
+from push_recovery.eval.score.suites import quick_suite
+
+PENDULUM, BIPED, RESIDUAL = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual"))
+LATE = polar_push(150.0, 2.0, 0.2, GaitEvent(2, "right", 0.5))
+SCENARIOS = (
+    Scenario("none", duration=0.5),
+    Scenario("hard", (polar_push(1500.0, -1.0, 0.1, 0.3),)),
+    Scenario("three", (polar_push(90.0, 1.0, 0.1, 0.2), LATE, polar_push(60.0, 3.0, 0.1, 1.1)), Command(0.3)),
+    Scenario("right", (LATE,), Command(0.1, -0.1), "right"),
+    Scenario("calm", (), Command(0.2), settle_time=2.0),
+    *quick_suite().scenarios[:4],
+)
+
+
+def network_policy(env, hold=1, base=None, env_id=PENDULUM):
+    """A network of random weights, alone or on a base."""
+    rng = np.random.default_rng(1)
+    weights = rng.normal(size=(8, 36)).astype(np.float32), rng.normal(size=(7, 8)).astype(np.float32)
+    network = Mlp(weights, (np.zeros(8, np.float32), np.zeros(7, np.float32)))
+    about = PolicyDescription(env_id, env.robot, env.limits, base, hold=hold)
+    return NetworkPolicy(network, Normalisation(np.zeros(36), np.ones(36)), about)
+
+
+def residual_policy(env, hold, gate):
+    """A residual of random weights."""
+    return network_policy(env, hold, ResidualBase("two-stage", env.preset, (0.1,) * 7, gate=gate))
+
+
+def outcomes(env, policy, scenarios, slots):
+    rule = action_rule(env)
+    assert rule is not None
+    episodes = batch_episodes(rule.env, slots)
+    assert episodes is not None
+    return {out.scenario_id: out for out in rollout_batch(episodes, policy, scenarios, "p", rule)}
+
+
+def singles(env, policy, scenarios):
+    return {s.id: rollout(env, policy, s, "p") for s in scenarios}
+
+
+@pytest.mark.parametrize("name", ["two-stage", "random", "residual", "held residual"])
+def test_outcomes_are_those_of_rollout_in_any_packing(name):
+    env = make_env(PENDULUM)
+    if "residual" in name:
+        hold, gate = (3, None) if "held" in name else (1, (0.02, 0.05))
+        policy = residual_policy(env.unwrapped, hold, gate)
+    else:
+        policy = load_policy(name, env)
+    alone = singles(env, policy, SCENARIOS)
+    assert {out.survived for out in alone.values()} >= {False}
+    for slots, order in [(1, SCENARIOS), (3, SCENARIOS[::-1]), (20, SCENARIOS)]:
+        assert outcomes(env, policy, order, slots) == alone
+
+
+@pytest.mark.parametrize("kwargs", [{"preset": "double-support"}, {"control_hz": 50.0}, {"robot": True}])
+def test_slots_are_those_of_the_environment(kwargs):
+    if "robot" in kwargs:
+        kwargs = {"robot": RobotModel(com_height=0.9)}
+    env = make_env(PENDULUM, **kwargs)
+    e = env.unwrapped
+    policy = make_policy("two-stage", e.robot, e.limits, e.preset)  # type: ignore[attr-defined]
+    assert outcomes(env, policy, SCENARIOS[:5], 3) == singles(env, policy, SCENARIOS[:5])
+
+
+def test_biped_outcomes_are_those_of_rollout():
+    env = make_env(BIPED)
+    policy = load_policy("two-stage", env)
+    short = [Scenario("short", (LATE,), Command(0.1), settle_time=0.5), *SCENARIOS[:2]]
+    assert outcomes(env, policy, short, 2) == singles(env, policy, short)
+
+
+@pytest.mark.parametrize(("base", "hold", "gate"), [("two-stage", 1, None), ("stage-1", 3, (0.02, 0.05))])
+def test_residual_environments_run_side_by_side(base, hold, gate):
+    """A network that acts alone on a wrapped environment, its action held and added to a planner's."""
+    env = ActionHold(ResidualAction(make_env(PENDULUM), base, gate=gate), hold)
+    policy = network_policy(env.unwrapped, hold=2)
+    alone = singles(env, policy, SCENARIOS)
+    assert {out.survived for out in alone.values()} == {True, False}
+    steps = {out.scenario_id: out.env_steps for out in alone.values()}
+    assert steps["none"] == -(-50 // hold)
+    for slots, order in [(2, SCENARIOS), (20, SCENARIOS[::-1])]:
+        assert outcomes(env, policy, order, slots) == alone
+
+
+def test_the_registered_residual_runs_side_by_side(tmp_path):
+    kwargs = {"hold": 2, "gate": [0.001, 0.02]}
+    env = make_env(RESIDUAL, **kwargs)
+    policy = network_policy(env.unwrapped, env_id=RESIDUAL)
+    short = [Scenario("short", (LATE,), Command(0.1), settle_time=0.5), *SCENARIOS[:2]]
+    assert outcomes(env, policy, short, 2) == singles(env, policy, short)
+    path = str(policy.save(tmp_path / "policy"))
+    assert Runner(RESIDUAL).chunk(path) == SLOTS
+
+
+def test_outcomes_in_the_order_of_the_scenarios(tmp_path):
+    env = make_env(PENDULUM)
+    policy = load_policy("stage-1", env)
+    assert rollout_all(env, policy, SCENARIOS, "p", 3) == list(singles(env, policy, SCENARIOS).values())
+    env = make_env(toy.ENV_ID)
+    policy = load_policy(toy.save_policy(tmp_path / "toy.safetensors", 2.0), env)
+    assert rollout_all(env, policy, SCENARIOS[:2], "p", 3) == [
+        rollout(env, policy, s, "p") for s in SCENARIOS[:2]
+    ]
+
+
+def test_scenarios_are_taken_when_a_slot_is_free():
+    env = make_env(PENDULUM)
+    episodes, policy, taken = batch_episodes(env, 2), load_policy("passive", env), []
+    assert episodes is not None
+
+    def scenarios():
+        for i, duration in enumerate((0.1, 0.32, 0.1, 0.1)):
+            taken.append(i)
+            yield Scenario(str(i), duration=duration)
+
+    run = rollout_batch(episodes, policy, scenarios(), "p")
+    seen = [(out.scenario_id, len(taken)) for out in run]
+    assert seen == [("0", 2), ("2", 3), ("3", 4), ("1", 4)]
+    assert list(rollout_batch(episodes, policy, [], "p")) == []
+
+
+def test_errors_are_those_of_a_single_episode(monkeypatch):
+    env = make_env(PENDULUM)
+    episodes, policy = batch_episodes(env, 2), load_policy("passive", env)
+    assert episodes is not None
+    monkeypatch.setattr(module, "MAX_STEPS", 5)
+    with pytest.raises(InvalidValueError, match="'long' did not end within 5 steps"):
+        list(rollout_batch(episodes, policy, [Scenario("long", duration=9.0)], "p"))
+
+    class Broken:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.full((len(observation), 7), np.nan), None
+
+    with pytest.raises(InvalidValueError, match=r"actions must be finite"):
+        list(rollout_batch(episodes, Broken(), [Scenario("short", duration=0.1)], "p"))
+
+
+def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
+    class Mine(type(make_policy("passive"))):
+        pass
+
+    assert plans_batches(make_policy("random"))
+    assert not plans_batches(Mine())
+    env = make_env(PENDULUM)
+    for other in (gym.wrappers.TimeLimit(env, 10), make_env(toy.ENV_ID), ResidualAction(env, Mine())):
+        assert action_rule(other) is None
+    assert action_rule(ResidualAction(ActionHold(env, 2))) is None  # the planner acts every other period
+    assert action_rule(ResidualAction(ResidualAction(env))) is None
+
+    class Shaken(ResidualAction):
+        def step(self, action):
+            return super().step(-action)
+
+    assert action_rule(Shaken(env)) is None
+    for other in (ResidualAction(env), make_env(toy.ENV_ID)):
+        assert batch_episodes(other, 2) is None
+    runner = Runner(toy.ENV_ID)
+    policy = toy.save_policy(tmp_path / "toy.safetensors", 2.0)
+    assert runner.chunk(policy) == 1
+    assert list(runner.run_all(policy, SCENARIOS[:2])) == [runner.run((policy, s)) for s in SCENARIOS[:2]]
+    assert Runner(PENDULUM).chunk("two-stage") == SLOTS

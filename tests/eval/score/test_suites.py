@@ -1,0 +1,149 @@
+import itertools
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.eval.score.suites import (
+    Suite,
+    get_suite,
+    gf16_multiply,
+    hard_suite,
+    load_suite,
+    orthogonal_array,
+    quick_suite,
+    standard_suite,
+    stratified_uniforms,
+    with_errors,
+)
+
+QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
+STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
+HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
+
+
+def test_content_hash_is_that_of_version_1():
+    assert quick_suite().sha256 == QUICK_SHA256
+    assert standard_suite().sha256 == STANDARD_SHA256
+    assert hard_suite().sha256 == HARD_SHA256
+    assert quick_suite().version == standard_suite().version == hard_suite().version == "1"
+
+
+def test_quick_is_the_head_of_standard():
+    assert len(standard_suite().scenarios) == 1024
+    assert quick_suite().scenarios == standard_suite().scenarios[:256]
+
+
+def test_field_of_16_elements():
+    for a in range(1, 16):
+        assert sorted(gf16_multiply(a, b) for b in range(16)) == list(range(16))
+        for b, c in itertools.product(range(16), repeat=2):
+            assert gf16_multiply(a, b ^ c) == gf16_multiply(a, b) ^ gf16_multiply(a, c)
+
+
+def test_orthogonal_array_has_every_pair_once():
+    array = orthogonal_array(8)
+    for i, j in itertools.combinations(range(8), 2):
+        assert len(set(zip(array[:, i], array[:, j], strict=True))) == 256
+
+
+def test_stratified_points_fill_every_interval():
+    points = stratified_uniforms(blocks=4, factors=5, seed=3)
+    assert points.shape == (1024, 5)
+    for factor in range(5):
+        assert len(set((points[:, factor] * 1024).astype(int))) == 1024
+        for block in points.reshape(4, 256, 5):
+            assert len(set((block[:, factor] * 256).astype(int))) == 256
+    for block in points.reshape(4, 256, 5):
+        for i, j in itertools.combinations(range(5), 2):
+            assert len({tuple(cell) for cell in (block[:, [i, j]] * 16).astype(int)}) == 256
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"), [("quick", 5, 80), ("standard", 5, 80), ("hard", 80, 200)]
+)
+def test_suite_covers_its_ranges_evenly(name, least, most):
+    scenarios = get_suite(name).scenarios
+    pushes = [s.pushes[0] for s in scenarios]
+    assert all(
+        len(s.pushes) == 1 and p.duration == 0.1 and p.body == "pelvis"
+        for s, p in zip(scenarios, pushes, strict=True)
+    )
+    impulse = np.array([p.impulse_magnitude for p in pushes])
+    assert least - 1e-3 <= impulse.min() < least + 0.5
+    assert most - 0.5 < impulse.max() <= most + 1e-3
+    counts = np.histogram(impulse, bins=16, range=(least, most))[0]
+    assert np.ptp(counts) <= 2
+    sectors = np.histogram([p.direction for p in pushes], bins=16, range=(-math.pi, math.pi))[0]
+    assert np.ptp(sectors) <= 2
+    fractions = np.array([p.start.fraction for p in pushes])
+    assert np.ptp(np.histogram(fractions, bins=9, range=(0, 0.9))[0]) <= 2
+    assert all(s.pushes[0].start.step_index(s.stance_side) >= 4 for s in scenarios)
+    sides = [(s.stance_side, s.pushes[0].start.side) for s in scenarios]
+    assert {sides.count(pair) for pair in set(sides)} == {len(scenarios) // 4}
+    vx, vy = (np.array([getattr(s.command, axis) for s in scenarios]) for axis in ("vx", "vy"))
+    quarter = len(scenarios) // 4
+    assert np.sum((vx == 0) & (vy == 0)) == pytest.approx(quarter, abs=2)
+    assert np.sum(vx > 0) == pytest.approx(quarter, abs=1)
+    assert np.sum(vx < 0) == pytest.approx(quarter, abs=1)
+    assert np.sum(vy > 0) == pytest.approx(quarter / 2, abs=2)
+    assert (vx.max(), vx.min()) == pytest.approx((0.5, -0.25), abs=0.02)
+    assert np.abs(vy).max() == pytest.approx(0.2, abs=0.01)
+
+
+def test_file_round_trip_and_tampering(tmp_path):
+    suite = Suite("mine", "3", quick_suite().scenarios[:4])
+    path = tmp_path / "mine.json"
+    suite.save(path)
+    assert load_suite(path) == suite
+    assert get_suite(str(path)).sha256 == suite.sha256
+
+    content = json.loads(path.read_text())
+    content["scenarios"][2]["pushes"][0]["force"][0] += 1.0
+    path.write_text(json.dumps(content))
+    with pytest.raises(InvalidValueError, match=suite.sha256):
+        load_suite(path)
+    del content["sha256"]
+    path.write_text(json.dumps(content))
+    assert load_suite(path).sha256 != suite.sha256
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"name": "a", "version": "1", "scenarios": []}', '{"name": 1}']
+)
+def test_bad_files_are_errors_of_this_package(tmp_path, text):
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    with pytest.raises(PushRecoveryError):
+        get_suite(str(path))
+
+
+def test_unknown_names_list_the_valid_ones(tmp_path):
+    with pytest.raises(UnknownNameError, match="quick, standard"):
+        get_suite("quik")
+    with pytest.raises(InvalidValueError, match=r"absent\.json"):
+        get_suite(str(tmp_path / "absent.json"))
+    with pytest.raises(InvalidValueError, match="more than once"):
+        Suite("twice", "1", quick_suite().scenarios[:1] * 2)
+
+
+def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
+    errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
+    off = with_errors(quick_suite(), errors)
+    assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
+    assert off.sha256 not in {QUICK_SHA256, with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
+    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
+        assert after == replace(before, errors=errors)
+        assert before.errors == ModelErrors()
+    assert with_errors(quick_suite(), ModelErrors()) is quick_suite()
+    with pytest.raises(InvalidValueError, match="has model errors already: scenario 'standard-0000' has"):
+        with_errors(off, errors)
+
+
+def test_a_suite_with_errors_survives_a_file(tmp_path):
+    off = with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
+    off.save(tmp_path / "off.json")
+    assert load_suite(tmp_path / "off.json") == off
