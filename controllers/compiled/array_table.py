@@ -6,7 +6,8 @@ keeps alive; the compiled side rebuilds views of it.
 
 Parts, NamedTuples of arrays, lie in a table one after the other. Where each begins follows from how many
 arrays the parts before it have (`first_rows`); a number written by hand would be wrong, and another array
-read, as soon as a part gets one more.
+read, as soon as a part gets one more. Rows are counted by annotation and written by value: `parts_table`
+refuses a part in which the two disagree, since every later part would be read from another's memory.
 """
 
 # The arguments of an intrinsic are those of its signature, less the typing context.
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Iterable
+from functools import cache
 from typing import Any, get_origin, get_type_hints
 
 import numpy as np
@@ -40,9 +42,24 @@ def address_table(arrays: Iterable[NDArray]) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64)
 
 
-def parts_table(parts: Iterable[Iterable[Any]]) -> NDArray[np.int64]:
-    """Address table of all arrays of parts, in their order; settings and the like are left out."""
-    return address_table(value for part in parts for value in part if isinstance(value, np.ndarray))
+def parts_table(parts: Iterable[Any]) -> NDArray[np.int64]:
+    """Address table of all arrays of parts, in their order; settings and the like are left out.
+
+    Args:
+        parts: NamedTuples whose arrays are annotated as such.
+
+    Raises:
+        TypeError: if a field holds an array and is not annotated as one, or the other way round.
+    """
+    arrays = []
+    for part in parts:
+        annotated, held = array_fields(type(part)), tuple(isinstance(value, np.ndarray) for value in part)
+        if annotated != held:
+            wrong = [name for name, a, b in zip(part._fields, annotated, held, strict=True) if a != b]
+            which = f"{type(part).__name__}: {', '.join(wrong)}"
+            raise TypeError(f"annotation and value disagree on whether a field is an array, {which}")
+        arrays += [value for value, is_array in zip(part, held, strict=True) if is_array]
+    return address_table(arrays)
 
 
 def first_rows(parts: type) -> Any:
@@ -53,8 +70,23 @@ def first_rows(parts: type) -> Any:
     hints, rows, row = get_type_hints(parts), [], 0
     for part in hints.values():
         rows.append(row)
-        row += sum(get_origin(kind) is np.ndarray for kind in get_type_hints(part).values())
+        row += sum(array_fields(part))
     return namedtuple("FirstRows", hints)(*rows)
+
+
+@cache
+def array_fields(part: type) -> tuple[bool, ...]:
+    """Whether each field of a NamedTuple is annotated as an array."""
+    return tuple(is_array_type(kind) for kind in get_type_hints(part).values())
+
+
+def is_array_type(kind: Any) -> bool:
+    """Whether an annotation means an array: np.ndarray, subscripted or not, or any alias of it.
+
+    NDArray is a subscripted np.ndarray up to numpy 2.4 and a TypeAliasType from 2.5.
+    """
+    origin = get_origin(kind) or kind
+    return is_array_type(origin.__value__) if hasattr(origin, "__value__") else origin is np.ndarray
 
 
 @intrinsic
