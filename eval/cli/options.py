@@ -181,7 +181,7 @@ def _add_evaluate(commands: Subparsers) -> None:
 
 def _add_compare(commands: Subparsers) -> None:
     parser = _command(
-        commands, "compare", "Compare two policies on the same pushes: exact McNemar, paired bootstrap."
+        commands, "compare", "Compare two policies on the same pushes: exact McNemar, score interval."
     )
     parser.add_argument("a", metavar="A", help="policy name or file")
     parser.add_argument("b", metavar="B", help="policy name or file")

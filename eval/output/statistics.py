@@ -1,4 +1,4 @@
-"""Statistics of success counts: Wilson intervals, exact McNemar test, paired bootstrap."""
+"""Statistics of success counts: Wilson's and Newcombe's score intervals, exact McNemar test."""
 
 from __future__ import annotations
 
@@ -10,24 +10,63 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 
-Z_95 = 1.959963984540054  # 97.5 % quantile of the standard normal
-BOOTSTRAP_SEED = 20180609
-
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """95 % Wilson score interval of a proportion (Wilson 1927); (0, 1) without trials.
 
     (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) / (1 + z^2/n) with p = successes / trials.
+
+    Raises:
+        InvalidValueError: more successes than trials, or fewer than none.
     """
     if not 0 <= successes <= trials:
         raise InvalidValueError(f"successes must be in [0, trials = {trials}], got {successes}")
     if trials == 0:
         return (0.0, 1.0)
-    p, n, z2 = successes / trials, trials, Z_95**2
-    centre = p + z2 / (2 * n)
-    half = Z_95 * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n))
-    low, high = (centre - half) / (1 + z2 / n), (centre + half) / (1 + z2 / n)
-    return (0.0 if successes == 0 else low, 1.0 if successes == trials else high)
+    from scipy.stats import binomtest
+
+    interval = binomtest(successes, trials).proportion_ci(confidence_level=0.95, method="wilson")
+    return (float(interval.low), float(interval.high))
+
+
+def newcombe_interval(both: int, only_a: int, only_b: int, neither: int) -> tuple[float, float]:
+    """95 % score interval of a difference of paired proportions, rate of a minus rate of b.
+
+    Newcombe (1998), Statistics in Medicine 17, 2635-2650, method 10: the Wilson intervals (l, u) of both
+    rates p, their distances squared and added with the correlation phi of the pairs,
+
+        D - sqrt((p_a - l_a)^2 - 2 phi (p_a - l_a)(u_b - p_b) + (u_b - p_b)^2)   to
+        D + sqrt((u_a - p_a)^2 - 2 phi (u_a - p_a)(p_b - l_b) + (p_b - l_b)^2),  D = p_a - p_b,
+
+    phi = (both neither - only_a only_b) / sqrt(product of the four margins), where a positive numerator loses
+    half the number of pairs, but not its sign; 0 where a margin is. (-1, 1) without pairs.
+
+    Raises:
+        InvalidValueError: a negative count.
+    """
+    if min(both, only_a, only_b, neither) < 0:
+        raise InvalidValueError(f"counts of pairs must be >= 0, got {both}, {only_a}, {only_b}, {neither}")
+    pairs = both + only_a + only_b + neither
+    if pairs == 0:
+        return (-1.0, 1.0)
+    succeeded_a, succeeded_b = both + only_a, both + only_b
+    margins = succeeded_a * (pairs - succeeded_a) * succeeded_b * (pairs - succeeded_b)
+    together = float(both * neither - only_a * only_b)
+    together = max(together - pairs / 2, 0.0) if together > 0 else together
+    phi = together / math.sqrt(margins) if margins else 0.0
+    below_a, above_a = _distances(succeeded_a, pairs)
+    below_b, above_b = _distances(succeeded_b, pairs)
+    difference = (only_a - only_b) / pairs
+    return (
+        difference - math.sqrt(below_a**2 - 2 * phi * below_a * above_b + above_b**2),
+        difference + math.sqrt(above_a**2 - 2 * phi * above_a * below_b + below_b**2),
+    )
+
+
+def _distances(successes: int, trials: int) -> tuple[float, float]:
+    """How far the Wilson interval reaches below and above the share of successes."""
+    low, high = wilson_interval(successes, trials)
+    return successes / trials - low, high - successes / trials
 
 
 def mcnemar_exact(only_a: int, only_b: int) -> float:
@@ -70,15 +109,7 @@ class PairedCounts:
         """Exact McNemar."""
         return mcnemar_exact(self.only_a, self.only_b)
 
-    def bootstrap_interval(self, resamples: int = 10_000) -> tuple[float, float]:
-        """95 % percentile interval of the rate difference over resampled scenarios (paired, fixed seed).
-
-        Resampling n pairs with replacement is one multinomial draw of the four counts.
-        """
-        n = self.pairs
-        if n == 0:
-            return (0.0, 0.0)
-        shares = np.array([self.both, self.only_a, self.only_b, self.neither]) / n
-        draws = np.random.default_rng(BOOTSTRAP_SEED).multinomial(n, shares, size=resamples)
-        low, high = np.quantile((draws[:, 1] - draws[:, 2]) / n, [0.025, 0.975])
-        return (float(low), float(high))
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % score interval of the rate difference; (-1, 1) without scenarios."""
+        return newcombe_interval(self.both, self.only_a, self.only_b, self.neither)

@@ -1,4 +1,4 @@
-"""Two policies on the same pushes: paired counts, exact McNemar test, paired bootstrap."""
+"""Two policies on the same pushes: paired counts, exact McNemar test, score interval."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Comparison:
             "neither": self.counts.neither,
             "mcnemar_p": self.counts.p_value,
             "rate_difference": self.counts.rate_difference,
-            "ci95": list(self.counts.bootstrap_interval()),
+            "ci95": list(self.counts.interval),
         }
 
 

@@ -25,7 +25,7 @@ def comparison(start: Row, best: Row) -> dict[str, Any]:
         "only_start": counts.only_b,
         "mcnemar_p": counts.p_value,
         "rate_difference": counts.rate_difference,
-        "ci95": list(counts.bootstrap_interval()),
+        "ci95": list(counts.interval),
     }
 
 
