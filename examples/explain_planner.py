@@ -17,7 +17,7 @@ from push_recovery.controllers.model.capturability import (
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
-from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.solvers.general_qp import solve_qp
 from push_recovery.controllers.stage_1.planner import stopping_debt, swing_time
 from push_recovery.controllers.stage_1.step_problem import StepPlan, StepProblem, solve_step
@@ -154,7 +154,7 @@ def step_choice() -> Any:
 
 def horizon() -> Any:
     """Stage 2's whole plan of a DCM that no step alone could catch."""
-    config = PRESETS["default"]
+    config = preset_config("default")
     planner = CopPlanner(ROBOT, LIMITS, config)
     remaining, dcm, target = LIMITS.duration_min, 0.29, LIMITS.length_max + NOMINAL.offset_x
     bounds = planner.bounds(0, 0.0)
@@ -232,7 +232,7 @@ def limit() -> Any:
 
 def biped_step() -> Any:
     """What the robot adds: the time that the foot needs, and the last moments of a step."""
-    config, s = PRESETS["biped"], BIPED_GAIT
+    config, s = preset_config("biped"), BIPED_GAIT
     figure = new_figure(WIDTH, 3.0)
     need, line = figure.subplots(1, 2, width_ratios=[1, 1.15])
     distance = np.linspace(0.0, 0.9, 200)
@@ -273,7 +273,7 @@ def report() -> None:
     )
     debt = stopping_debt(3.0, ROBOT.cmp_per_trunk_acceleration, LIMITS.trunk_acceleration_max, OMEGA)
     print(f"stopping the trunk at 3 rad/s: {debt:.3f} m")
-    config, trunk = PRESETS["biped"], biped_model().body("trunk")
+    config, trunk = preset_config("biped"), biped_model().body("trunk")
     print(config, BIPED_LIMITS, sep="\n")
     torque = float(trunk.mass[0] * GRAVITY * trunk.ipos[2])
     print(f"trunk: {trunk.mass[0]:g} kg x g x {trunk.ipos[2]:.3f} m = {torque:.0f} N m")

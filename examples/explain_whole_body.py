@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.whole_body.motors import driving_share
 from push_recovery.envs.biped.leg_kinematics import SHANK, THIGH
 from push_recovery.envs.biped.posture import biped_model, motor_limits
@@ -212,7 +212,7 @@ def report_settings() -> None:
         print(f"{model.actuator(i).name}: {torque:g} N m, {speed:g} rad/s")
     for length in (0.55, BIPED_GAIT.reach, 0.71):
         print(f"leg of {length:.3f} m: knee {knee_rate(length):.1f} rad/s per m/s")
-    delay = PRESETS["biped"].touchdown_delay
+    delay = preset_config("biped").touchdown_delay
     nominal = nominal_gait(BIPED, BIPED_LIMITS, (0.5, 0.0), delay)
     growth = math.exp(BIPED.omega * (nominal.duration + delay))
     print(f"walking at 0.5 m/s: the DCM grows {growth:.2f} times in a step, "

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
 from push_recovery.controllers.whole_body.bounds_met import LIMITS
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
@@ -34,7 +34,7 @@ def episode(
     env = gym.make("push_recovery:PushRecovery/Biped-v0")
     biped, settings = env.unwrapped, BipedSettings().changed(changes or {})
     core = biped.core  # type: ignore[attr-defined]
-    core.configure(settings.gait, settings.gains, settings.bounds, PRESETS["biped"])
+    core.configure(settings.gait, settings.gains, settings.bounds, preset_config("biped"))
     policy = make_policy("two-stage", biped.robot, biped.limits, biped.preset)  # type: ignore[attr-defined]
     observation, info = env.reset(options={"scenario": scenario})
     if every_step is not None:

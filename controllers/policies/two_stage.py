@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,9 @@ from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.nominal_gait import NominalGait
 from ..model.observation import OBSERVATION_SIZE
 from ..model.robot import RobotModel
-from ..settings.named_presets import PAPER_WEIGHTS
+from ..settings.arms import ARMS, PAPER_SUFFIX
 from ..settings.planner_config import PlannerConfig
-from ..settings.presets import load_preset, preset_config
+from ..settings.presets import load_preset, named_preset, preset_config
 from ..stage_1.planner import (
     GAIT,
     HELD,
@@ -34,16 +34,7 @@ from ..stage_2.forms import CompiledRule, hold_inputs, make_cop_rule
 from ..stage_2.planner import STATUS
 from .compiled_two_stage import CompiledTwoStage
 
-POLICY_NAMES = (
-    "passive",
-    "stage-1-paper",
-    "stage-1",
-    "stage-1+cop",
-    "stage-1+momentum",
-    "two-stage-paper",
-    "two-stage",
-    "random",
-)
+POLICY_NAMES = (*ARMS, "random")
 
 
 Floats = NDArray[np.float64]
@@ -244,17 +235,6 @@ class RandomPolicy:
         return (actions[0] if single else actions), state
 
 
-_STAGES = {
-    "passive": (False, False),
-    "stage-1-paper": (False, False),
-    "stage-1": (False, False),
-    "stage-1+cop": (True, False),
-    "stage-1+momentum": (False, True),
-    "two-stage-paper": (True, True),
-    "two-stage": (True, True),
-}  # use_cop, use_trunk
-
-
 def make_policy(
     name: str,
     robot: RobotModel | None = None,
@@ -264,7 +244,7 @@ def make_policy(
     """Build an analytic policy by name.
 
     The arms differ in what they may use. Their weights are the preset's, except for arms with gains of their
-    own (`ARM_GAINS`, or a preset file), and the two `-paper` arms, which put the paper's Table II into it.
+    own (`arms` of a preset), and the two `-paper` arms, which put the paper's Table II into it.
 
     Args:
         name: one of POLICY_NAMES.
@@ -281,8 +261,7 @@ def make_policy(
     config = load_preset(preset).config(name)
     if name == "random":
         return RandomPolicy()
-    if name.endswith("-paper"):
-        config = replace(config, **PAPER_WEIGHTS)
-    use_cop, use_trunk = _STAGES[name]
-    config = replace(config, use_cop=use_cop, use_trunk=use_trunk)
+    if name.endswith(PAPER_SUFFIX):
+        config = config.replace(**named_preset("paper").planner)
+    config = config.replace(**ARMS[name]._asdict())
     return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)

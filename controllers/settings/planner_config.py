@@ -1,18 +1,20 @@
-"""All weights and margins of the two-stage planner, and the named presets."""
+"""All weights and margins of the two-stage planner."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
 
 from ..errors import InvalidValueError, UnknownNameError, is_finite_number
 
 CHOICES = {"form": ("zoh", "jerk"), "solver": ("daqp", "osqp"), "jerk_cost": ("literal", "repaired")}
+SHORTEST_SAMPLING = 1e-3  # [s]; the horizon has a table for each number of intervals up to the longest step
+MOST_INTERVALS = 100  # of the braking tail
 
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """Weights and margins of both stages; immutable, see `PRESETS`."""
+    """Weights and margins of both stages; immutable. Tuned values are in the presets, see `presets.py`."""
 
     # Stage 1, eq. 3
     alpha_step: float = 1.0  # alpha_1 [1/m^2]
@@ -71,15 +73,30 @@ class PlannerConfig:
             if isinstance(field.default, float) and not (is_finite_number(value) and value >= 0):
                 raise InvalidValueError(f"PlannerConfig.{field.name} must be finite and >= 0, got {value!r}")
         tail = self.tail_intervals
-        if isinstance(tail, bool) or not isinstance(tail, int) or tail < 0:
-            raise InvalidValueError(f"PlannerConfig.tail_intervals must be an integer >= 0, got {tail!r}")
+        if isinstance(tail, bool) or not isinstance(tail, int) or not 0 <= tail <= MOST_INTERVALS:
+            raise InvalidValueError(
+                f"PlannerConfig.tail_intervals must be an integer from 0 to {MOST_INTERVALS}, got {tail!r}"
+            )
         for name in ("sampling_time", "tail_sampling_time"):
-            if not getattr(self, name) > 0:
+            if not getattr(self, name) >= SHORTEST_SAMPLING:
                 raise InvalidValueError(
-                    f"PlannerConfig.{name} must be positive [s], got {getattr(self, name)}"
+                    f"PlannerConfig.{name} must be at least {SHORTEST_SAMPLING} s, got {getattr(self, name)}"
                 )
         if self.double_support > 0 and self.touchdown_delay > 0:
             raise InvalidValueError(
                 "PlannerConfig.double_support and touchdown_delay exclude each other, "
                 f"got {self.double_support} s and {self.touchdown_delay} s: set one of them to 0"
             )
+
+    def replace(self, **changes: Any) -> PlannerConfig:
+        """These settings with some fields changed.
+
+        Raises:
+            UnknownNameError: a field that does not exist; names the nearest one.
+            InvalidValueError: an impossible value.
+        """
+        valid = [field.name for field in fields(self)]
+        for name in changes:
+            if name not in valid:
+                raise UnknownNameError("field of PlannerConfig", name, valid)
+        return replace(self, **changes)

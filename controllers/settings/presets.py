@@ -1,4 +1,4 @@
-"""A preset as a JSON file: settings of the planner, of single arms and of a robot, and how they were found.
+"""Presets: settings of the planner, of single arms and of a robot, as JSON files.
 
     {"format": "push-recovery preset", "format_version": 1, "base": "biped",
      "planner": {"touchdown_delay": 0.004},           fields of PlannerConfig, for every arm
@@ -6,25 +6,30 @@
      "biped": {"gains": {"swing_kp": 350.0}},         limits, gait, gains, bounds of the MuJoCo biped
      "found": {...}}                                  for the reader
 
-What a file leaves out is that of its base, one of the named presets.
+What a file leaves out is that of its base: a named preset, or "neutral", the defaults of `PlannerConfig`. The
+named presets are files, too, in the folder `presets/` beside this module: all tuned numbers stand there.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidValueError, UnknownNameError
 from ..files import write_atomically
-from .named_presets import ARM_GAINS, PRESETS
+from .arms import ARMS
 from .planner_config import PlannerConfig
 
 FORMAT = "push-recovery preset"
 FORMAT_VERSION = 1
 SECTIONS = ("base", "planner", "arms", "biped", "found")
+NEUTRAL = "neutral"  # base of presets that stand on no other
+FOLDER = files(__package__ or __name__) / "presets"
 Values = Mapping[str, Any]
 
 
@@ -39,14 +44,18 @@ class PresetFile:
     found: Values = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.base not in PRESETS:
-            raise UnknownNameError("base of a preset file", self.base, PRESETS)
+        valid = (*preset_names(), NEUTRAL)
+        if self.base not in valid:
+            raise UnknownNameError("base of a preset file", self.base, valid)
         sections = {"planner": self.planner, "arms": self.arms, "biped": self.biped, "found": self.found}
         groups = {**{f"arms.{name}": part for name, part in _items(self.arms)},
                   **{f"biped.{name}": part for name, part in _items(self.biped)}}  # fmt: skip
         for name, section in {**sections, **groups}.items():
             if not isinstance(section, Mapping):
                 raise InvalidValueError(f"{name} of a preset file must be an object, got {section!r}")
+        for arm in self.arms:
+            if arm not in ARMS:
+                raise UnknownNameError("arm of a preset file", arm, ARMS)
         for arm in ("", *self.arms):
             self.config(arm)
 
@@ -57,13 +66,20 @@ class PresetFile:
             UnknownNameError: a field that PlannerConfig does not have.
             InvalidValueError: a value that it refuses.
         """
-        own = ARM_GAINS.get(self.base, {}).get(arm, {})
-        values = {**own, **self.planner, **self.arms.get(arm, {})}
+        values = {**self.planner, **self.arms.get(arm, {})}
         valid = [entry.name for entry in fields(PlannerConfig)]
         for name in values:
             if name not in valid:
                 raise UnknownNameError("planner field of a preset file", name, valid)
-        return replace(PRESETS[self.base], **values)
+        base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(arm)
+        return base.replace(**values)
+
+    def robot(self) -> dict[str, dict[str, Any]]:
+        """Section -> field -> value of the robot: the base's, with this file's put in."""
+        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot()
+        for name, values in self.biped.items():
+            sections[name] = {**sections.get(name, {}), **values}
+        return sections
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
@@ -72,6 +88,24 @@ class PresetFile:
     def save(self, path: Path) -> None:
         """Write the file whole or not at all."""
         write_atomically(path, (json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n").encode())
+
+
+@cache
+def preset_names() -> tuple[str, ...]:
+    """Names of the presets that come with the package."""
+    return tuple(sorted(entry.name.removesuffix(".json") for entry in FOLDER.iterdir()))
+
+
+@cache
+def named_preset(name: str) -> PresetFile:
+    """The file of a named preset.
+
+    Raises:
+        UnknownNameError: listing the valid names.
+    """
+    if name not in preset_names():
+        raise UnknownNameError("preset", name, preset_names())
+    return _parse((FOLDER / f"{name}.json").read_text(encoding="utf-8"), name)
 
 
 def is_preset_file(preset: str) -> bool:
@@ -87,38 +121,43 @@ def load_preset(preset: str) -> PresetFile:
         InvalidValueError: a file that cannot be read, of another format, or with an impossible value.
     """
     if not is_preset_file(preset):
-        if preset not in PRESETS:
-            raise UnknownNameError("preset", preset, [*PRESETS, "FILE.json"])
+        if preset not in preset_names():
+            raise UnknownNameError("preset", preset, [*preset_names(), "FILE.json"])
         return PresetFile(preset)
     try:
-        content = json.loads(Path(preset).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        text = Path(preset).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise InvalidValueError(f"cannot read preset file {preset!r}: {error}") from error
+    return _parse(text, preset)
+
+
+def _parse(text: str, name: str) -> PresetFile:
+    """The preset file with a content; `name` is for errors."""
+    try:
+        content = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InvalidValueError(f"cannot read preset file {name!r}: {error}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InvalidValueError(f"{preset!r} is no preset file: its 'format' is not {FORMAT!r}")
+        raise InvalidValueError(f"{name!r} is no preset file: its 'format' is not {FORMAT!r}")
     if content.get("format_version") != FORMAT_VERSION:
         raise InvalidValueError(
-            f"preset file {preset!r} has format_version {content.get('format_version')!r}; "
+            f"preset file {name!r} has format_version {content.get('format_version')!r}; "
             f"this version reads {FORMAT_VERSION}"
         )
-    for name in content:
-        if name not in {"format", "format_version", *SECTIONS}:
-            raise UnknownNameError(f"section of preset file {preset!r}", name, SECTIONS)
-    return PresetFile(**{name: content[name] for name in SECTIONS if name in content})
+    for section in content:
+        if section not in {"format", "format_version", *SECTIONS}:
+            raise UnknownNameError(f"section of preset file {name!r}", section, SECTIONS)
+    return PresetFile(**{section: content[section] for section in SECTIONS if section in content})
 
 
-def preset_config(name: str) -> PlannerConfig:
-    """Look a preset up by name or preset file (see `preset_file.py`); of a file, what is common to all arms.
+def preset_config(preset: str) -> PlannerConfig:
+    """The planner's settings of a preset, by name or file: what is common to all arms.
 
     Raises:
         UnknownNameError: listing the valid names.
         InvalidValueError: a file that cannot be read or has an impossible value.
     """
-    if is_preset_file(name):
-        return load_preset(name).config()
-    if name not in PRESETS:
-        raise UnknownNameError("preset", name, PRESETS)
-    return PRESETS[name]
+    return load_preset(preset).config() if is_preset_file(preset) else named_preset(preset).config()
 
 
 def _items(section: Any) -> list[tuple[str, Any]]:

@@ -39,19 +39,19 @@ AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 class BoundSettings(NamedTuple):
     """Bounds of the stance wrench and the price of each deviation from the tasks."""
 
-    cop_x_max: float = 0.0647  # [m], from the centre of the sole
-    cop_y_max: float = 0.039  # [m]
-    yaw_friction: float = 0.0206  # bound of |M_z| / f_z about the CoP [m]
-    friction: float = 0.806  # bound of |(f_x, f_y)| / f_z, until the foot has slipped with less
-    force_min: float = 33.6  # lowest vertical force [N]
-    com_price: float = 1.0  # of (1 m/s^2)^2, horizontal
-    height_price: float = 0.2  # of (1 m/s^2)^2
-    pelvis_price: float = 0.0164  # of (1 rad/s^2)^2, pitch and roll
-    heading_price: float = 0.00571  # of (1 rad/s^2)^2
-    swing_price: float = 0.129  # of (1 m/s^2)^2
-    swing_turn_price: float = 0.000974  # of (1 rad/s^2)^2
-    waist_price: float = 0.02  # of (1 rad/s^2)^2
-    row_price: float = 1e4  # of a bound passed by one unit of its row
+    cop_x_max: float  # [m], from the centre of the sole
+    cop_y_max: float  # [m]
+    yaw_friction: float  # bound of |M_z| / f_z about the CoP [m]
+    friction: float  # bound of |(f_x, f_y)| / f_z, until the foot has slipped with less
+    force_min: float  # lowest vertical force [N]
+    com_price: float  # of (1 m/s^2)^2, horizontal
+    height_price: float  # of (1 m/s^2)^2
+    pelvis_price: float  # of (1 rad/s^2)^2, pitch and roll
+    heading_price: float  # of (1 rad/s^2)^2
+    swing_price: float  # of (1 m/s^2)^2
+    swing_turn_price: float  # of (1 rad/s^2)^2
+    waist_price: float  # of (1 rad/s^2)^2
+    row_price: float  # of a bound passed by one unit of its row
 
 
 class Bounds(NamedTuple):

@@ -52,19 +52,19 @@ class GaitSettings(NamedTuple):
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
-    apex: float = 0.0674  # height of the swing sole in mid-step [m]
-    landing_delay: float = 0.018  # the swing sole aims at the floor this long after T [s]
-    commit: float = 0.0316  # from T - this place and time stay, but for a step that ends later still [s]
-    early: float = 0.00739  # contact counts as touchdown from T - this [s]
-    early_load: float = 14.0  # with this load [N]
-    forced_load: float = 64.7  # or with this load, late in the step
-    forced_phase: float = 0.705  # fraction of T from which forced_load counts
-    descent: float = 0.962  # of the swing foot when late [m/s]
-    settled: float = 0.1  # the floor is taken for as high as the stance sole is this long after touchdown [s]
-    reach: float = 0.624  # longest leg, hip to ankle [m]
-    height_drop: float = 0.194  # how far the CoM is lowered for a long step [m]
-    height_lead: float = 0.0164  # the CoM is at the height of the step this long before T [s]
-    height_time: float = 0.0824  # shortest horizon of the height reference [s]
+    apex: float  # height of the swing sole in mid-step [m]
+    landing_delay: float  # the swing sole aims at the floor this long after T [s]
+    commit: float  # from T - this place and time stay, but for a step that ends later still [s]
+    early: float  # contact counts as touchdown from T - this [s]
+    early_load: float  # with this load [N]
+    forced_load: float  # or with this load, late in the step
+    forced_phase: float  # fraction of T from which forced_load counts
+    descent: float  # of the swing foot when late [m/s]
+    settled: float  # the floor is taken for as high as the stance sole is this long after touchdown [s]
+    reach: float  # longest leg, hip to ankle [m]
+    height_drop: float  # how far the CoM is lowered for a long step [m]
+    height_lead: float  # the CoM is at the height of the step this long before T [s]
+    height_time: float  # shortest horizon of the height reference [s]
 
 
 @njit(cache=True, forceinline=True)

@@ -69,20 +69,20 @@ from .motors import write_torque_range
 class Gains(NamedTuple):
     """Gains of the whole-body tasks, stiffness [1/s^2] and damping [1/s]."""
 
-    stance_kp: float = 300.0  # levels the stance foot
-    stance_kd: float = 35.0
-    swing_kp: float = 363.0  # sole position
-    swing_kd: float = 118.0
-    swing_max: float = 172.0  # bound of the acceleration asked of the swing sole [m/s^2]
-    swing_turn_kp: float = 400.0  # sole orientation
-    swing_turn_kd: float = 40.0
-    pelvis_kp: float = 172.0  # upright
-    pelvis_kd: float = 57.1
-    heading_kp: float = 205.0
-    heading_kd: float = 28.6
-    height_kp: float = 289.0  # CoM height
-    height_kd: float = 40.5
-    damping: float = 1e-6  # of the leg inverse near a straight knee
+    stance_kp: float  # levels the stance foot
+    stance_kd: float
+    swing_kp: float  # sole position
+    swing_kd: float
+    swing_max: float  # bound of the acceleration asked of the swing sole [m/s^2]
+    swing_turn_kp: float  # sole orientation
+    swing_turn_kd: float
+    pelvis_kp: float  # upright
+    pelvis_kd: float
+    heading_kp: float
+    heading_kd: float
+    height_kp: float  # CoM height
+    height_kd: float
+    damping: float  # of the leg inverse near a straight knee
 
 
 class Task(NamedTuple):

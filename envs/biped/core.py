@@ -44,6 +44,7 @@ from .period import (
     whole_period,
 )
 from .posture import PHYSICS_DT, biped_model, motor_limits, posture
+from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
 INPUTS = ("ctrl", "xfrc_applied")
@@ -108,8 +109,7 @@ class BipedCore:
         self._capture = capture_constants(robot, limits)
         self._limits = limits
         self.limit_record = empty_record(n, plan_edges(robot, limits, PlannerConfig(), 0.0))
-        settings = GaitSettings(robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass)
-        self.configure(settings, Gains(), BoundSettings())
+        self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
 
     def __getstate__(self) -> object:
         """Refuse copies and pickles: compiled code knows the arrays by their addresses."""

@@ -9,23 +9,19 @@ from typing import Any
 from ...controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.robot import RobotModel
-from ...controllers.settings.presets import load_preset
+from ...controllers.settings.presets import load_preset, named_preset
 from ...controllers.whole_body.bounds import BoundSettings
 from ...controllers.whole_body.gait_machine import GaitSettings
 from ...controllers.whole_body.inverse_dynamics import Gains
 
 BIPED = RobotModel()  # Table II
-BIPED_LIMITS = GaitLimits(
-    length_min=-0.336,
-    length_max=0.434,
-    width_min=0.107,
-    width_max=0.484,
-    duration_min=0.157,
-    duration_max=0.582,
-)
 OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
-BIPED_GAINS, BIPED_BOUNDS = Gains(), BoundSettings()
-BIPED_GAIT = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
+_TUNED = named_preset("biped").robot()
+BIPED_LIMITS = replace(GaitLimits.of(BIPED), **_TUNED["limits"])
+BIPED_GAINS, BIPED_BOUNDS = Gains(**_TUNED["gains"]), BoundSettings(**_TUNED["bounds"])
+BIPED_GAIT = GaitSettings(
+    BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass, **_TUNED["gait"]
+)
 SECTIONS: dict[str, tuple[str, ...]] = {
     "limits": tuple(entry.name for entry in fields(GaitLimits)),
     "gait": tuple(name for name in GaitSettings._fields if name not in OF_ROBOT),
@@ -48,7 +44,8 @@ class BipedSettings:
 
         Raises:
             UnknownNameError: an unknown section or field; lists the valid ones.
-            InvalidValueError: a value that is no finite number, or one that GaitLimits refuses.
+            InvalidValueError: a value that is no finite number, a negative one outside the limits, or one
+                that GaitLimits refuses.
         """
         for section, values in changes.items():
             if section not in SECTIONS:
@@ -56,8 +53,11 @@ class BipedSettings:
             for name, value in values.items():
                 if name not in SECTIONS[section]:
                     raise UnknownNameError(f"field of the biped's {section}", name, SECTIONS[section])
-                if not is_finite_number(value):
-                    raise InvalidValueError(f"{name} of the biped's {section} must be finite, got {value!r}")
+                if not (is_finite_number(value) and (section == "limits" or value >= 0)):
+                    bound = "" if section == "limits" else " and >= 0"
+                    raise InvalidValueError(
+                        f"{name} of the biped's {section} must be finite{bound}, got {value!r}"
+                    )
         return BipedSettings(
             replace(self.limits, **changes.get("limits", {})),
             self.gait._replace(**changes.get("gait", {})),
@@ -73,5 +73,5 @@ class BipedSettings:
 
 
 def biped_settings(preset: str) -> BipedSettings:
-    """The settings that belong to a preset, by name or file."""
-    return BipedSettings().changed(load_preset(preset).biped)
+    """The settings of a preset, by name or file; what it leaves out is the biped's own preset's."""
+    return BipedSettings().changed(load_preset(preset).robot())

@@ -14,8 +14,7 @@ from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
 from ...controllers.model.nominal_start import nominal_start
 from ...controllers.model.robot import RobotModel
-from ...controllers.settings.named_presets import PRESETS
-from ...controllers.settings.presets import preset_config
+from ...controllers.settings.presets import preset_config, preset_names
 from ..scenario.scenario import Scenario
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
 from .recovery import GaitMonitor, uphill_dcm
@@ -71,7 +70,7 @@ class GaitEpisodes(ABC):
             raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {control_hz!r}")
         config = preset_config(preset)
         if config.double_support > 0 and not self.has_double_support:
-            valid = [name for name, other in PRESETS.items() if other.double_support == 0]
+            valid = [name for name in preset_names() if preset_config(name).double_support == 0]
             raise InvalidValueError(
                 f"preset {preset!r} walks with double support of {config.double_support} s, which this robot "
                 f"does not know; choose from: {', '.join(valid)}"

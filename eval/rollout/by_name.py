@@ -15,13 +15,12 @@ from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.network import NetworkPolicy
 from ...controllers.policies.policy_file import policy_paths
+from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
-ANALYTIC_ARMS = (
-    "passive", "stage-1-paper", "stage-1", "stage-1+cop", "stage-1+momentum", "two-stage-paper", "two-stage",
-)  # fmt: skip
+ANALYTIC_ARMS = tuple(ARMS)
 POLICY_SUFFIXES = (".safetensors", ".json")
 
 
@@ -153,7 +152,7 @@ def code_digest() -> str:
         module = importlib.import_module(f"...{package}", __package__)
         for root in sorted(module.__path__):
             for path in sorted(Path(root).rglob("*")):
-                if path.suffix in {".py", ".xml"}:
+                if path.suffix in {".py", ".xml", ".json"}:
                     digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 

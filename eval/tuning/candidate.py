@@ -25,7 +25,7 @@ def space_of(settings: TuningSettings) -> Space:
     start: dict[str, Mapping[str, Any]] = {
         "planner": asdict(preset.config(settings.policy)),
         "shared": asdict(preset.config()),
-        **BipedSettings().changed(preset.biped).to_dict(),
+        **BipedSettings().changed(preset.robot()).to_dict(),
     }
     return make_space(select(dimensions, settings.only), start)
 

@@ -8,9 +8,8 @@ from push_recovery.controllers.estimation.self_model import DRIFT_KNOWN, GRIP_MI
 from push_recovery.controllers.model.observation import COM, COM_HEIGHT_ERROR, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.whole_body.bounds import BoundSettings
-from push_recovery.controllers.whole_body.inverse_dynamics import Gains
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -39,7 +38,7 @@ def test_a_walking_robot_weighs_itself(biped_core, begin, mass):
     height = core.truth[0, COM_HEIGHT_ERROR]
     walk(core, begin, 4.0, mass=mass)
     assert core.known.mass[0] == pytest.approx(1.0 + mass, abs=2e-3)
-    sag = GRAVITY * abs(mass) / Gains().height_kp  # of the CoM, were it carried with the model's mass
+    sag = GRAVITY * abs(mass) / BIPED_GAINS.height_kp  # of the CoM, were it carried with the model's mass
     assert abs(core.truth[0, COM_HEIGHT_ERROR] - height) < 0.2 * sag
 
 
@@ -139,14 +138,14 @@ def test_a_robot_that_slides_knows_the_friction(biped_core, begin, friction):
     """The contacts' pyramid |f_x| + |f_y| <= mu f_z gives between mu / sqrt(2) and mu."""
     core, push = biped_core(), Push((500.0, 500.0, 0.0), 0.1, 0.1)
     walk(core, begin, 3.0, push)
-    assert core.known.grip[0] == BoundSettings().friction
+    assert core.known.grip[0] == BIPED_BOUNDS.friction
     walk(core, begin, 3.0, push, friction=friction)
     assert 0.99 * friction / math.sqrt(2.0) < core.known.grip[0] < 1.01 * friction
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
 def test_only_a_long_slide_tells_the_friction(biped_core, begin, share):
-    core, friction = biped_core(), BoundSettings().friction
+    core, friction = biped_core(), BIPED_BOUNDS.friction
     walk(core, begin, 0.1)
 
     def slide(speed: float) -> float:

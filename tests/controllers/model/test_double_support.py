@@ -17,8 +17,8 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import ELAPSED, OBSERVATION_SIZE, SWING_POSITION
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
-from push_recovery.controllers.settings.named_presets import PRESETS
 from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.settings.presets import preset_config
 from scipy.integrate import quad, solve_ivp
 
 ROBOT, LIMITS, D = RobotModel(), GaitLimits(), 0.1
@@ -146,7 +146,7 @@ def test_stage_1_predicts_the_dcm_at_touchdown_and_keeps_what_the_next_step_grow
 
 
 def test_a_vanishing_double_support_changes_no_plan():
-    config = PRESETS["double-support"]
+    config = preset_config("double-support")
     brief, none = (TwoStagePolicy(config=replace(config, double_support=d)) for d in (1e-6, 0.0))
     observations = np.stack([standing(0.01 * k, (-0.2, 0.22), seed=k) for k in range(1, 31)])
     np.testing.assert_allclose(brief.predict(observations)[0], none.predict(observations)[0], atol=1e-4)

@@ -13,7 +13,7 @@ from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual_gate import ResidualGate, check_gate, make_gate
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
-from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.presets import preset_config
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 
@@ -56,7 +56,9 @@ def test_impossible_gates_are_refused(band):
 
 
 def test_a_gate_takes_the_planners_touchdown_delay():
-    planner = TwoStagePolicy(ROBOT, LIMITS, dataclasses.replace(PRESETS["default"], touchdown_delay=0.03))
+    planner = TwoStagePolicy(
+        ROBOT, LIMITS, dataclasses.replace(preset_config("default"), touchdown_delay=0.03)
+    )
     gate = make_gate(planner, ROBOT, LIMITS, (0.02, 0.06))
     assert gate is not None
     assert gate(observation(0.0, delay=0.03)[None])[0, 0] == 0.0
@@ -64,7 +66,7 @@ def test_a_gate_takes_the_planners_touchdown_delay():
 
 
 def test_a_gated_policy_is_the_planner_in_a_quiet_walk_and_survives_its_file(tmp_path):
-    base = ResidualBase("two-stage", "default", (0.2,) * 7, PRESETS["default"], (0.02, 0.06))
+    base = ResidualBase("two-stage", "default", (0.2,) * 7, preset_config("default"), (0.02, 0.06))
     network = Mlp((np.zeros((7, OBSERVATION_SIZE), np.float32),), (np.full(7, 0.5, np.float32),))
     normal = Normalisation(np.zeros(OBSERVATION_SIZE), np.ones(OBSERVATION_SIZE))
     policy = NetworkPolicy(

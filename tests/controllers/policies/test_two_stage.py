@@ -19,8 +19,8 @@ from push_recovery.controllers.model.observation import (
 )
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
-from push_recovery.controllers.settings.named_presets import PRESETS
 from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.stage_1.planner import swing_time
 from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
 
@@ -209,7 +209,7 @@ def test_unknown_names():
 
 
 def test_paper_preset_is_table_2():
-    config = PRESETS["paper"]
+    config = preset_config("paper")
     assert (config.alpha_step, config.alpha_duration, config.alpha_offset) == (1.0, 1.0, 1000.0)
     betas = (
         config.beta_cop,
@@ -235,7 +235,8 @@ def test_the_step_lasts_as_long_as_the_swing_foot_needs():
     """A far place waits for the foot, as far as T_max lets it; a near one is planned as before."""
     bound, waited = 30.0, 0
     free, slow = (
-        TwoStagePolicy(ROBOT, LIMITS, replace(PRESETS["default"], swing_acceleration=a)) for a in (0.0, bound)
+        TwoStagePolicy(ROBOT, LIMITS, replace(preset_config("default"), swing_acceleration=a))
+        for a in (0.0, bound)
     )
     for obs in random_observations(200, 6):
         obs[ELAPSED] *= 0.5

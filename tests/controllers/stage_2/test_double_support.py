@@ -8,12 +8,12 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.double_support import strip, transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.named_presets import PRESETS
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
 from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
-CONFIG = PRESETS["double-support"]
+CONFIG = preset_config("double-support")
 PLANNER = DoubleSupportPlanner(ROBOT, LIMITS, CONFIG)
 ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_debt": False, "trunk_gravity": 50.0},
         {"cop_margin_x": 0.02, "cop_margin_y": 0.01}]  # fmt: skip

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.bounds import BoundSettings, centre_of_pressure, make_bounds
+from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
 from push_recovery.controllers.whole_body.edge_cop import (
     SHARE_OF_GRIP,
     full_sole_force,
@@ -12,7 +12,7 @@ from push_recovery.controllers.whole_body.edge_cop import (
     missing_cmp,
     share_within,
 )
-from push_recovery.controllers.whole_body.inverse_dynamics import Gains, Task, whole_body_torque
+from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
 from push_recovery.controllers.whole_body.kinematics import (
     NU,
     base_angular_velocity,
@@ -20,11 +20,14 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_position,
 )
 from push_recovery.envs.biped.env import BIPED
+from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.scenario import Scenario
 
 EDGE = 0.065
 FAR = 1.0  # [m], more than any CoP may move
-SETTINGS = BoundSettings(cop_x_max=EDGE, cop_y_max=1.0, yaw_friction=1e6, friction=10.0, force_min=-1e9)
+SETTINGS = BIPED_BOUNDS._replace(
+    cop_x_max=EDGE, cop_y_max=1.0, yaw_friction=1e6, friction=10.0, force_min=-1e9
+)
 BOUNDS, _MEMORY = make_bounds(SETTINGS, np.full((2, NU), 1e9))
 
 
@@ -75,7 +78,7 @@ def asked_of_the_sole(core, cop, missing, swing):
     task = Task(
         0, (0.0, 0.0), (height, 0.0, 0.0), (1.0, 0.0), reference, (0.0, 0.0), cop=cop, missing=missing
     )
-    wrench, gains = np.empty(6), Gains(damping=0.0)
+    wrench, gains = np.empty(6), BIPED_GAINS._replace(damping=0.0)
     whole_body_torque(core.physics, 0, task, 0.0, gains, BOUNDS, wrench, np.empty(NU))
     return wrench, height
 

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.gait_machine import (
-    GaitSettings,
     accept,
     has_landed,
     reach_height,
     touch_down,
 )
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BIPED_LIMITS
 from push_recovery.envs.biped.posture import PHYSICS_DT
+from push_recovery.envs.biped.settings import BIPED_GAIT
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 
-SETTINGS = GaitSettings(BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass)
+SETTINGS = BIPED_GAIT
 
 
 def run(core, begin, scenario: Scenario, seconds: float) -> np.ndarray:

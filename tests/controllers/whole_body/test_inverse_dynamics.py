@@ -8,7 +8,6 @@ import pytest
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.whole_body.bounds import (
     Bounds,
-    BoundSettings,
     centre_of_pressure,
     make_bounds,
 )
@@ -35,13 +34,14 @@ from push_recovery.controllers.whole_body.mass_matrix import com_velocity
 from push_recovery.controllers.whole_body.motors import driving_share
 from push_recovery.envs.biped.env import BIPED
 from push_recovery.envs.biped.posture import SOLES, biped_model, motor_limits
+from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.scenario import Scenario
 
 MODEL = biped_model()
-GAINS = Gains(damping=0.0)  # exact leg inverse
+GAINS = BIPED_GAINS._replace(damping=0.0)  # exact leg inverse
 MOTORS = motor_limits(MODEL)
 LOOSE, _LOOSE_MEMORY = make_bounds(
-    BoundSettings(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6, force_min=-1e9),
+    BIPED_BOUNDS._replace(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6, force_min=-1e9),
     np.full((2, NU), 1e9),
 )
 
@@ -130,14 +130,14 @@ def test_damping_of_the_leg_inverse_is_negligible_off_the_straight_knee(random_s
     for _ in range(10):
         core, _ = robot_in(*random_state(rng, 0.1))
         task, damped, exact = random_task(rng, core, 0), np.empty(NU), np.empty(NU)
-        torques(core, task, Gains(), LOOSE, damped)
+        torques(core, task, BIPED_GAINS, LOOSE, damped)
         torques(core, task, GAINS, LOOSE, exact)
         np.testing.assert_allclose(damped, exact, atol=0.1)
 
 
 def bound_values(core, wrench: np.ndarray, torque: np.ndarray, stance: int) -> np.ndarray:
     """Excess over each bound: CoP x, y [m], friction, yaw [m], load [300 N], torque [100 N m]."""
-    s = BoundSettings()
+    s = BIPED_BOUNDS
     R = core.physics.xmat[0, foot_body(stance)].reshape(3, 3)
     x = R[:2, 0] / np.linalg.norm(R[:2, 0])
     y = np.array([-x[1], x[0]])
@@ -171,7 +171,7 @@ def foot_body(stance: int) -> int:
 def test_the_deviation_is_the_least_one_that_keeps_the_bounds(random_state, robot_in, stance):
     """KKT of min |v|^2 / 2 + sum w e^2 / 2: v + M' (w e) = 0, e what passes each row, d = Q^(-1/2) v."""
     rng, bound = np.random.default_rng(10 + stance), 0
-    settings = BoundSettings()
+    settings = BIPED_BOUNDS
     bounds, _memory = make_bounds(settings, MOTORS)
     for _ in range(60):
         core, data = robot_in(*random_state(rng, 0.1), stance)

@@ -8,16 +8,17 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.stage_1.planner import swing_time
 from push_recovery.controllers.whole_body import bounds_met as bits
-from push_recovery.controllers.whole_body.bounds import BoundSettings, bounds_met, make_bounds
+from push_recovery.controllers.whole_body.bounds import bounds_met, make_bounds
 from push_recovery.controllers.whole_body.gait_machine import landing_limit
 from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.biped import limit_record as limits
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.biped.settings import BIPED_BOUNDS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 
-BOUNDS = BoundSettings()
+BOUNDS = BIPED_BOUNDS
 EPISODES = BipedEpisodes(2)
 FINAL = EPISODES.core.settings.commit
 EDGES = EPISODES.core.limit_record.edges

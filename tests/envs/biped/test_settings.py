@@ -68,7 +68,8 @@ def test_limits_are_the_action_box_and_the_nominal_gait(tmp_path):
         ({"gain": {}}, r"^unknown section of the biped's settings 'gain'; did you mean 'gains'\?"),
         ({"gains": {"swing": 1.0}}, r"^unknown field of the biped's gains 'swing'"),
         ({"gait": {"mass": 1.0}}, r"^unknown field of the biped's gait 'mass'"),
-        ({"gait": {"apex": "high"}}, r"^apex of the biped's gait must be finite, got 'high'$"),
+        ({"gait": {"apex": "high"}}, r"^apex of the biped's gait must be finite and >= 0, got 'high'$"),
+        ({"gains": {"swing_kp": -1.0}}, r"^swing_kp of the biped's gains must be finite and >= 0, got -1.0$"),
         ({"limits": {"length_max": -1.0}}, r"^GaitLimits.length_min must be below length_max"),
     ],
 )

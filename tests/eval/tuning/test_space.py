@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
-from push_recovery.controllers.settings.named_presets import PRESETS
 from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.envs.biped.settings import SECTIONS, BipedSettings
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
@@ -17,8 +17,8 @@ LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
 SPACE = Space((LINEAR, LOG), (0.5, 10.0))
 START = {
-    "planner": asdict(PRESETS["biped"]),
-    "shared": asdict(PRESETS["biped"]),
+    "planner": asdict(preset_config("biped")),
+    "shared": asdict(preset_config("biped")),
     **BipedSettings().to_dict(),
 }
 PLANNER = {d.name: d for arm in ARMS for d in planner_dimensions(arm)}
