@@ -38,3 +38,10 @@ def test_the_gym_loop_recovers_from_its_push():
     out = run(str(ROOT / "examples" / "gym_loop.py"))
     assert "0.50 N s/kg" in out
     assert "walks as commanded again" in out
+
+
+def test_the_picture_of_the_architecture_has_no_room_that_is_not_there():
+    code = (ROOT / "examples" / "explain_architecture.py").read_text(encoding="utf-8")
+    rooms = re.findall(r'Room\("([\w/]+)"', code)
+    assert len(rooms) == 16
+    assert all((ROOT / room / "__init__.py").is_file() for room in rooms)
