@@ -98,7 +98,8 @@ def run_frontier(args: argparse.Namespace) -> int:
     if args.json:
         _print_json(content)
         return 0
-    print_table(f"{title} (share of F*; largest survived)", frontier_columns(result), frontier_cells(result))
+    title = f"{title} (share of F* of its own box, of the paper's; largest survived)"
+    print_table(title, frontier_columns(result), frontier_cells(result))
     print(f"report: {report}")
     print("pictures: " + ", ".join(str(path) for path in pictures))
     return 0

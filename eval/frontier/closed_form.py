@@ -1,17 +1,36 @@
-"""F*, the yardstick of every frontier: the closed-form limit with the paper's robot and step box."""
+"""F*, the yardstick of every frontier: the closed-form limit of two boxes of steps, each named.
+
+The robot's own box says what its controller could at best have reached. The paper's (Tables I and II, l_p
+0.2 m, foot 0.2 x 0.1 m) is the same for every robot and cannot be moved by choosing other limits.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
-from numpy.typing import NDArray
 
+from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
 from ...controllers.model.robot import RobotModel
 from ...envs.scenario.scenario import Command
-from ..rollout.by_name import make_env
+
+OWN, PAPER, POINT_FOOT = "F* of the robot's own box", "F* of the paper's box", "own box, point foot"
+
+
+@dataclass(frozen=True)
+class DirectionLimits:
+    """F* in one direction [N]."""
+
+    own: float  # of the robot's own gait limits
+    paper: float  # of the paper's robot and gait limits
+
+    @staticmethod
+    def share(force: float, limit: float) -> float | None:
+        """A force [N] as a share of a limit [N]; None where the limit is 0."""
+        return force / limit if limit > 0 else None
 
 
 def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
@@ -20,8 +39,24 @@ def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
     return nominal_gait(unwrapped.robot, unwrapped.limits, (command.vx, -command.vy))
 
 
+def own_limit_force(
+    env: gym.Env, psi: float, duration: float, command: Command, point_foot: bool = False
+) -> float:
+    """F* [N] of the environment's own robot and gait limits; arguments as for `limit_force`.
+
+    A point foot has no sole to shift the CoP in and no trunk to swing.
+    """
+    unwrapped: Any = env.unwrapped
+    gait, moved = nominal_gait_in_use(env, command), not point_foot
+    return float(
+        max_recoverable_force(
+            unwrapped.robot, psi, duration, limits=unwrapped.limits, gait=gait, foot=moved, flywheel=moved
+        )
+    )
+
+
 def limit_force(env: gym.Env, psi: float, duration: float, command: Command) -> float:
-    """F* [N]: what no controller within the paper's limits can exceed.
+    """F* [N] within the paper's limits, from the nominal gait of the environment.
 
     Args:
         env: decides the nominal gait.
@@ -29,28 +64,24 @@ def limit_force(env: gym.Env, psi: float, duration: float, command: Command) -> 
         duration: of the push [s].
         command: commanded velocity.
     """
-    from ...controllers.model.capturability import max_recoverable_force
-
     gait = nominal_gait_in_use(env, command)
     return float(max_recoverable_force(RobotModel(), psi, duration, gait=gait))
 
 
-def limit_curves(
-    env_id: str, angles: NDArray[np.float64], duration: float, command: Command
-) -> dict[str, NDArray[np.float64]]:
-    """Limits [N] over directions (n,) [rad]: F* with foot and flywheel, and that of a point foot."""
-    from ...controllers.model.capturability import max_recoverable_force
+def direction_limits(env: gym.Env, psi_deg: float, duration: float, command: Command) -> DirectionLimits:
+    """Both limits towards psi [deg]; the other arguments as for `limit_force`."""
+    push = math.radians(psi_deg), duration, command
+    return DirectionLimits(own_limit_force(env, *push), limit_force(env, *push))
 
-    env = make_env(env_id)
-    gait = nominal_gait_in_use(env, command)
-    env.close()
-    robot = RobotModel()
+
+def limit_curves(
+    env: gym.Env, psi_deg: list[float], duration: float, command: Command
+) -> dict[str, list[float]]:
+    """Limits [N] over directions [deg]: both yardsticks, and the own box with a point foot."""
+    limits = [direction_limits(env, psi, duration, command) for psi in psi_deg]
+    angles = map(math.radians, psi_deg)
     return {
-        label: np.array(
-            [
-                max_recoverable_force(robot, psi, duration, gait=gait, foot=both, flywheel=both)
-                for psi in angles
-            ]
-        )
-        for label, both in (("limit F*: foot + flywheel", True), ("limit: point foot", False))
+        OWN: [limit.own for limit in limits],
+        PAPER: [limit.paper for limit in limits],
+        POINT_FOOT: [own_limit_force(env, psi, duration, command, point_foot=True) for psi in angles],
     }

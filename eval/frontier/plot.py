@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...controllers.files import write_atomically
-from .closed_form import limit_curves
+from ..rollout.by_name import make_env
+from .closed_form import OWN, PAPER, POINT_FOOT, limit_curves
 
 if TYPE_CHECKING:
     from .scan import Frontier
+
+
+STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:"}
 
 
 def save_pictures(frontier: Frontier) -> list[Path]:
@@ -29,13 +33,12 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     axes = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
     settings = frontier.settings
-    angles = np.linspace(0.0, 2.0 * math.pi, 361)
-    for (label, curve), style in zip(
-        limit_curves(settings.env_id, angles, settings.duration, settings.command).items(),
-        ("k--", "k:"),
-        strict=False,
-    ):
-        axes.plot(angles, curve, style, linewidth=1, label=label)
+    angles = np.linspace(0.0, 360.0, 361)
+    env = make_env(settings.env_id)
+    curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
+    env.close()
+    for label, curve in curves.items():
+        axes.plot(np.radians(angles), curve, STYLES[label], linewidth=1, label=label)
     for policy, rows in frontier.rows.items():
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]

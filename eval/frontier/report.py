@@ -12,7 +12,8 @@ from ..score.limits_met import fall_cell
 from .scan import Frontier
 
 NOTE = (
-    "Largest force before the first failure [N] (share of F*; largest survived at all). Falls by: the limit "
+    "Largest force before the first failure [N] (share of F* of the robot's own box, of the paper's; largest "
+    "survived at all). The paper's box is that of its Tables I and II. Falls by: the bound "
     "that the first failure met first, then the three that it met for the longest share of the time.\n"
 )
 
@@ -21,23 +22,24 @@ def frontier_columns(frontier: Frontier) -> tuple[str, ...]:
     """Headings of `frontier_cells`."""
     names = list(frontier.rows)
     falls = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
-    return ("psi [deg]", "limit F* [N]", *names, *falls)
+    return ("psi [deg]", "own F* [N]", "paper's F* [N]", *names, *falls)
 
 
 def frontier_cells(frontier: Frontier) -> list[tuple[str, ...]]:
     """One row of cells for each direction."""
     objects = {name: frontier.to_dict(name)["directions"] for name in frontier.rows}
     cells = []
-    for index, psi in enumerate(frontier.limits):
+    for index, (psi, limit) in enumerate(frontier.limits.items()):
         forces = [_force_cell(entries[index]) for entries in objects.values()]
         falls = [fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()]
-        cells.append((f"{psi:g}", f"{frontier.limits[psi]:.0f}", *forces, *falls))
+        cells.append((f"{psi:g}", f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces, *falls))
     return cells
 
 
 def _force_cell(entry: dict[str, Any]) -> str:
-    """Force before the first failure, its share of F*, and the largest survived where that is more."""
-    share = "-" if entry["fraction"] is None else f"{entry['fraction']:.2f}"
+    """Force before the first failure, its shares of both F*, and the largest survived where that is more."""
+    shares = (entry["own_fraction"], entry["fraction"])
+    share = ", ".join("-" if part is None else f"{part:.2f}" for part in shares)
     more = entry["largest_survived_N"]
     return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 

@@ -18,7 +18,7 @@ from ..rollout.by_name import code_digest, env_label, file_digest, preset_digest
 from ..rollout.outcome import Outcome
 from ..rollout.workers import Runner, parallel
 from ..score.limits_met import fall_limits
-from .closed_form import limit_force
+from .closed_form import DirectionLimits, direction_limits
 
 FORMAT = 2  # of the rows
 NOMINAL_STEPS = 4  # before the push
@@ -113,21 +113,23 @@ class Frontier:
 
     settings: FrontierSettings
     rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
-    limits: Mapping[float, float]  # F* by direction [N]
+    limits: Mapping[float, DirectionLimits]  # F* by direction [deg]
     directory: Path
 
     def to_dict(self, policy: str) -> dict[str, Any]:
         """The contract's object of one policy."""
         directions = []
         for row in self.rows[policy]:
-            limit = self.limits[row["psi_deg"]]
+            limit, force = self.limits[row["psi_deg"]], row["survived_N"]
             directions.append(
                 {
                     "psi_deg": row["psi_deg"],
-                    "survived_N": row["survived_N"],
+                    "survived_N": force,
                     "largest_survived_N": row["largest_survived_N"],
-                    "limit_N": limit,
-                    "fraction": row["survived_N"] / limit if limit > 0 else None,
+                    "limit_N": limit.paper,
+                    "fraction": limit.share(force, limit.paper),
+                    "own_limit_N": limit.own,
+                    "own_fraction": limit.share(force, limit.own),
                 }
             )
         push = {"duration": self.settings.duration, "body": self.settings.body}
@@ -157,9 +159,7 @@ def frontier(
     runner = Runner(settings.env_id)
     for name in policies:
         runner.policy(name)
-    limits = {
-        psi: limit_force(runner.env, math.radians(psi), settings.duration, settings.command) for psi in angles
-    }
+    limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
     runner.close()
     digests = {name: file_digest(name) for name in policies}
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}

@@ -1,14 +1,26 @@
 import json
 import math
+from dataclasses import replace
 from itertools import islice
 
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.frontier.closed_form import limit_force
+from push_recovery.eval.frontier.closed_form import (
+    OWN,
+    PAPER,
+    POINT_FOOT,
+    DirectionLimits,
+    direction_limits,
+    limit_curves,
+    limit_force,
+    own_limit_force,
+)
 from push_recovery.eval.frontier.scan import (
     BEYOND,
     FrontierSettings,
@@ -129,9 +141,11 @@ def test_json_and_pictures(tmp_path, capsys):
     assert content["push"] == {"duration": 0.1, "body": "pelvis"}
     assert [entry["psi_deg"] for entry in content["directions"]] == [0.0, 120.0, 240.0]
     for entry in content["directions"]:
-        assert set(entry) == {"psi_deg", "survived_N", "largest_survived_N", "limit_N", "fraction"}
+        forces = {"survived_N", "largest_survived_N", "limit_N", "own_limit_N"}
+        assert set(entry) == {"psi_deg", "fraction", "own_fraction", *forces}
         assert 0 < entry["survived_N"] <= entry["largest_survived_N"]
         assert entry["fraction"] == pytest.approx(entry["survived_N"] / entry["limit_N"])
+        assert entry["own_fraction"] == pytest.approx(entry["survived_N"] / entry["own_limit_N"])
     assert (out / "frontier.png").read_bytes()[:4] == b"\x89PNG"
     assert "<svg" in (out / "frontier.svg").read_text()[:400]
     before = (out / "outcomes.jsonl").read_text()
@@ -141,7 +155,7 @@ def test_json_and_pictures(tmp_path, capsys):
     report = json.loads((out / "report.json").read_text())["policies"][policy]
     assert [len(entry.pop("falls")) > 0 for entry in report["directions"]] == [True] * 3
     assert report == content  # the report says nothing else than the contract's object
-    assert "| psi [deg] | limit F* [N] |" in (out / "report.md").read_text()
+    assert "| psi [deg] | own F* [N] | paper's F* [N] |" in (out / "report.md").read_text()
 
 
 def test_workers_change_nothing(tmp_path):
@@ -157,3 +171,30 @@ def test_limit_is_the_papers_in_place(psi, force):
     # l_p 0.2 m, foot 0.2 x 0.1 m, T 0.65 s; on the left stance a push to the left is the hard one
     env = make_env(toy.ENV_ID)
     assert limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
+
+
+def test_own_limit_is_that_of_the_environments_own_box():
+    """Forward with a point foot: F = m omega^2 L_max / (e^(omega T_min) - 1) / (1 - e^(-omega d))."""
+    limits = replace(GaitLimits.of(RobotModel()), length_max=0.3, duration_min=0.4)
+    env = make_env("PushRecovery/Pendulum-v0", limits=limits)
+    mass, omega = 60.0, math.sqrt(9.81 / env.unwrapped.robot.com_height)  # type: ignore[attr-defined]
+    offset = 0.3 / (math.exp(0.4 * omega) - 1.0)
+    expected = mass * omega**2 * offset / (1.0 - math.exp(-0.1 * omega))
+    assert own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
+    found = direction_limits(env, 0.0, 0.1, Command())
+    assert expected < found.own < found.paper == limit_force(env, 0.0, 0.1, Command())
+
+
+def test_limit_curves_name_both_yardsticks():
+    env = make_env(toy.ENV_ID)
+    curves = limit_curves(env, [0.0, -90.0], 0.1, Command())
+    assert list(curves) == [OWN, PAPER, POINT_FOOT]
+    for k, psi in enumerate((0.0, -90.0)):
+        limit = direction_limits(env, psi, 0.1, Command())
+        assert (curves[OWN][k], curves[PAPER][k]) == (limit.own, limit.paper)
+        assert curves[POINT_FOOT][k] < limit.own
+
+
+def test_share_of_no_limit_is_none():
+    assert DirectionLimits.share(50.0, 200.0) == 0.25
+    assert DirectionLimits.share(50.0, 0.0) is None
