@@ -135,24 +135,10 @@ class LeastDistance:
         self.lower[:], self.upper[:] = -1.0, 1.0
         self._sense = np.where(soft_weight > 0, _SOFT, 0).astype(np.int32)
         self._reciprocal = np.divide(1.0, soft_weight, out=np.zeros(m), where=soft_weight > 0)
-        self._settings, self._result = _Settings(), _Result()
-        _library().daqp_default_settings(byref(self._settings))
-        if (
-            self._settings.iter_limit != 10000
-            or self._settings.rho_soft != 1e-6
-            or self._settings.presolve != 1
-        ):
-            raise PushRecoveryError("the installed daqp has an unexpected layout of its settings")
-        self._settings.primal_tol = PRIMAL_TOLERANCE
+        self._settings, self._result = _default_settings(), _Result(x=self.x.ctypes.data)
         self._problem = _Problem(n=n, m=m, ms=0, A=M.ctypes.data, bupper=self.upper.ctypes.data,
                                  blower=self.lower.ctypes.data, sense=self._sense.ctypes.data)  # fmt: skip
-        self._result.x = self.x.ctypes.data
-        self._memory = ctypes.create_string_buffer(_WORKSPACE_BYTES)
-        work = _Workspace.from_buffer(self._memory)
-        work.settings = ctypes.addressof(self._settings)
-        flag = _library().setup_daqp(byref(self._problem), self._memory, None)
-        if flag < 0 or (work.n, work.m, work.settings) != (n, m, ctypes.addressof(self._settings)):
-            raise PushRecoveryError(f"daqp could not set up a problem of {m} x {n} (exit flag {flag})")
+        self._memory = self._set_up(n, m)
         weights = self._reciprocal.ctypes.data
         if soft_weight.any() and not _library().daqp_set_soft_weights(
             self._memory, weights, weights, None, None
@@ -165,6 +151,25 @@ class LeastDistance:
              ctypes.addressof(self._problem), result, result + _Result.exitflag.offset],
             dtype=np.int64,
         )  # fmt: skip
+
+    def _set_up(self, n: int, m: int) -> ctypes.Array:
+        """A workspace of daqp's for the problem."""
+        memory = ctypes.create_string_buffer(_WORKSPACE_BYTES)
+        work = _Workspace.from_buffer(memory)
+        work.settings = ctypes.addressof(self._settings)
+        flag = _library().setup_daqp(byref(self._problem), memory, None)
+        if flag < 0 or (work.n, work.m, work.settings) != (n, m, ctypes.addressof(self._settings)):
+            raise PushRecoveryError(f"daqp could not set up a problem of {m} x {n} (exit flag {flag})")
+        return memory
+
+
+def _default_settings() -> _Settings:
+    settings = _Settings()
+    _library().daqp_default_settings(byref(settings))
+    if settings.iter_limit != 10000 or settings.rho_soft != 1e-6 or settings.presolve != 1:
+        raise PushRecoveryError("the installed daqp has an unexpected layout of its settings")
+    settings.primal_tol = PRIMAL_TOLERANCE
+    return settings
 
 
 def _free(memory: ctypes.Array) -> None:
