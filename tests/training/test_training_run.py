@@ -136,7 +136,12 @@ def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, settings):
     assert any(name.startswith("optimizer.") for name in restored)
     for name, value in restored.items():
         np.testing.assert_array_equal(value, checkpoint.tensors[name], err_msg=name)
-    assert run.model.num_timesteps == 1024
+    assert (run.model.num_timesteps, run.model._n_updates) == (checkpoint.timesteps, checkpoint.updates)
+    updates = 1024 // (settings.n_steps * settings.n_envs)
+    assert (checkpoint.timesteps, checkpoint.updates) == (1024, updates * settings.n_epochs)
+    for name, statistics in (("observation", run.venv.obs_rms), ("return", run.venv.ret_rms)):
+        assert statistics.count == checkpoint.tensors[f"{name}.count"] > 1000
+    assert checkpoint.seconds > 0.0
     run.close()
 
 

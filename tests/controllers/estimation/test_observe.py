@@ -130,3 +130,42 @@ def test_the_frame_moves_with_the_robot(random_state, robot_in):
     here = observe(robot_in(qpos, qvel)[0])
     qpos[:2] += [3.0, -2.0]
     np.testing.assert_allclose(observe(robot_in(qpos, qvel)[0]), here, atol=1e-12)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_world_points_are_those_of_the_wrench_off_heading_0(random_state, robot_in, stance):
+    """About the CoP the wrench has no horizontal moment; the CMP is the plan's trunk acceleration further."""
+    core, data = robot_in(*random_state(np.random.default_rng(8)), stance)
+    heading, outward = 0.7, -1.0 if stance == 0 else 1.0
+    sole = data.site_xpos[MODEL.site(SOLES[stance]).id]
+    force, moment = np.array([40.0, -70.0, 500.0]), np.array([12.0, 18.0, 3.0])
+    core.gait.heading[0], core.gait.wrench[0] = heading, [*force, *moment]
+    core.gait.plan[0] = [0.0, 0.2, 0.5, 0.0, 0.0, 5.0, -3.0]
+    substeps, core.substeps = core.substeps, 0
+    core.step(core.gait.plan.copy(), np.zeros((1, 7)))
+    core.substeps = substeps
+    dcm, cop, cmp = core.world[0].reshape(3, 2)
+    com, velocity = data.subtree_com[0], data.subtree_linvel[0]
+    np.testing.assert_allclose(dcm, (com + velocity / BIPED.omega)[:2], atol=1e-12)
+    lever = np.array([*(cop - sole[:2]), 0.0])
+    np.testing.assert_allclose((moment - np.cross(lever, force))[:2], 0.0, atol=1e-9)
+    ahead, left = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+    shift = BIPED.cmp_per_trunk_acceleration * (5.0 * ahead - 3.0 * outward * left)
+    np.testing.assert_allclose(cmp - cop, shift, atol=1e-12)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_the_observation_turns_with_the_heading(random_state, robot_in, stance):
+    """A robot that stands turned, told that heading, sees what it saw."""
+    qpos, qvel = random_state(np.random.default_rng(9))
+    here, _ = robot_in(qpos, qvel, stance)
+    seen = observe(here, (0.3, 0.1))
+    turn, quat = 1.1, np.empty(4)
+    mujoco.mju_axisAngle2Quat(quat, np.array([0.0, 0.0, 1.0]), turn)
+    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    turned, rates = qpos.copy(), qvel.copy()
+    turned[:2], rates[:2] = spin @ qpos[:2], spin @ qvel[:2]
+    mujoco.mju_mulQuat(turned[3:7], quat, qpos[3:7].copy())
+    core, _ = robot_in(turned, rates, stance)
+    core.gait.heading[0] = turn
+    np.testing.assert_allclose(observe(core, (0.3, 0.1)), seen, atol=1e-10)

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.model.observation import PUSH_ESTIMATE
+from push_recovery.controllers.model.observation import PREVIOUS_ACTION, PUSH_ESTIMATE
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.posture import biped_model
@@ -82,6 +82,24 @@ def test_the_mirrored_scenario_gives_the_mirrored_estimate(biped_core, begin):
     right, _ = walk(core, begin, scenario.mirrored(), 2.0)
     assert np.linalg.norm(forces, axis=1).max() > 0.1
     np.testing.assert_allclose(left, right * [1.0, -1.0], atol=1e-6)
+
+
+def test_the_mirrored_walk_is_seen_alike_turning_and_pushed_off_centre(biped_core, begin):
+    """Every entry of the observation, the previous action and the push estimate among them."""
+    push = Push((150.0, -140.0, 20.0), 0.1, GaitEvent(2, "right", 0.4), "trunk", (0.05, 0.12, 0.1))
+    scenario, seen = Scenario("a", (push,), Command(0.2, 0.1, 0.3)), []
+    for one in (scenario, scenario.mirrored()):
+        core = biped_core()
+        begin(core, 0, one)
+        walked = []
+        for _ in range(170):
+            step(core)
+            walked.append(core.observation[0].copy())
+        seen.append(walked)
+    left, right = np.array(seen)
+    np.testing.assert_allclose(left, right, atol=1e-5)
+    assert np.abs(left[:, PREVIOUS_ACTION]).max(axis=0).min() > 0.04
+    assert np.abs(left[:, PUSH_ESTIMATE]).max() > 0.2
 
 
 def test_it_is_zero_after_reset_and_no_reset_touches_another_robot(biped_core, begin):

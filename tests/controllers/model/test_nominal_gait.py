@@ -14,13 +14,23 @@ LIMITS = GaitLimits.of(ROBOT)
 
 @pytest.mark.parametrize(
     ("velocity", "duration"),
-    [((0, 0), 0.65), ((0.5, 0), 0.65), ((1.0, 0), 0.4), ((0, 0.2), 0.4), ((-1, 0), 0.4)],
+    [
+        ((0, 0), 0.65),
+        ((0.5, 0), 0.65),
+        ((1.0, 0), 0.4),
+        ((-1, 0), 0.4),
+        ((0, 0.2), 0.4),
+        ((0, -0.2), 0.4),
+        ((0.5, -0.2), 0.4),
+        ((0, 0.125), 0.55),
+        ((0, -0.125), 0.55),
+    ],
 )
 def test_duration_is_the_middle_of_the_feasible_range(velocity, duration):
     assert nominal_gait(ROBOT, LIMITS, velocity).duration == pytest.approx(duration)
 
 
-@pytest.mark.parametrize("velocity", [(0, 0), (0.5, 0), (-0.25, 0.0), (0.0, 0.2), (0.3, -0.1)])
+@pytest.mark.parametrize("velocity", [(0, 0), (0.5, 0), (-0.25, 0.0), (0.0, 0.2), (0.3, -0.1), (0.0, -0.2)])
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_gait_is_periodic_over_two_steps_and_keeps_the_speed(velocity, delay):
     this = nominal_gait(ROBOT, LIMITS, velocity, delay)
@@ -41,6 +51,16 @@ def test_a_command_beyond_the_box_saturates():
     assert gait.duration == LIMITS.duration_min
     assert gait.length == LIMITS.length_max
     assert LIMITS.width_min <= gait.width <= LIMITS.width_max
+
+
+def test_aside_it_saturates_at_the_same_sway_to_both_sides():
+    """The swing side has less room than its opposite or more; the step after has the other."""
+    out, back = (nominal_gait(ROBOT, LIMITS, (0.0, sign * 2.0)) for sign in (1.0, -1.0))
+    room = min(LIMITS.width_max - ROBOT.pelvis_width, ROBOT.pelvis_width - LIMITS.width_min)
+    assert room > 0.0
+    assert out.width - ROBOT.pelvis_width == pytest.approx(room)
+    assert back.width - ROBOT.pelvis_width == pytest.approx(-room)
+    assert out.duration == back.duration == LIMITS.duration_min
 
 
 @pytest.mark.parametrize("velocity", [(0.0,), (math.nan, 0.0), (math.inf, 0.0)])

@@ -230,3 +230,67 @@ def test_the_cop_makes_up_for_the_swing_legs_momentum(biped_core, begin, axis):
         wrench = torques(core, task, GAINS, LOOSE, np.empty(NU))
         cops.append(centre_of_pressure(wrench, (1.0, 0.0))[axis])
     assert cops[1] - cops[0] == pytest.approx(0.0031 * a, rel=0.1)
+
+
+def wrench_rows(core, asked: np.ndarray, stance: int) -> np.ndarray:
+    """P (15, 6) with P w <= 0 the bounds of the wrench, from what each row says of a wrench."""
+    s = BIPED_BOUNDS
+    R = core.physics.xmat[0, foot_body(stance)].reshape(3, 3)
+    x = np.array([*R[:2, 0], 0.0]) / np.linalg.norm(R[:2, 0])
+    up = np.array([0.0, 0.0, 1.0])
+    y = np.cross(up, x)
+    cop = np.cross(up, asked[3:]) / asked[2]  # of the exact solution, within the sole
+    cop = np.clip(cop @ x, -s.cop_x_max, s.cop_x_max) * x + np.clip(cop @ y, -s.cop_y_max, s.cop_y_max) * y
+    towards = math.atan2(asked[1], asked[0]) + 2.0 * math.pi * np.arange(8) / 8
+
+    def excess(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+        ahead, aside = np.cross(up, moment) @ x, np.cross(up, moment) @ y  # CoP times the load
+        yaw = (moment - np.cross(cop, force)) @ up
+        room = np.array([s.cop_x_max, s.cop_y_max, s.yaw_friction]) * force[2]
+        slides = np.cos(towards) * force[0] + np.sin(towards) * force[1] - s.friction * force[2]
+        turning = np.concatenate([[ahead, aside, yaw] - room, [-ahead, -aside, -yaw] - room])
+        return np.concatenate([turning / 20.0, slides / 300.0, [-force[2] / 300.0]])
+
+    return np.array([excess(w[:3], w[3:]) for w in np.eye(6)]).T
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_every_row_of_the_problem_is_its_bound_on_the_dense_solution(random_state, robot_in, stance):
+    """Torques, CoP, yaw moment, friction and load: rows and bounds from MuJoCo's own matrices."""
+    rng, seen = np.random.default_rng(30 + stance), 0
+    bounds, _memory = make_bounds(BIPED_BOUNDS, MOTORS)
+    while seen < 4:
+        core, data = robot_in(*random_state(rng, 0.1), stance)
+        task = random_task(rng, core, stance, 2.0)
+        bounds.solution[:] = np.nan
+        torques(core, task, GAINS, bounds, np.empty(NU))
+        if np.isnan(bounds.solution).any():
+            continue
+        seen += 1
+        wrench, torque = dense_solution(core, data, task, np.zeros(TASKS))
+        unit = [dense_solution(core, data, task, deviation) for deviation in np.eye(TASKS)]
+        Wd, Td = (
+            np.array([d[i] for d in unit]).T - exact[:, None] for i, exact in enumerate((wrench, torque))
+        )
+        P = wrench_rows(core, wrench, stance)
+        scale = 1.0 / np.sqrt(bound_prices())
+        np.testing.assert_allclose(
+            bounds.matrix, np.vstack([Td / 100.0, P @ Wd]) * scale, rtol=1e-6, atol=1e-6
+        )
+        speed, sign = core.physics.qvel[0, 6:], np.ones(NU)
+        top = torque_limits(core, sign), torque_limits(core, -sign)
+        assert speed.min() < 0 < speed.max()
+        np.testing.assert_allclose(bounds.upper[:NU], (top[0] - torque) / 100.0, atol=1e-7)
+        np.testing.assert_allclose(bounds.lower[:NU], (-top[1] - torque) / 100.0, atol=1e-7)
+        room = -P @ wrench - np.eye(15)[14] * BIPED_BOUNDS.force_min / 300.0
+        np.testing.assert_allclose(bounds.upper[NU:], room, atol=1e-7)
+
+
+def bound_prices() -> np.ndarray:
+    """Price of each deviation (14,): CoM x, y, z; pelvis x, y, z; swing sole linear, angular; waist."""
+    s = BIPED_BOUNDS
+    com, pelvis = (
+        [s.com_price, s.com_price, s.height_price],
+        [s.pelvis_price, s.pelvis_price, s.heading_price],
+    )
+    return np.array([*com, *pelvis, *[s.swing_price] * 3, *[s.swing_turn_price] * 3, *[s.waist_price] * 2])

@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.whole_body.motors import FULL_TORQUE_SHARE, driving_share
+from push_recovery.controllers.whole_body.motors import (
+    FULL_TORQUE_SHARE,
+    clip_torque,
+    driving_share,
+    write_torque_range,
+)
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.biped.posture import biped_model, motor_limits
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
@@ -20,6 +25,32 @@ MODEL = biped_model()
 )
 def test_a_motor_drives_with_less_torque_near_its_free_speed(speed, share):
     assert driving_share(speed, 10.0) == pytest.approx(share, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("share_of_free_speed", "least", "largest"),
+    [
+        (-1.2, 0.0, 1.0),
+        (-0.85, -0.5, 1.0),
+        (-0.3, -1.0, 1.0),
+        (0.3, -1.0, 1.0),
+        (0.85, -1.0, 0.5),
+        (1.2, -1.0, 0.0),
+    ],
+)
+def test_the_range_of_torques_ends_where_a_motor_would_drive_too_fast(
+    robot_in, share_of_free_speed, least, largest
+):
+    """Against its motion a motor has its full torque."""
+    limits, qvel = motor_limits(MODEL), np.zeros(MODEL.nv)
+    qvel[6:] = share_of_free_speed * limits[1]
+    core, _ = robot_in(MODEL.qpos0.copy(), qvel)
+    found = np.empty((2, MODEL.nu))
+    write_torque_range(core.physics, 0, limits, found)
+    np.testing.assert_allclose(found, [least * limits[0], largest * limits[0]], atol=1e-9)
+    torque = 1000.0 * np.where(np.arange(MODEL.nu) % 2, 1.0, -1.0)
+    clip_torque(torque, found)
+    np.testing.assert_array_equal(torque, np.where(np.arange(MODEL.nu) % 2, found[1], found[0]))
 
 
 def test_every_motor_has_both_limits_and_left_and_right_the_same():

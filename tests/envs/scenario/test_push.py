@@ -88,6 +88,28 @@ def test_event_missed_by_an_early_touchdown_fires_at_once():
     assert arrays.start[0] == 1.42
 
 
+@pytest.mark.parametrize(
+    ("asked", "start"),
+    [(0.6, 1.3), (0.4, 1.25), (0.8, 1.4)],  # as planned; cut so that the moment is over; made longer
+)
+def test_an_event_follows_the_duration_that_is_planned_in_mid_step(asked, start):
+    """Step 2 began at 1 s with T = 0.6 s; at 1.25 s another T is asked for."""
+    arrays = push_arrays([Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.5))], "left")
+    for tick in range(100):
+        t0 = 1.0 + 0.01 * tick
+        duration = 0.6 if tick < 25 else asked
+        resolve_starts(arrays.start, arrays.step, arrays.fraction, 2, 1.0, duration, t0, t0 + 0.01)
+    assert arrays.start[0] == pytest.approx(start, abs=1e-12)
+
+
+def test_a_mirrored_push_attacks_the_mirrored_point():
+    mirror = Push((1.0, 2.0, 3.0), 0.1, 0.0, "trunk", (0.1, 0.2, 0.3)).mirrored()
+    assert (mirror.force, mirror.offset, mirror.body) == ((1.0, -2.0, 3.0), (0.1, -0.2, 0.3), "trunk")
+    np.testing.assert_allclose(
+        np.cross(mirror.offset, mirror.force), np.cross((0.1, 0.2, 0.3), (1.0, 2.0, 3.0)) * [-1.0, 1.0, -1.0]
+    )  # a moment is a pseudovector
+
+
 def test_arrays_are_fresh_copies():
     pushes = [Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left"))]
     push_arrays(pushes, "left").start[:] = 1.0
