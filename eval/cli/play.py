@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +13,7 @@ from ...controllers.errors import MissingExtraError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
 from ..rollout.by_name import load_policy, make_env
-from ..rollout.one import planning_period, rollout
+from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
 
 FORMATS = (".mp4", ".gif", ".png")
@@ -23,35 +22,26 @@ STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments of a strip, after the push b
 PANEL = (11, 12)  # width to height of one picture of a strip
 
 
-class _Camera(gym.Wrapper):
-    """Keeps a rendered frame at FILM_RATE of simulated time, and when the push began."""
+class _Camera:
+    """Watches an episode: keeps a frame at FILM_RATE of simulated time, and when the push began."""
 
-    def __init__(self, env: gym.Env):
-        super().__init__(env)
+    def __init__(self, period: float):
+        """Take the planning period [s]."""
         self.frames: list[NDArray[np.uint8]] = []
         self.times: list[float] = []  # of the frames, since reset [s]
         self.push_start = 0.0  # [s]
-        self._period = planning_period(env)
-        self._every = max(1, round(1.0 / (FILM_RATE * self._period)))
+        self._period = period
+        self._every = max(1, round(1.0 / (FILM_RATE * period)))
         self._count = 0
 
-    def _shoot(self, info: dict[str, Any], ended: bool) -> None:
-        if self._count % self._every == 0 or ended:
-            self.frames.append(np.array(self.env.render(), dtype=np.uint8))
-            self.times.append(float(info.get("time", self._count * self._period)))
+    def __call__(self, robot: GymRobot) -> None:
+        """Look after reset or a step."""
+        if self._count % self._every == 0 or robot.ended:
+            self.frames.append(np.array(robot.env.render(), dtype=np.uint8))
+            self.times.append(float(robot.info.get("time", self._count * self._period)))
         self._count += 1
-        start = (info.get("push") or {}).get("start")
+        start = (robot.info.get("push") or {}).get("start")
         self.push_start = self.push_start if start is None else float(start)
-
-    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        observation, info = self.env.reset(**kwargs)
-        self._shoot(info, False)
-        return observation, info
-
-    def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        self._shoot(info, terminated or truncated)
-        return observation, reward, terminated, truncated, info
 
 
 def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tuple[Outcome, Path | None]:
@@ -73,8 +63,8 @@ def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tupl
     try:
         if out is None:
             return rollout(env, load_policy(policy, env), scenario, policy), None
-        camera = _Camera(env)
-        outcome = rollout(camera, load_policy(policy, env), scenario, policy)
+        camera = _Camera(planning_period(env))
+        outcome = rollout(env, load_policy(policy, env), scenario, policy, camera)
     finally:
         env.close()
     write_atomically(out, _strip(camera) if suffix == ".png" else _film(camera.frames, str(suffix)))

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
-from ...controllers.errors import InvalidValueError
 from ...controllers.policies.interface import Policy
 from ...envs.biped.limit_record import LimitReport
 from ...envs.scenario.scenario import Scenario
-from .outcome import Outcome
-
-NO_LIMITS = LimitReport({}, {})
-MAX_STEPS = 1_000_000  # of an episode; only an environment that never ends gets there
+from .loop import Ints, Watch, run_episodes
+from .outcome import NO_LIMITS, Ending, Outcome
 
 
 def planning_period(env: gym.Env) -> float:
@@ -23,67 +18,82 @@ def planning_period(env: gym.Env) -> float:
     return float(getattr(env.unwrapped, "dt", 0.01))
 
 
-def rollout(env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str) -> Outcome:
+def rollout(
+    env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str, watch: Watch | None = None
+) -> Outcome:
     """Run one scenario to its end.
 
     The policy's state starts anew, and all randomness is the scenario's: the same scenario and policy give
     the same outcome bit for bit, whatever ran before.
+
+    Args:
+        env: any environment of this project, wrapped or not, or one with its options and info.
+        policy: acts.
+        scenario: what happens.
+        policy_name: for the outcome.
+        watch: called with the `GymRobot` after reset and after every step, to look, not to touch.
     """
-    observation, info = env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
+    robot = GymRobot(env, watch)
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
-    state: Any = None
-    total, steps = 0.0, 0
-    terminated = truncated = False
-    while not (terminated or truncated):
-        if steps >= MAX_STEPS:
-            raise InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")
-        action, state = policy.predict(
-            observation, state=state, episode_start=np.array([steps == 0]), deterministic=True
+    _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
+    return outcome
+
+
+class GymRobot:
+    """The one robot of a Gymnasium environment, whose info says how its episode ends."""
+
+    n = 1
+
+    def __init__(self, env: gym.Env, watch: Watch | None = None):
+        self.env, self._watch = env, watch
+        self.info: dict[str, Any] = {}  # of the last step or reset
+        self.ended = False
+        self._observation: Any = None
+        self._steps, self._total, self._fell = 0, 0.0, False
+
+    def begin(self, k: int, scenario: Scenario) -> None:
+        """Reset to a scenario."""
+        self._observation, self.info = self.env.reset(
+            seed=scenario.noise_seed, options={"scenario": scenario}
         )
-        observation, reward, terminated, truncated, info = env.step(action)
-        total += float(reward)
-        steps += 1
-    end_time = float(info.get("time", steps * planning_period(env)))
-    limits = limits_met(getattr(env.unwrapped, "episodes", None), 0)
-    return outcome_of(scenario, policy_name, bool(terminated), info, end_time, steps, total, limits)
+        self._steps, self._total, self._fell, self.ended = 0, 0.0, False, False
+        self._look()
+
+    def rest(self, k: int) -> None:
+        """Nothing is left to do."""
+
+    def observe(self, rows: Ints) -> Any:
+        """The observation as the environment gives it, not as a batch."""
+        return self._observation
+
+    def step(self, rows: Ints, actions: Any) -> list[int]:
+        """One environment step."""
+        self._observation, reward, terminated, truncated, self.info = self.env.step(actions)
+        self._total += float(reward)
+        self._steps += 1
+        self._fell, self.ended = bool(terminated), bool(terminated or truncated)
+        self._look()
+        return [0] if self.ended else []
+
+    def ending(self, k: int) -> Ending:
+        """What the info of the last step says."""
+        info = self.info
+        return Ending(
+            fell=self._fell,
+            time=float(info.get("time", self._steps * planning_period(self.env))),
+            recovered_at=info.get("recovered_at"),
+            failure_reason=info.get("failure_reason"),
+            total_reward=self._total,
+            limits=limits_met(getattr(self.env.unwrapped, "episodes", None), 0),
+        )
+
+    def _look(self) -> None:
+        if self._watch is not None:
+            self._watch(self)
 
 
 def limits_met(episodes: Any, k: int) -> LimitReport:
-    """The limits that robot k of the episodes has met; none where its core keeps no record."""
+    """The bounds that robot k of the episodes has met; none where its core keeps no record."""
     met = getattr(getattr(episodes, "core", None), "limits_met", None)
     return NO_LIMITS if met is None else met(k)
-
-
-def outcome_of(
-    scenario: Scenario,
-    policy_name: str,
-    fell: bool,
-    info: dict[str, Any],
-    end_time: float,
-    steps: int,
-    total_reward: float,
-    limits: LimitReport = NO_LIMITS,
-) -> Outcome:
-    """The outcome of an episode that has ended; `info` is that of its last step."""
-    recovered_at = info.get("recovered_at")
-    first = scenario.pushes[0] if scenario.pushes else None
-    moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
-    return Outcome(
-        scenario_id=scenario.id,
-        policy=policy_name,
-        survived=not fell,
-        recovered=not fell and recovered_at is not None,
-        recovered_at=None if recovered_at is None else float(recovered_at),
-        failure_reason=str(info.get("failure_reason") or "fall") if fell else None,
-        end_time=end_time,
-        env_steps=steps,
-        total_reward=total_reward,
-        impulse=first.impulse_magnitude if first else 0.0,
-        psi_deg=math.degrees(first.direction) if first and moving else None,
-        pushes=len(scenario.pushes),
-        command=(scenario.command.vx, scenario.command.vy),
-        first_limit=next(iter(limits.met), None),
-        limits_met={name: round(first, 6) for name, first in limits.met.items()},
-        limit_shares={name: round(share, 6) for name, share in limits.shares.items()},
-    )

@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from ...envs.biped.limit_record import LimitReport
+from ...envs.scenario.scenario import Scenario
 from ..output.statistics import wilson_interval
 
+NO_LIMITS = LimitReport({}, {})
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How one episode has ended, as its environment tells of it."""
+
+    fell: bool
+    time: float  # since reset [s]
+    recovered_at: float | None  # time from which the recovery criterion held [s]
+    failure_reason: str | None
+    total_reward: float
+    limits: LimitReport = NO_LIMITS  # bounds met; none where the core keeps no record
 
 
 @dataclass(frozen=True)
@@ -32,6 +48,31 @@ class Outcome:
     first_limit: str | None = None  # of envs/biped/limit_record.py, met first since the first push began
     limits_met: Mapping[str, float] = field(default_factory=dict)  # limit -> when first [s], in that order
     limit_shares: Mapping[str, float] = field(default_factory=dict)  # limit -> share of the time since then
+
+    @classmethod
+    def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
+        """The row of an episode that has ended after so many environment steps."""
+        first = scenario.pushes[0] if scenario.pushes else None
+        moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
+        settled, limits = ending.recovered_at, ending.limits
+        return cls(
+            scenario_id=scenario.id,
+            policy=policy_name,
+            survived=not ending.fell,
+            recovered=not ending.fell and settled is not None,
+            recovered_at=None if settled is None else float(settled),
+            failure_reason=str(ending.failure_reason or "fall") if ending.fell else None,
+            end_time=ending.time,
+            env_steps=steps,
+            total_reward=ending.total_reward,
+            impulse=first.impulse_magnitude if first else 0.0,
+            psi_deg=math.degrees(first.direction) if first and moving else None,
+            pushes=len(scenario.pushes),
+            command=(scenario.command.vx, scenario.command.vy),
+            first_limit=next(iter(limits.met), None),
+            limits_met={name: round(time, 6) for name, time in limits.met.items()},
+            limit_shares={name: round(share, 6) for name, share in limits.shares.items()},
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""

@@ -6,25 +6,24 @@ one compiled pass plans for all robots that still stand, and one moves them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....controllers.errors import InvalidValueError
-from ....controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ....controllers.model.gait_box import GaitLimits
 from ....controllers.model.robot import RobotModel
 from ....controllers.policies.interface import Policy
-from ....envs.episode.env import check_action
-from ....envs.pendulum.core import PendulumCore
 from ....envs.pendulum.env import PendulumEpisodes
 from ....envs.scenario.scenario import Scenario
-from ...rollout.one import MAX_STEPS
+from ...rollout.loop import Ints, Watch, run_episodes
+from ...rollout.outcome import Outcome
+from ...rollout.slots import Slots
 from .sensor import EXACT, Measurement, PendulumSensor
 
 Array = NDArray[np.float64]
-Watcher = Callable[[PendulumCore], None]
 
 
 @dataclass(frozen=True)
@@ -41,25 +40,13 @@ class Plant:
         return PendulumEpisodes(n, self.robot, self.limits, self.preset, self.control_hz)
 
 
-@dataclass(frozen=True)
-class Ending:
-    """What became of one scenario; the fields mean what they mean in `Outcome`."""
-
-    scenario_id: str
-    survived: bool
-    recovered: bool
-    recovered_at: float | None  # [s]
-    failure_reason: str | None
-    end_time: float  # [s]
-
-
 def run_batch(
     policy: Policy,
     scenarios: Sequence[Scenario],
     plant: Plant | None = None,
     measurement: Measurement = EXACT,
-    watch: Watcher | None = None,
-) -> list[Ending]:
+    watch: Watch | None = None,
+) -> list[Outcome]:
     """Run scenarios side by side, each to its own end; what comes out does not depend on its neighbours.
 
     Args:
@@ -67,52 +54,46 @@ def run_batch(
         scenarios: what happens to each pendulum.
         plant: robot, limits and planning rate; the environment's defaults without it.
         measurement: errors of what the policy sees.
-        watch: called with the core after reset and after every period, to look, not to touch.
+        watch: called with the slots at the start of an episode and after every period, to look, not to touch.
 
     Raises:
         InvalidValueError: actions of another shape or not finite, or an episode that never ends.
     """
     episodes = (Plant() if plant is None else plant).episodes(len(scenarios))
-    for k, scenario in enumerate(scenarios):
-        episodes.begin(k, scenario)
-    core: PendulumCore = episodes.core
-    sensor = PendulumSensor(core, scenarios, measurement)
-    actions = np.zeros((len(scenarios), GAIT_SIZE), np.float32)
-    endings: dict[int, Ending] = {}
-    standing = np.arange(len(scenarios))
-    if watch is not None:
-        watch(core)
-    for _ in range(MAX_STEPS):
-        if not len(standing):
-            return [endings[k] for k in range(len(scenarios))]
-        actions[standing] = _act(policy, sensor.look()[standing])
-        period = episodes.step(actions)
-        if watch is not None:
-            watch(core)
-        ended = period.failed | period.truncated
-        for k in standing[ended[standing]].tolist():
-            endings[k] = _ending(scenarios[k], episodes, k)
-        standing = standing[~ended[standing]]
-    raise InvalidValueError(f"scenario {scenarios[standing[0]].id!r} did not end within {MAX_STEPS} steps")
+    slots = _MeasuredSlots(episodes, scenarios, measurement, watch)
+    found = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum"))
+    return [found[number] for number in range(len(scenarios))]
 
 
-def _act(policy: Policy, observations: Array) -> NDArray[np.float32]:
-    """Actions (n, 7); where all see the same, as before their pushes differ, one plan is enough."""
-    n, bits = len(observations), observations.view(np.uint64)
-    if n > 1 and (bits[0] == bits[-1]).all() and (bits == bits[0]).all():
-        one = check_action(policy.predict(observations[:1])[0], "actions", (1, GAIT_SIZE))
-        return np.repeat(one, n, axis=0)
-    return check_action(policy.predict(observations)[0], "actions", (n, GAIT_SIZE))
+class _MeasuredSlots(Slots):
+    """Slots whose policy sees a measurement; slot k holds scenario k."""
+
+    def __init__(
+        self,
+        episodes: PendulumEpisodes,
+        scenarios: Sequence[Scenario],
+        measurement: Measurement,
+        watch: Watch | None,
+    ):
+        super().__init__(episodes, watch=watch)
+        self._sensor = PendulumSensor(episodes.core, scenarios, measurement)
+
+    def observe(self, rows: Ints) -> Array:
+        """What the sensor shows of the pendulums `rows`."""
+        return self._sensor.look()[rows]
 
 
-def _ending(scenario: Scenario, episodes: PendulumEpisodes, k: int) -> Ending:
-    failure = episodes.failures[episodes.failure()[k]] or None
-    recovered_at = episodes.monitor.recovered_at(k)
-    return Ending(
-        scenario_id=scenario.id,
-        survived=failure is None,
-        recovered=failure is None and recovered_at is not None,
-        recovered_at=recovered_at,
-        failure_reason=failure,
-        end_time=float(episodes.core.state.time[k]),
-    )
+class _PlansOnce:
+    """A policy that plans once where all see the same, as before their pushes differ."""
+
+    def __init__(self, policy: Policy):
+        self._policy = policy
+
+    def predict(
+        self, observation: Array, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, None]:
+        """Actions (n, 7) of observations (n, 36)."""
+        n, bits = len(observation), observation.view(np.uint64)
+        if n > 1 and (bits[0] == bits[-1]).all() and (bits == bits[0]).all():
+            return np.repeat(self._policy.predict(observation[:1])[0], n, axis=0), None
+        return self._policy.predict(observation)[0], None

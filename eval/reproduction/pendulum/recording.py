@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ....controllers.model.observation import SWING_POSITION
 from ....envs.pendulum.core import PendulumCore
+from ...rollout.slots import Slots
 from .batch import run_batch
 from .record import Record
 from .scan import PushKind
@@ -22,8 +23,9 @@ class _Recorder:
         self._rows: list[dict[str, Array]] = []
         self.push_start = 0.0  # [s]
 
-    def __call__(self, core: PendulumCore) -> None:
+    def __call__(self, slots: Slots) -> None:
         """Take one sample."""
+        core: PendulumCore = slots.episodes.core
         s, seen = core.state, core.observation[0]
         outward = np.array([1.0, -1.0 if s.side[0] == 0 else 1.0, 1.0])
         self.push_start = float(core.pushes.start[0, 0])

@@ -11,7 +11,7 @@ from ....controllers.model.capturability import max_recoverable_force, max_recov
 from ....envs.scenario.push import GaitEvent, polar_push
 from ....envs.scenario.scenario import Command, Scenario
 from ...frontier.scan import BEYOND, FORCE_CAP, NOMINAL_STEPS
-from .batch import Ending, run_batch
+from .batch import run_batch
 from .variants import Variant, built
 
 CHUNK = 640.0  # range of forces that are tried side by side; changes no number [N]
@@ -124,7 +124,7 @@ class EpisodeJob:
         """Run it."""
         policy, plant = built(self.variant)
         scenario = self.push.scenario(self.strength)
-        ending: Ending = run_batch(policy, [scenario], plant, self.variant.measurement)[0]
+        ending = run_batch(policy, [scenario], plant, self.variant.measurement)[0]
         return {
             "survived": ending.survived,
             "recovered": ending.recovered,

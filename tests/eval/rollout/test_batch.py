@@ -12,7 +12,7 @@ from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout import batch as module
+from push_recovery.eval.rollout import loop
 from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
 from push_recovery.eval.rollout.by_name import load_policy, make_env
 from push_recovery.eval.rollout.one import rollout
@@ -143,7 +143,7 @@ def test_errors_are_those_of_a_single_episode(monkeypatch):
     env = make_env(PENDULUM)
     episodes, policy = batch_episodes(env, 2), load_policy("passive", env)
     assert episodes is not None
-    monkeypatch.setattr(module, "MAX_STEPS", 5)
+    monkeypatch.setattr(loop, "MAX_STEPS", 5)
     with pytest.raises(InvalidValueError, match="'long' did not end within 5 steps"):
         list(rollout_batch(episodes, policy, [Scenario("long", duration=9.0)], "p"))
 

@@ -93,7 +93,8 @@ class Watching:
 def watched(measurement, scenario):
     watching, cores = Watching(), []
 
-    def watch(core):
+    def watch(slots):
+        core = slots.episodes.core
         s = core.state
         arrays = (s.com, s.velocity, s.stance, s.side, s.push, core.observation)
         cores.append([array[0].copy() for array in arrays])

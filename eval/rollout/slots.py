@@ -1,0 +1,104 @@
+"""Robots that share one core: each slot holds an episode, and all move in one planning period."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.model.gait_box import GAIT_SIZE
+from ...envs.episode.env import check_action
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.scenario.scenario import Scenario
+from .loop import Ints, Watch
+from .one import limits_met
+from .outcome import Ending
+from .wrapped_action import ActionRule, Actions
+
+
+class Slots:
+    """The robots of a core, for `run_episodes`.
+
+    Args:
+        episodes: of the core; what they held before is lost.
+        rule: what an action means, see `action_rule`; a gait action for one period without it.
+        watch: called with the slots after the start of an episode and after every planning period.
+    """
+
+    def __init__(self, episodes: GaitEpisodes, rule: ActionRule | None = None, watch: Watch | None = None):
+        self.episodes, self.n = episodes, episodes.n
+        self._rule, self._watch = rule, watch
+        self._hold = 1 if rule is None else rule.hold
+        self._actions = np.zeros((episodes.n, GAIT_SIZE), np.float32)
+        self._begun = np.zeros(episodes.n, np.bool_)
+        self._total = np.zeros(episodes.n)  # reward
+        self._ends: dict[int, Ending] = {}  # by slot; without the reward of the held action
+
+    def begin(self, k: int, scenario: Scenario) -> None:
+        """Begin a scenario in slot k."""
+        self._total[k] = 0.0
+        self.episodes.begin(k, scenario)
+        self._begun[k] = True
+        self._look()
+
+    def rest(self, k: int) -> None:
+        """Leave slot k empty; a robot that has fallen rests, so that it costs no physics."""
+        if not self._begun[k]:
+            self.episodes.begin(k, Scenario("empty"))
+            self._begun[k] = True
+        self.episodes.failure()[k] = 1
+
+    def observe(self, rows: Ints) -> NDArray[np.float64]:
+        """Observations (len(rows), 36)."""
+        return self.episodes.core.observation[rows]
+
+    def step(self, rows: Ints, actions: Any) -> list[int]:
+        """One action of the episodes in `rows`, for as long as it is held; returns the slots that ended.
+
+        Raises:
+            InvalidValueError: actions of another shape or not finite.
+        """
+        held = check_action(actions, "actions", (len(rows), GAIT_SIZE))
+        reward, left = np.zeros(self.n), rows
+        for _ in range(self._hold):
+            self._actions[left] = self._gait_actions(left, held)
+            period = self.episodes.step(self._actions)
+            self._look()
+            reward[left] += period.reward.total[left]
+            over = (period.failed | period.truncated)[left]
+            if over.any():
+                for k in left[over].tolist():
+                    self._end(k, bool(period.failed[k]))
+                left, held = left[~over], held[~over]
+            if not len(left):
+                break
+        self._total[rows] += reward[rows]
+        return sorted(self._ends)
+
+    def ending(self, k: int) -> Ending:
+        """Of the episode that has ended in slot k."""
+        ending = self._ends.pop(k)
+        return replace(ending, total_reward=float(self._total[k]))
+
+    def _gait_actions(self, rows: Ints, actions: Actions) -> Actions:
+        if self._rule is None:
+            return actions
+        return self._rule.gait_actions(self.episodes.core.observation[rows], actions)
+
+    def _end(self, k: int, fell: bool) -> None:
+        """Keep what becomes of slot k; within a held action the robot goes on."""
+        episodes = self.episodes
+        self._ends[k] = Ending(
+            fell=fell,
+            time=float(episodes.motion().time[k]),
+            recovered_at=episodes.monitor.recovered_at(k),
+            failure_reason=episodes.failures[episodes.failure()[k]],
+            total_reward=0.0,
+            limits=limits_met(episodes, k),
+        )
+
+    def _look(self) -> None:
+        if self._watch is not None:
+            self._watch(self)
