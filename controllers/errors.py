@@ -7,10 +7,26 @@ import math
 import numbers
 from collections.abc import Iterable
 
+LONGEST_SHOWN = 200  # characters of a refused value in a message
+
 
 def is_finite_number(value: object) -> bool:
-    """Whether a value is a finite real number; True and False are none."""
-    return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether a value is a finite real number that a float can hold; True and False are none."""
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest float
+        return False
+
+
+def shown(value: object) -> str:
+    """A refused value as an error message shows it: its repr, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return f"a {type(value).__name__} of thousands of digits"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
 class PushRecoveryError(Exception):
@@ -26,9 +42,9 @@ class UnknownNameError(PushRecoveryError, ValueError):
 
     def __init__(self, kind: str, name: object, valid: Iterable[str]):
         valid = list(valid)
-        close = difflib.get_close_matches(str(name), valid, n=1)
+        close = difflib.get_close_matches(name, valid, n=1) if isinstance(name, str) else []
         hint = f"; did you mean {close[0]!r}?" if close else ""
-        super().__init__(f"unknown {kind} {name!r}{hint} (valid: {', '.join(valid)})")
+        super().__init__(f"unknown {kind} {shown(name)}{hint} (valid: {', '.join(valid)})")
 
 
 class MissingExtraError(PushRecoveryError, ImportError):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from .errors import InvalidValueError, UnknownNameError
+from .errors import InvalidValueError, UnknownNameError, shown
+
+K = TypeVar("K")
 
 
 def require_choice(kind: str, value: object, valid: Sequence[str]) -> None:
     """Raise UnknownNameError unless the value is one of the valid names."""
-    if value not in valid:
+    if not isinstance(value, str) or value not in valid:
         raise UnknownNameError(kind, value, valid)
 
 
@@ -22,8 +24,11 @@ def require_number(
 ) -> float:
     """A finite float in [low, high] (or (low, high]); raises InvalidValueError naming the bound."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise InvalidValueError(f"{name} must be a number, got {value!r}")
-    number = float(value)
+        raise InvalidValueError(f"{name} must be a number, got {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        raise InvalidValueError(f"{name} must be finite, got {shown(value)}: no float is so large") from None
     if not math.isfinite(number):
         raise InvalidValueError(f"{name} must be finite, got {number}")
     if number < low or number > high or (open_low and number == low):
@@ -32,18 +37,28 @@ def require_number(
     return number
 
 
-def require_integer(name: str, value: object, low: int = 0) -> int:
-    """An integer of at least `low`; raises InvalidValueError naming the bound."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
-        raise InvalidValueError(f"{name} must be an integer >= {low}, got {value!r}")
-    return int(value)
+def require_integer(name: str, value: object, low: int = 0, high: int | None = None) -> int:
+    """An integer in [low, high], of any size without `high`; raises InvalidValueError naming the bound."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+        if low <= number and (high is None or number <= high):
+            return number
+    bound = f">= {low}" if high is None else f"in [{low}, {high}]"
+    raise InvalidValueError(f"{name} must be an integer {bound}, got {shown(value)}")
 
 
-def require_vector(name: str, value: object) -> tuple[float, float, float]:
-    """Three finite floats as a tuple."""
+def require_kind(name: str, value: object, kind: type[K]) -> K:
+    """The value, an object of a class; raises InvalidValueError naming both classes."""
+    if not isinstance(value, kind):
+        raise InvalidValueError(f"{name} must be a {kind.__name__}, got {shown(value)}")
+    return value
+
+
+def require_vector(name: str, value: object, largest: float = math.inf) -> tuple[float, float, float]:
+    """Three finite floats, each within +-`largest`, as a tuple."""
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 3:
-        raise InvalidValueError(f"{name} must have 3 entries (x, y, z), got {value!r}")
-    x, y, z = (require_number(f"{name}[{i}]", entry) for i, entry in enumerate(value))
+        raise InvalidValueError(f"{name} must have 3 entries (x, y, z), got {shown(value)}")
+    x, y, z = (require_number(f"{name}[{i}]", entry, -largest, largest) for i, entry in enumerate(value))
     return (x, y, z)
 
 

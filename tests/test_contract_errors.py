@@ -77,7 +77,7 @@ def test_limits_are_finite(name, value):
 @pytest.mark.parametrize("name", ["duration_min", "cop_x_max", "cop_y_max", "trunk_acceleration_max"])
 @pytest.mark.parametrize("value", [0.0, -0.1])
 def test_times_and_symmetric_bounds_are_positive(name, value):
-    with pytest.raises(InvalidValueError, match=rf"GaitLimits\.{name} must be positive.*{value}"):
+    with pytest.raises(InvalidValueError, match=rf"GaitLimits\.{name} must be (positive|at least).*{value}"):
         GaitLimits(**{name: value})
 
 
@@ -281,3 +281,24 @@ def test_whole_actions_are_not_scored_as_residuals(tmp_path):
     line = refused(tmp_path, "evaluate", "--env", "PushRecovery/BipedResidual-v0", "--policies", "two-stage")
     assert "residuals" in line
     assert "PushRecovery/Biped-v0" in line
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(RobotModel)])
+@pytest.mark.parametrize("value", [1e-300, 0.99e-4, 1.01e6, 1e300])
+def test_physical_constants_have_bounds(name, value):
+    with pytest.raises(InvalidValueError, match=rf"RobotModel\.{name} must lie in \[0.0001, 1e\+06\]"):
+        RobotModel(**{name: value})
+
+
+@pytest.mark.parametrize("kind", [RobotModel, GaitLimits])
+def test_constants_beyond_floats_are_refused(kind):
+    for field in fields(kind):
+        with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{field.name} must be .*finite"):
+            kind(**{field.name: 10**400})
+
+
+@pytest.mark.parametrize("value", [1e-300, 0.0099, 0.0, -1.0])
+def test_the_shortest_step_has_a_bound(value):
+    GaitLimits(duration_min=0.01)
+    with pytest.raises(InvalidValueError, match=r"GaitLimits.duration_min must be at least 0.01 s"):
+        GaitLimits(duration_min=value)

@@ -22,6 +22,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
+from ..controllers.json_text import parse_json
 from .settings import TrainingSettings
 
 KEEP = 2
@@ -84,7 +85,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
             )
         path = found[-1]
     try:
-        state = json.loads((path / "state.json").read_text())
+        state = parse_json("state.json", (path / "state.json").read_bytes())
         tensors = load((path / "tensors.safetensors").read_bytes())
         if state["format_version"] != FORMAT_VERSION:
             raise InvalidValueError(f"format {state['format_version']}, this version reads {FORMAT_VERSION}")

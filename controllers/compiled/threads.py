@@ -7,8 +7,9 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from ..errors import InvalidValueError
+from ..errors import InvalidValueError, shown
 
+MOST_THREADS = 1024
 Job = Callable[[int, int, int], object]  # (worker, first, end)
 
 
@@ -23,10 +24,12 @@ class RangeThreads:
         """Start nothing yet.
 
         Raises:
-            InvalidValueError: for less than one thread.
+            InvalidValueError: for less than one thread or more than MOST_THREADS.
         """
-        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-            raise InvalidValueError(f"threads must be a whole number from 1, got {threads!r}")
+        if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= MOST_THREADS:
+            raise InvalidValueError(
+                f"threads must be a whole number from 1 to {MOST_THREADS}, got {shown(threads)}"
+            )
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0

@@ -9,10 +9,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidValueError, is_finite_number
+from ..errors import InvalidValueError, is_finite_number, shown
 from .robot import RobotModel
 
 GAIT_SIZE = 7
+SHORTEST_STEP = 0.01  # least `duration_min` [s]
 GAIT_NAMES = ("step_length", "step_width", "step_duration", "cop_x", "cop_y", "trunk_pitch_acceleration",
               "trunk_roll_acceleration")  # fmt: skip
 
@@ -40,7 +41,7 @@ class GaitLimits:
         for field in fields(self):
             if not is_finite_number(getattr(self, field.name)):
                 raise InvalidValueError(
-                    f"GaitLimits.{field.name} must be finite, got {getattr(self, field.name)!r}"
+                    f"GaitLimits.{field.name} must be finite, got {shown(getattr(self, field.name))}"
                 )
         for name in ("length", "width", "duration"):
             low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
@@ -48,8 +49,10 @@ class GaitLimits:
                 raise InvalidValueError(
                     f"GaitLimits.{name}_min must be below {name}_max, got {low} >= {high}"
                 )
-        if not self.duration_min > 0:
-            raise InvalidValueError(f"GaitLimits.duration_min must be positive [s], got {self.duration_min}")
+        if not self.duration_min >= SHORTEST_STEP:
+            raise InvalidValueError(
+                f"GaitLimits.duration_min must be at least {SHORTEST_STEP} s, got {self.duration_min}"
+            )
         for name in ("cop_x_max", "cop_y_max", "trunk_acceleration_max"):
             if not getattr(self, name) > 0:
                 raise InvalidValueError(f"GaitLimits.{name} must be positive, got {getattr(self, name)}")

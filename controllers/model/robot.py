@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from ..errors import InvalidValueError, is_finite_number
+from ..errors import InvalidValueError, is_finite_number, shown
 
 GRAVITY = 9.81  # [m/s^2]
+SMALLEST, LARGEST = 1e-4, 1e6  # of any constant of a robot, in its unit
 
 
 def natural_frequency(com_height: float) -> float:
@@ -38,7 +39,13 @@ class RobotModel:
         for field in fields(self):
             value = getattr(self, field.name)
             if not (is_finite_number(value) and value > 0):
-                raise InvalidValueError(f"RobotModel.{field.name} must be positive and finite, got {value!r}")
+                raise InvalidValueError(
+                    f"RobotModel.{field.name} must be positive and finite, got {shown(value)}"
+                )
+            if not SMALLEST <= value <= LARGEST:
+                raise InvalidValueError(
+                    f"RobotModel.{field.name} must lie in [{SMALLEST:g}, {LARGEST:g}], got {value:g}"
+                )
 
     @property
     def omega(self) -> float:

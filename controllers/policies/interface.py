@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from ..errors import InvalidValueError, shown
+
 
 class Policy(Protocol):
     """Whatever acts: the signature of Stable-Baselines3's predict."""
@@ -13,3 +15,14 @@ class Policy(Protocol):
     ) -> tuple[Any, Any]:
         """Actions for one observation or a batch, and the state to hand in next time."""
         ...
+
+
+def check_policy(policy: object) -> Any:
+    """The policy as it is.
+
+    Raises:
+        InvalidValueError: It has no method `predict`.
+    """
+    if not callable(getattr(policy, "predict", None)):
+        raise InvalidValueError(f"a policy needs a method predict(observation, ...), got {shown(policy)}")
+    return policy

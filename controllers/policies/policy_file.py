@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InvalidValueError
 from ..files import write_atomically
+from ..json_text import parse_json
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
@@ -121,11 +122,10 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
 
 def _read_description(path: Path) -> dict[str, Any]:
     try:
-        about = json.loads(path.read_bytes().decode("utf-8"))
+        text = path.read_bytes()
     except OSError as error:
         raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InvalidValueError(f"the policy description {path} is not JSON: {error}") from error
+    about = parse_json(f"the policy description {path}", text)
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise InvalidValueError(f"{path} is not a policy description (its format must be {FORMAT!r})")
     if about.get("format_version") != FORMAT_VERSION:

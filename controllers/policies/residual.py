@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidValueError
+from ..errors import InvalidValueError, shown
 from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
 
 # What a learned correction of 1 means at factor 1, in the units of GAIT_NAMES: [m], [m], [s], [m], [m],
@@ -40,8 +40,10 @@ def check_residual_scale(scale: ArrayLike) -> NDArray[np.float32]:
     """
     try:
         values = np.asarray(scale, dtype=np.float32)
-    except (TypeError, ValueError):
-        raise InvalidValueError(f"residual scale must be 1 or {GAIT_SIZE} numbers, got {scale!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValueError(
+            f"residual scale must be 1 or {GAIT_SIZE} numbers, got {shown(scale)}"
+        ) from None
     if values.shape not in {(), (GAIT_SIZE,)}:
         raise InvalidValueError(
             f"residual scale must be one number or {GAIT_SIZE} ({', '.join(GAIT_NAMES)}), "

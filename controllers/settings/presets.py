@@ -22,6 +22,7 @@ from typing import Any
 
 from ..errors import InvalidValueError, UnknownNameError
 from ..files import write_atomically
+from ..json_text import parse_json
 from .arms import ARMS
 from .planner_config import PlannerConfig
 
@@ -125,18 +126,15 @@ def load_preset(preset: str) -> PresetFile:
             raise UnknownNameError("preset", preset, [*preset_names(), "FILE.json"])
         return PresetFile(preset)
     try:
-        text = Path(preset).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = Path(preset).read_bytes()
+    except (OSError, ValueError) as error:
         raise InvalidValueError(f"cannot read preset file {preset!r}: {error}") from error
     return _parse(text, preset)
 
 
-def _parse(text: str, name: str) -> PresetFile:
+def _parse(text: str | bytes, name: str) -> PresetFile:
     """The preset file with a content; `name` is for errors."""
-    try:
-        content = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InvalidValueError(f"cannot read preset file {name!r}: {error}") from error
+    content = parse_json(f"preset file {name!r}", text)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InvalidValueError(f"{name!r} is no preset file: its 'format' is not {FORMAT!r}")
     if content.get("format_version") != FORMAT_VERSION:

@@ -23,6 +23,7 @@ from .swing_foot import quintic_step, swing_update
 from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
+NOT_FINITE = FAILURES.index("not_finite")
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
 Point = tuple[float, float]  # on the floor, world axes [m]
@@ -240,7 +241,7 @@ def check_failure(phys: Physics, gait: Gait, k: int, s: GaitSettings) -> None:
         return
     height = phys.com[k, 0, 2] - sole_position(phys, k, gait.stance[k])[2]
     if not np.isfinite(height):
-        gait.failure[k] = 3
+        gait.failure[k] = NOT_FINITE
     elif height < LOWEST * s.com_height:
         gait.failure[k] = 1
     elif phys.xmat[k, PELVIS, 8] < STEEPEST:

@@ -17,6 +17,7 @@ from ...controllers.estimation.self_model import SelfModel, count_asked, learn, 
 from ...controllers.whole_body.bounds import Bounds, BoundSettings
 from ...controllers.whole_body.bounds_met import DCM_TRACKING
 from ...controllers.whole_body.gait_machine import (
+    NOT_FINITE,
     Gait,
     GaitSettings,
     accept,
@@ -34,6 +35,7 @@ from .limit_record import LimitRecord, note_limits, plan_limits
 from .model_errors import RobotErrors, advance_with_errors, show
 from .pushes import apply_pushes
 
+FASTEST = 1e6  # no joint or base moves faster: what does has left what numbers can hold [m/s, rad/s]
 SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields), len(BoundSettings._fields)
 
 
@@ -203,12 +205,21 @@ def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, en
         limits.plan[k] = plan_limits(seen[k], gait.plan[k], limits.plan[k], limits.edges)
 
 
+@njit(cache=True)
+def escaped(qvel: Array, k: int) -> bool:
+    """Whether a velocity of robot k, (n, 20), is not finite or beyond FASTEST."""
+    fine = True
+    for i in range(qvel.shape[1]):
+        fine = fine and abs(qvel[k, i]) <= FASTEST
+    return not fine
+
+
 @njit(cache=True, nogil=True)
 def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
     """Control and physics of robots first..end-1.
 
     One robot makes all its steps before the next begins, with its data still in the processor's cache. A
-    robot that has fallen rests.
+    robot that has fallen rests. One whose state overflows falls at once, before control divides by it.
     """
     phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
     handles, errors, known = handles_of(t), errors_of(t), known_of(t)
@@ -231,6 +242,9 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             else:
                 first_side = (gait.stance[k] + gait.steps[k]) % 2
                 advance_with_errors(phys, errors, k, first_side, handles)
+            if escaped(phys.qvel, k):
+                gait.failure[k] = NOT_FINITE
+                break
             scale_mass(known, k, phys)
             count_contacts(contacts, k, dt)
             count_asked(known, k, gait, dt)
@@ -238,13 +252,18 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
 
 @njit(cache=True, nogil=True)
 def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, commands, observations and margins of robots first..end-1."""
+    """Falls, commands, observations and margins of robots first..end-1.
+
+    One whose state is not finite keeps the observation that it had.
+    """
     phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
     command, previous, capture, out, margin, world, truth = exchange_of(t)
     errors, limits, starts = errors_of(t), limits_of(t), pushes_of(t).start
     schedule, known = schedule_of(t), known_of(t)
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
+        if gait.failure[k] == NOT_FINITE:
+            continue
         follow(schedule, k, gait.time[k], command[k])
         gait.turn[k] = command[k, 2]
         span, before = contacts.time[k], (world[k, 0], world[k, 1])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import gymnasium as gym
 import numpy as np
@@ -15,6 +16,7 @@ from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalGait
 from ...controllers.model.observation import ELAPSED, OBSERVATION_SIZE
+from ...controllers.validation import require_integer
 from ..scenario.push import SIDES, Push
 from ..scenario.scenario import PushDistribution, Scenario
 from .episodes import GaitEpisodes
@@ -31,18 +33,30 @@ def check_action(
     """Gait actions of a shape as float32, clipped to [-1, 1]; `name` is what errors call it.
 
     Raises:
-        InvalidValueError: for another shape, or NaN or infinity.
+        InvalidValueError: for another shape, something that is no real number, or NaN or infinity.
     """
     try:
-        values = np.array(action, dtype=np.float32, order="C")
-    except (TypeError, ValueError) as error:
+        values = np.array(action, order="C")
+    except (TypeError, ValueError) as error:  # ragged
         raise InvalidValueError(f"{name} is not an array of numbers: {error}") from None
+    if values.dtype != np.float32:
+        values = _as_single(values, name)
     if values.shape != shape:
         raise InvalidValueError(f"{name} must have shape {shape}, got {values.shape}")
     if not _clip(values.reshape(-1)):
         bad = values if values.ndim == 1 else values[~np.isfinite(values).all(axis=1)][0]
         raise InvalidValueError(f"{name} must be finite, within [-1, 1], got {bad.tolist()}")
     return values
+
+
+def _as_single(values: NDArray[Any], name: str) -> NDArray[np.float32]:
+    """Real numbers as float32; finite ones beyond its range, such as 1e300, become +-1, as `_clip` has it."""
+    if values.dtype == np.object_ and all(isinstance(value, int) for value in values.flat):
+        values = np.clip(values, -1, 1).astype(np.float64)  # integers of any size
+    if values.dtype.kind not in "biuf":
+        raise InvalidValueError(f"{name} is not an array of numbers: it holds {values.dtype}")
+    finite = np.isfinite(values)
+    return np.where(finite, np.clip(values, -1, 1), values).astype(np.float32)
 
 
 @njit(cache=True)
@@ -134,8 +148,12 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         Args:
             seed: of the push distribution.
             options: {"scenario": Scenario} runs exactly that one; without it one is drawn.
+
+        Raises:
+            InvalidValueError: a seed that is no integer >= 0, or options or a scenario that are none.
+            UnknownNameError: another option.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else require_integer("seed", seed))
         self.scenario = self._scenario(options)
         self.episodes.begin(0, self.scenario)
         self._pushes = [push_info(push, self.robot.mass) for push in self.scenario.pushes]
@@ -156,6 +174,10 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             self.render()
         return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
 
+    def __copy__(self) -> Self:
+        """A copy shares nothing with its original, or is refused (a biped's)."""
+        return copy.deepcopy(self)
+
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._picture is not None:
@@ -165,9 +187,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
     def _scenario(self, options: dict[str, Any] | None) -> Scenario:
         if not isinstance(options, dict | None):
             raise InvalidValueError(f"reset options must be a dict, got {options!r}")
-        unknown = set(options or {}) - {"scenario"}
-        if unknown:
-            raise UnknownNameError("reset option", sorted(unknown)[0], ["scenario"])
+        if unknown := set(options or {}) - {"scenario"}:
+            raise UnknownNameError("reset option", sorted(unknown, key=str)[0], ["scenario"])
         scenario = (options or {}).get("scenario")
         if scenario is None:
             return self.push_distribution.sample(self.np_random)

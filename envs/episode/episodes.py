@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.compiled.compile_notice import announce_compilation
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
 from ...controllers.model.nominal_start import nominal_start
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.presets import preset_config, preset_names
+from ...controllers.validation import require_integer, require_kind
 from ..scenario.scenario import Scenario
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
 from .recovery import GaitMonitor, uphill_dcm
@@ -23,6 +25,8 @@ from .reward import REWARD_TERMS, Reward
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+MOST_ROBOTS = 100_000
 
 
 class World(NamedTuple):
@@ -60,14 +64,15 @@ class GaitEpisodes(ABC):
         """Set up all but the core.
 
         Raises:
-            InvalidValueError: no robot; a rate outside 20-1000 Hz; or a preset with double support,
-                which the robot does not know.
+            InvalidValueError: no robot or too many; a robot or limits that are none; a rate outside
+                20-1000 Hz; or a preset with double support, which the robot does not know.
             UnknownNameError: for an unknown preset.
         """
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-            raise InvalidValueError(f"num_envs must be a whole number >= 1, got {n!r}")
+        n = require_integer("num_envs", n, 1, MOST_ROBOTS)
+        require_kind("robot", robot, RobotModel)
+        require_kind("limits", limits, GaitLimits)
         if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
-            raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {control_hz!r}")
+            raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {shown(control_hz)}")
         config = preset_config(preset)
         if config.double_support > 0 and not self.has_double_support:
             valid = [name for name in preset_names() if preset_config(name).double_support == 0]
@@ -76,7 +81,7 @@ class GaitEpisodes(ABC):
                 f"does not know; choose from: {', '.join(valid)}"
             )
         announce_compilation()
-        self.n, self.robot, self.limits, self.preset = int(n), robot, limits, preset
+        self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
         self.control_hz = control_hz
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.monitor = GaitMonitor(self.n)
@@ -167,6 +172,10 @@ class GaitEpisodes(ABC):
         )  # fmt: skip
         self._table = period_table(self.robots, episodes, self.monitor.state)
         self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)
+
+    def __copy__(self) -> Self:
+        """A copy shares no array with its original, or is refused (a biped's)."""
+        return copy.deepcopy(self)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """A copy has arrays of its own."""

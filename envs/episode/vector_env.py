@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -155,6 +156,10 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         """Their seeds, -1 before the first reset."""
         return tuple(self._seeds)
 
+    def __copy__(self) -> Self:
+        """A copy shares nothing with its original, or is refused (that of bipeds)."""
+        return copy.deepcopy(self)
+
     # What a residual adds
 
     def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
@@ -211,10 +216,13 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         return self._ended.copy()
 
     def _check_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None or isinstance(seed, int | np.integer):
-            given = [None if seed is None else int(seed) + k for k in range(self.num_envs)]
-        else:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
             given = list(seed)
+        else:
+            first = require_integer("seed", seed)
+            given = [first + k for k in range(self.num_envs)]
         if len(given) != self.num_envs:
             raise InvalidValueError(f"seed must be one number or {self.num_envs}, got {len(given)}")
         return [None if value is None else require_integer("seed", value) for value in given]
@@ -224,11 +232,13 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         if not isinstance(options, dict | None):
             raise InvalidValueError(f"reset options must be a dict, got {options!r}")
         options = options or {}
-        if unknown := sorted(set(options) - set(OPTIONS)):
+        if unknown := sorted(set(options) - set(OPTIONS), key=str):
             raise UnknownNameError("reset option", unknown[0], OPTIONS)
-        n, rows = self.num_envs, np.asarray(options.get("reset_mask", True))
-        if "reset_mask" not in options:
-            rows = np.ones(n, np.bool_)
+        n = self.num_envs
+        try:
+            rows = np.asarray(options.get("reset_mask", np.ones(n, np.bool_)))
+        except (TypeError, ValueError):  # ragged
+            rows = np.empty(0, np.bool_)
         if rows.dtype != np.bool_ or rows.shape != (n,) or not rows.any():
             raise InvalidValueError(
                 f"options['reset_mask'] must be {n} booleans, one of them True, got {options['reset_mask']!r}"

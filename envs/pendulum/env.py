@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...controllers.model.double_support import INSTANT, both_stand
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.robot import RobotModel
+from ...controllers.validation import require_kind
 from ..episode.env import GaitEnv
 from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
 from ..episode.vector_env import GaitVectorEnv
@@ -32,7 +33,7 @@ class PendulumEpisodes(GaitEpisodes):
         preset: str = "default",
         control_hz: float = 100.0,
     ):
-        robot = RobotModel() if robot is None else robot
+        robot = RobotModel() if robot is None else require_kind("robot", robot, RobotModel)
         limits = GaitLimits.of(robot) if limits is None else limits
         super().__init__(n, robot, limits, preset, control_hz)
         self.core = PendulumCore(self.n, robot, limits, control_hz, self.double_support)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies.interface import Policy
+from ...controllers.policies.interface import Policy, check_policy
 from ...controllers.policies.residual import check_residual_scale, compose, default_residual_scale
 from ...controllers.policies.residual_gate import check_gate, make_gate
 from ...controllers.policies.two_stage import make_policy
+from ...controllers.validation import require_kind
 from ..episode.env import check_action
 from .action_hold import ActionHold
 
@@ -37,7 +38,8 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             see `ResidualGate`; None: g is 1.
 
     Raises:
-        InvalidValueError: The environment's action is not the gait action, or scale or gate is impossible.
+        InvalidValueError: The environment's action is not the gait action, scale or gate is impossible, or
+            what is given as the environment or the policy is none.
         UnknownNameError: No policy or preset of that name.
     """
 
@@ -49,7 +51,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         preset: str | None = None,
         gate: Sequence[float] | None = None,
     ):
-        space = env.action_space
+        space = require_kind("env", env, gym.Env).action_space
         if not (isinstance(space, gym.spaces.Box) and space.shape == (GAIT_SIZE,)):
             raise InvalidValueError(f"a gait residual needs an action space Box ({GAIT_SIZE},), got {space}")
         unwrapped: Any = env.unwrapped
@@ -61,7 +63,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             preset = str(unwrapped.preset) if preset is None else preset
             self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
         else:
-            self.policy = policy
+            self.policy = check_policy(policy)
         self.gate = None if gate is None else check_gate(gate)
         self._opening = (
             make_gate(self.policy, unwrapped.robot, unwrapped.limits, self.gate) if self.gate else None

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.validation import require_keys, require_number
 
 FASTEST_TURN = 0.6  # [rad/s]
@@ -72,12 +72,14 @@ class CommandChange:
         return cls(values["time"], Command.from_dict(values["command"]))
 
 
-def check_changes(changes: Iterable[object]) -> tuple[CommandChange, ...]:
+def check_changes(changes: object) -> tuple[CommandChange, ...]:
     """Changes of a scenario as a tuple.
 
     Raises:
         InvalidValueError: something else among them, or times that do not rise.
     """
+    if not isinstance(changes, Iterable):
+        raise InvalidValueError(f"Scenario.changes must be a sequence of CommandChange, got {shown(changes)}")
     checked: list[CommandChange] = []
     for change in changes:
         if not isinstance(change, CommandChange):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys, require_number, require_vector
 
 STEEPEST_SLOPE = math.radians(5.0)  # [rad]
@@ -87,11 +87,7 @@ class ModelErrors:
             InvalidValueError: no JSON, or a value out of its bounds.
             UnknownNameError: for an unknown field.
         """
-        try:
-            data = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InvalidValueError(f"model errors are not valid JSON: {error}") from error
-        return cls.from_dict(data)
+        return cls.from_dict(parse_json("text of model errors", text))
 
     def require_only(self, robot: str, known: Sequence[str]) -> None:
         """Raise InvalidValueError where an error is set that this kind of robot cannot have."""

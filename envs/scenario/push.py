@@ -26,6 +26,10 @@ SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[Body, ...] = get_args(Body)
 FRAMES: tuple[str, ...] = get_args(PushFrame)
 
+FORCE_MAX = 1e5  # of each component [N]: a robot of 60 kg reaches 170 m/s within 0.1 s
+DURATION_MAX = 3600.0  # [s]
+OFFSET_MAX = 10.0  # of each component [m]
+STEP_MAX = 10**9  # of a gait event
 PENDING = math.inf  # start time of a push whose gait event has not come yet [s]
 
 
@@ -47,7 +51,7 @@ class GaitEvent:
     fraction: float = 0.0  # of the planned step duration, in [0, 1]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "step", require_integer("GaitEvent.step", self.step))
+        object.__setattr__(self, "step", require_integer("GaitEvent.step", self.step, high=STEP_MAX))
         require_choice("stance side", self.side, SIDES)
         fraction = require_number("GaitEvent.fraction", self.fraction, 0.0, 1.0)
         object.__setattr__(self, "fraction", fraction)
@@ -75,6 +79,8 @@ class GaitEvent:
 class Push:
     """A constant force F [N] on a body for a duration d [s]; it delivers the impulse F d [N s].
 
+    Each component of the force is at most FORCE_MAX, the duration DURATION_MAX, both far beyond what leaves a
+    robot standing; beyond them simulated states overflow.
     The force has world axes, which at heading 0 are forward, left and up; in the frame "heading" forward and
     left are those of the robot when the push starts. It stays as it is in the world from then on.
     """
@@ -87,9 +93,9 @@ class Push:
     frame: PushFrame = "world"  # of the force
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", require_vector("Push.force [N]", self.force))
-        object.__setattr__(self, "offset", require_vector("Push.offset [m]", self.offset))
-        duration = require_number("Push.duration [s]", self.duration, 0.0, open_low=True)
+        object.__setattr__(self, "force", require_vector("Push.force [N]", self.force, FORCE_MAX))
+        object.__setattr__(self, "offset", require_vector("Push.offset [m]", self.offset, OFFSET_MAX))
+        duration = require_number("Push.duration [s]", self.duration, 0.0, DURATION_MAX, open_low=True)
         object.__setattr__(self, "duration", duration)
         require_choice("push body", self.body, BODIES)
         require_choice("push frame", self.frame, FRAMES)
@@ -147,8 +153,14 @@ def polar_push(
     body: Body = "pelvis",
     frame: PushFrame = "world",
 ) -> Push:
-    """A horizontal push of `magnitude` [N] towards `direction` psi [rad], counter-clockwise from forward."""
-    require_number("push magnitude [N]", magnitude, 0.0)
+    """A horizontal push of `magnitude` [N] towards `direction` psi [rad], counter-clockwise from forward.
+
+    Raises:
+        InvalidValueError: A magnitude outside [0, FORCE_MAX], a direction that is not finite, or an
+            impossible field of `Push`.
+    """
+    magnitude = require_number("push magnitude [N]", magnitude, 0.0, FORCE_MAX)
+    direction = require_number("push direction [rad]", direction)
     force = (magnitude * math.cos(direction), magnitude * math.sin(direction), 0.0)
     return Push(force, duration, start, body, frame=frame)
 

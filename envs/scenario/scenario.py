@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
+from ...controllers.json_text import parse_json
 from ...controllers.validation import require_choice, require_integer, require_keys, require_number
 from .command import IN_PLACE, Command, CommandChange, check_changes
 from .error_ranges import ErrorRanges
 from .model_errors import EXACT_MODEL, ModelErrors
-from .push import SIDES, GaitEvent, Push, Side, other_side, polar_push
+from .push import (
+    DURATION_MAX,
+    FORCE_MAX,
+    SIDES,
+    STEP_MAX,
+    GaitEvent,
+    Push,
+    Side,
+    other_side,
+    polar_push,
+)
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
+SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
 __all__ = ["SETTLE_TIME", "Command", "CommandChange", "PushDistribution", "Scenario"]
 
 
@@ -43,6 +55,8 @@ class Scenario:
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
             raise InvalidValueError(f"Scenario.id must be a non-empty string, got {self.id!r}")
+        if not isinstance(self.pushes, Iterable):
+            raise InvalidValueError(f"Scenario.pushes must be a sequence of Push, got {shown(self.pushes)}")
         pushes = tuple(self.pushes)
         if bad := [push for push in pushes if not isinstance(push, Push)]:
             raise InvalidValueError(f"Scenario.pushes must hold Push objects, got {bad[0]!r}")
@@ -55,7 +69,9 @@ class Scenario:
         if self.duration is not None:
             duration = require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True)
             object.__setattr__(self, "duration", duration)
-        object.__setattr__(self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed))
+        object.__setattr__(
+            self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed, high=SEED_MAX)
+        )
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
         object.__setattr__(self, "changes", check_changes(self.changes))
@@ -134,13 +150,10 @@ class Scenario:
     @classmethod
     def from_json(cls, text: str) -> Scenario:
         """Inverse of `to_json`; raises InvalidValueError on text that is no JSON."""
-        try:
-            data = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InvalidValueError(f"scenario is not valid JSON: {error}") from error
-        return cls.from_dict(data)
+        return cls.from_dict(parse_json("scenario", text))
 
 
+TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
 COMMAND_KINDS = ("in_place", "forward", "backward", "sideways")
 
 
@@ -172,11 +185,18 @@ class PushDistribution:
             raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {self.errors!r}")
         require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
         require_number("PushDistribution.impulse_max [N s]", self.impulse_max, self.impulse_min)
-        require_number("PushDistribution.direction_min [rad]", self.direction_min)
-        require_number("PushDistribution.direction_max [rad]", self.direction_max, self.direction_min)
+        require_number("PushDistribution.direction_min [rad]", self.direction_min, -TURNS, TURNS)
+        require_number("PushDistribution.direction_max [rad]", self.direction_max, self.direction_min, TURNS)
         require_number("PushDistribution.phase_max", self.phase_max, 0.0, 1.0)
-        require_number("PushDistribution.push_duration [s]", self.push_duration, 0.0, open_low=True)
-        require_integer("PushDistribution.first_step", self.first_step)
+        duration = self.push_duration
+        require_number("PushDistribution.push_duration [s]", duration, 0.0, DURATION_MAX, open_low=True)
+        hardest = self.impulse_max / duration
+        if not hardest <= FORCE_MAX:
+            raise InvalidValueError(
+                f"PushDistribution.impulse_max / push_duration must be at most {FORCE_MAX:g} N, got "
+                f"{self.impulse_max:g} N s / {duration:g} s = {hardest:g} N"
+            )
+        require_integer("PushDistribution.first_step", self.first_step, high=STEP_MAX)
         for name in ("forward_speed", "backward_speed", "sideways_speed"):
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
         require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)

@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import write_atomically
+from ...controllers.json_text import parse_json
 
 
 def write_text(path: Path, text: str) -> None:
@@ -62,10 +63,7 @@ class RowFile:
                 )
             write_text(path, json.dumps(config, indent=1, sort_keys=True) + "\n")
             return
-        try:
-            present = json.loads(path.read_text(encoding="utf-8"))
-        except json.JSONDecodeError as error:
-            raise InvalidValueError(f"{str(path)!r} is not valid JSON: {error}") from error
+        present = parse_json(repr(str(path)), path.read_bytes())
         if present != json.loads(json.dumps(config)):
             known = present if isinstance(present, dict) else {}
             differs = [k for k in sorted({*known, *config}) if known.get(k) != config.get(k)]
@@ -83,7 +81,7 @@ class RowFile:
         whole = content[: content.rfind(b"\n") + 1]
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
-                row = json.loads(line)
+                row = parse_json("it", line)
                 rows.setdefault(tuple(row[name] for name in self.key), row)
             except (ValueError, KeyError, TypeError) as error:
                 raise InvalidValueError(f"{str(self.path)!r} line {number} is no outcome: {error}") from error

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import write_text
+from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import GaitEvent, Push
@@ -73,9 +74,10 @@ def load_suite(path: Path) -> Suite:
         InvalidValueError: the file is missing, no suite, or its hash does not match.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        content = path.read_bytes()
+    except OSError as error:
         raise InvalidValueError(f"cannot read suite file {str(path)!r}: {error}") from error
+    data = parse_json(f"suite file {str(path)!r}", content)
     content = require_keys(f"suite file {str(path)!r}", data, {"name", "version", "scenarios"}, {"sha256"})
     if not isinstance(content["scenarios"], list):
         raise InvalidValueError(f"suite file {str(path)!r}: scenarios must be a list")

@@ -81,5 +81,5 @@ def test_a_copy_has_threads_of_its_own():
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, True, "two"])
 def test_impossible_numbers(threads):
-    with pytest.raises(InvalidValueError, match="threads must be a whole number from 1, got"):
+    with pytest.raises(InvalidValueError, match="threads must be a whole number from 1 to 1024, got"):
         RangeThreads(threads)

@@ -79,7 +79,7 @@ def test_bad_files_are_refused(tmp_path, changes, message):
 def test_unreadable_files_and_unknown_names_are_refused(tmp_path):
     (tmp_path / "torn.json").write_text("{")
     for name in ("torn.json", "absent.json"):
-        with pytest.raises(InvalidValueError, match=r"^cannot read preset file"):
+        with pytest.raises(InvalidValueError, match=rf"preset file .*{name}"):
             load_preset(str(tmp_path / name))
     with pytest.raises(
         UnknownNameError, match=r"^unknown preset 'bipd'; did you mean 'biped'\?.*FILE\.json\)$"

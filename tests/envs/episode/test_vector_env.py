@@ -273,7 +273,7 @@ def test_arguments_are_those_of_the_single_environment(one, many):
 @pytest.mark.parametrize(
     ("kwargs", "error", "text"),
     [
-        ({"num_envs": 0}, InvalidValueError, "num_envs must be a whole number >= 1, got 0"),
+        ({"num_envs": 0}, InvalidValueError, r"num_envs must be an integer in \[1, 100000\], got 0"),
         ({"autoreset_mode": "Later"}, UnknownNameError, "NextStep, SameStep, Disabled"),
         ({"render_mode": "rgb_array"}, InvalidValueError, "draws nothing, got render_mode 'rgb_array'"),
         ({"control_hz": 5}, InvalidValueError, "20-1000 Hz, got 5"),

@@ -220,3 +220,19 @@ def test_scale_serialises_in_the_wrapper_spec():
     env.spec = SimpleNamespace(additional_wrappers=())
     spec = ResidualAction(env, EchoPolicy(), scale=0.5).spec
     assert json.dumps(spec.additional_wrappers[0].kwargs["scale"]) == json.dumps([0.5] * 7)
+
+
+@pytest.mark.parametrize("policy", [3, None, object(), {"predict": 1}])
+def test_a_policy_without_predict_is_refused_at_once(policy):
+    with pytest.raises(InvalidValueError, match="a policy needs a method predict"):
+        ResidualAction(EchoEnv(), policy)
+
+
+def test_what_is_no_environment_is_refused():
+    with pytest.raises(InvalidValueError, match="env must be a Env, got 3"):
+        ResidualAction(3)  # type: ignore[arg-type]
+
+
+def test_a_scale_beyond_floats_is_refused():
+    with pytest.raises(InvalidValueError, match="residual scale must be 1 or 7 numbers"):
+        check_residual_scale(10**400)

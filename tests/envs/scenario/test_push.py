@@ -198,3 +198,34 @@ def test_bad_event_names_the_value():
         Push.from_dict({"force": [1, 0, 0], "duration": 0.1, "start": 0, "when": 1})
     with pytest.raises(InvalidValueError, match="duration"):
         Push.from_dict({"force": [1, 0, 0], "start": 0})
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_force_and_offset_have_bounds(axis, sign):
+    def along(value):
+        return tuple(sign * value if i == axis else 0.0 for i in range(3))
+
+    Push(along(1e5), 3600.0, 0.0, offset=along(10.0))
+    with pytest.raises(
+        InvalidValueError, match=rf"Push\.force \[N\]\[{axis}\] must be in \[-100000, 100000\]"
+    ):
+        Push(along(1.001e5), 0.1, 0.0)
+    with pytest.raises(InvalidValueError, match=rf"Push\.offset \[m\]\[{axis}\] must be in \[-10, 10\]"):
+        Push(along(1.0), 0.1, 0.0, offset=along(10.1))
+
+
+def test_duration_and_step_have_bounds():
+    with pytest.raises(InvalidValueError, match=r"duration \[s\] must be in \(0, 3600\], got 3600\.5"):
+        Push((1.0, 0.0, 0.0), 3600.5, 0.0)
+    with pytest.raises(InvalidValueError, match=r"GaitEvent\.step must be an integer in \[0, 1000000000\]"):
+        GaitEvent(10**30, "left")
+
+
+@pytest.mark.parametrize(
+    ("magnitude", "direction"),
+    [(math.inf, 0.0), (1.1e5, 0.0), (1.0, math.inf), (1.0, math.nan), (1.0, "left")],
+)
+def test_a_polar_push_refuses_what_has_no_direction_or_size(magnitude, direction):
+    with pytest.raises(InvalidValueError, match=r"push (magnitude|direction) \["):
+        polar_push(magnitude, direction, 0.1, 1.0)

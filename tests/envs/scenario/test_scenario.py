@@ -82,3 +82,31 @@ def test_distribution_round_trip_and_bounds():
 def test_bad_scenario_is_an_error_of_this_package(make):
     with pytest.raises(PushRecoveryError):
         make()
+
+
+@pytest.mark.parametrize("name", ["pushes", "changes"])
+@pytest.mark.parametrize("value", [3, None])
+def test_pushes_and_changes_are_sequences(name, value):
+    with pytest.raises(InvalidValueError, match=rf"Scenario\.{name} must be a sequence"):
+        Scenario("a", **{name: value})
+
+
+def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
+    PushDistribution(impulse_max=1e5 * 0.1, push_duration=0.1)
+    for impulse, duration in ((1e4 + 1.0, 0.1), (80.0, 1e-300), (1e308, 0.1)):
+        with pytest.raises(InvalidValueError, match="impulse_max / push_duration must be at most 100000 N"):
+            PushDistribution(impulse_max=impulse, push_duration=duration)
+
+
+@pytest.mark.parametrize(
+    "values", [{"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}]
+)
+def test_a_distribution_refuses_what_it_could_not_draw(values):
+    with pytest.raises(InvalidValueError, match=rf"PushDistribution\.{next(iter(values))}"):
+        PushDistribution(**values)
+
+
+def test_a_noise_seed_stays_one_that_json_can_hold():
+    assert Scenario.from_json(Scenario("a", noise_seed=2**128 - 1).to_json()).noise_seed == 2**128 - 1
+    with pytest.raises(InvalidValueError, match=r"Scenario\.noise_seed must be an integer in"):
+        Scenario("a", noise_seed=2**128)
