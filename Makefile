@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test lint format clean clean-cache
+.PHONY: run test lint format same clean clean-cache
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -32,6 +32,11 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+
+# rows of quick and hard and the numbers of reproduce against another commit's, bit for bit
+REF ?= 7bb5027
+same: $(VENV)/run.stamp
+	$(BIN)/python benchmarks/same_rows.py $(REF)
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff check --fix .
