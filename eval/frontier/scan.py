@@ -19,11 +19,9 @@ from ..rollout.outcome import Outcome
 from ..rollout.workers import Runner, parallel
 from ..score.limits_met import fall_limits
 from .closed_form import DirectionLimits, direction_limits
+from .grid import BEYOND, FORCE_CAP, NOMINAL_STEPS, Scanned, directions_deg, multiples, scan_upwards
 
 FORMAT = 2  # of the rows
-NOMINAL_STEPS = 4  # before the push
-BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
-FORCE_CAP = 4000.0  # no scan goes further [N]
 IN_PLACE = Command()
 
 
@@ -60,51 +58,36 @@ class ScanJob:
 
 
 def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
-    """Raise the force by the grid until BEYOND past the first failure; survival is not monotone in it."""
-    outcomes = _outcomes(runner, job)
-    failed = [force for force, outcome in outcomes.items() if not outcome.survived]
-    survived = [force for force, outcome in outcomes.items() if outcome.survived]
-    before = [force for force in survived if not failed or force < failed[0]]
+    """The row of one direction: raise the force by the grid until BEYOND past the first failure."""
+    outcomes = scan_upwards(
+        lambda forces: _outcomes(runner, job, forces),
+        multiples(job.settings.grid),
+        BEYOND,
+        lambda outcome: outcome.survived,
+    )
+    found = Scanned.of({force: outcome.survived for force, outcome in outcomes.items()})
     return {
         "policy": job.policy,
         "psi_deg": job.psi_deg,
-        "survived_N": max(before, default=0.0),
-        "largest_survived_N": max(survived, default=0.0),
-        "failed_N": failed,
-        "falls": [fall_limits(force, outcomes[force]) for force in failed],
+        "survived_N": found.survived,
+        "largest_survived_N": found.largest_survived,
+        "failed_N": list(found.failed),
+        "falls": [fall_limits(force, outcomes[force]) for force in found.failed],
     }
 
 
-def _outcomes(runner: Runner, job: ScanJob) -> dict[float, Outcome]:
-    """The outcome of each force of the scan [N], in rising order.
-
-    Forces run side by side, so a weaker one may fail late; what was tried past the end it sets is left out.
-    """
-    grid, end = job.settings.grid, FORCE_CAP
-    forces: dict[str, float] = {}  # of the scenarios begun
-    found: dict[float, Outcome] = {}
+def _outcomes(runner: Runner, job: ScanJob, forces: Iterator[float]) -> Iterator[tuple[float, Outcome]]:
+    """Outcomes of forces [N], which run side by side, as they finish."""
+    begun: dict[str, float] = {}  # scenario -> force
 
     def scenarios() -> Iterator[Scenario]:
-        for k in range(1, int(FORCE_CAP / grid + 1e-9) + 1):
-            if k * grid > end + 1e-9:
-                return
-            scenario = job.settings.scenario(job.psi_deg, k * grid)
-            forces[scenario.id] = k * grid
+        for force in forces:
+            scenario = job.settings.scenario(job.psi_deg, force)
+            begun[scenario.id] = force
             yield scenario
 
     for outcome in runner.run_all(job.policy, scenarios()):
-        force = forces[outcome.scenario_id]
-        found[force] = outcome
-        if not outcome.survived:
-            end = min(end, force + BEYOND)
-    return {force: found[force] for force in sorted(found) if force <= end + 1e-9}
-
-
-def directions_deg(count: int) -> list[float]:
-    """`count` directions counter-clockwise from forward [deg]."""
-    if count < 1:
-        raise InvalidValueError(f"directions must be >= 1, got {count}")
-    return [360.0 * k / count for k in range(count)]
+        yield begun[outcome.scenario_id], outcome
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,7 @@ from ..rollout.by_name import code_digest
 from ..rollout.workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
-SOURCES = (
-    "frontier/scan.py", "reproduction/jobs.py", "reproduction/pendulum/*.py", "reproduction/sections/*.py",
-)  # of what decides a row  # fmt: skip
+DECIDING = ("rollout", "frontier", "reproduction", "reproduction/pendulum", "reproduction/sections")  # rooms
 
 Row = dict[str, Any]
 Rows = Mapping[str, Row]  # by key of the job
@@ -54,10 +52,10 @@ def run_job(runner: Runner, job: Job) -> Row:
 
 @cache
 def reproduction_digest() -> str:
-    """SHA-256 over all source that decides a number here."""
+    """SHA-256 over controllers, envs and the rooms of eval that decide a number here."""
     digest = hashlib.sha256(code_digest().encode())
     root = Path(importlib.import_module("...eval", __package__).__path__[0])
-    for path in sorted(path for pattern in SOURCES for path in root.glob(pattern)):
+    for path in (path for room in DECIDING for path in sorted((root / room).glob("*.py"))):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, ClassVar
 
 from ....controllers.model.capturability import max_recoverable_force, max_recoverable_impulse
 from ....envs.scenario.push import GaitEvent, polar_push
 from ....envs.scenario.scenario import Command, Scenario
-from ...frontier.scan import BEYOND, FORCE_CAP, NOMINAL_STEPS
+from ...frontier.grid import BEYOND, NOMINAL_STEPS, Scanned, multiples, scan_upwards
 from .batch import run_batch
 from .variants import Variant, built
 
 CHUNK = 640.0  # range of forces that are tried side by side; changes no number [N]
 JUMP_TIME = 1e-4  # a push this short stands for a velocity jump: 0.02 % less shift of the DCM [s]
 PUSH_TIME = 0.1  # the paper's [s]
+Survives = Callable[[Sequence[float]], Sequence[bool]]
 
 
 @dataclass(frozen=True)
@@ -134,9 +136,7 @@ class EpisodeJob:
         }
 
 
-def scan(
-    survives: Callable[[Sequence[float]], Sequence[bool]], grids: Sequence[float], unit: float = 1.0
-) -> dict[str, Any]:
+def scan(survives: Survives, grids: Sequence[float], unit: float = 1.0) -> dict[str, Any]:
     """Largest strength before the first failure, the largest survived at all, and what failed.
 
     Args:
@@ -144,7 +144,12 @@ def scan(
         grids: coarse to fine, in units of `unit`.
         unit: of grids, BEYOND and the cap.
     """
-    outcome = _coarse(survives, grids[0], unit)
+    outcome = scan_upwards(
+        lambda wanted: _in_chunks(survives, wanted, max(1, round(CHUNK / grids[0]))),
+        (round(force * unit, 9) for force in multiples(grids[0])),
+        BEYOND * unit,
+        bool,
+    )
     for grid in grids[1:]:
         first = min((s for s, ok in outcome.items() if not ok), default=None)
         if first is None:
@@ -153,29 +158,15 @@ def scan(
         count = math.ceil((first - below) / (grid * unit) - 1e-9)
         between = [round(below + k * grid * unit, 9) for k in range(1, count)]
         outcome.update(zip(between, survives(between), strict=True) if between else ())
-    failed = sorted(s for s, ok in outcome.items() if not ok)
-    survived = sorted(s for s, ok in outcome.items() if ok)
-    before = [s for s in survived if not failed or s < failed[0]]
+    found = Scanned.of(outcome)
     return {
-        "survived": max(before, default=0.0),
-        "largest_survived": max(survived, default=0.0),
-        "failed": failed,
+        "survived": found.survived,
+        "largest_survived": found.largest_survived,
+        "failed": list(found.failed),
     }
 
 
-def _coarse(
-    survives: Callable[[Sequence[float]], Sequence[bool]], grid: float, unit: float
-) -> dict[float, bool]:
-    """Outcome by strength from one grid step up to BEYOND past the first failure."""
-    outcome: dict[float, bool] = {}
-    last, k, count = FORCE_CAP, 1, max(1, round(CHUNK / grid))
-    while k * grid <= last + 1e-9:
-        chunk = [round(i * grid * unit, 9) for i in range(k, k + count) if i * grid <= last + 1e-9]
-        for strength, ok in zip(chunk, survives(chunk), strict=True):
-            if strength > last * unit + 1e-9:
-                break
-            outcome[strength] = ok
-            if not ok and last == FORCE_CAP:
-                last = strength / unit + BEYOND
-        k += count
-    return outcome
+def _in_chunks(survives: Survives, strengths: Iterator[float], count: int) -> Iterator[tuple[float, bool]]:
+    """Whether strengths are survived, `count` of them side by side."""
+    while chunk := list(islice(strengths, count)):
+        yield from zip(chunk, survives(chunk), strict=True)

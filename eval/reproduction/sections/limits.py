@@ -10,7 +10,7 @@ from typing import Any
 
 from ....controllers.model.robot import RobotModel
 from ....controllers.model.trajectory_program import TrajectoryProblem, trajectory_limit
-from ...frontier.scan import directions_deg
+from ...frontier.grid import directions_deg
 from ..jobs import Job, Row, Rows, key
 from ..pendulum.scan import PUSH_TIME, PushKind
 from ..pendulum.variants import Variant

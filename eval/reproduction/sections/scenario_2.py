@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...frontier.scan import directions_deg
+from ...frontier.grid import directions_deg
 from ..jobs import Job, Rows, key
 from ..pendulum.scan import PUSH_TIME, PushKind, ScanJob
 from ..pendulum.variants import Variant, pairs

@@ -21,12 +21,11 @@ from push_recovery.eval.frontier.closed_form import (
     limit_force,
     own_limit_force,
 )
+from push_recovery.eval.frontier.grid import BEYOND, directions_deg
 from push_recovery.eval.frontier.scan import (
-    BEYOND,
     FrontierSettings,
     ScanJob,
     default_grid,
-    directions_deg,
     frontier,
     scan,
 )
