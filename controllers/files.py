@@ -26,3 +26,11 @@ def write_atomically(path: Path, content: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     write_atomically(path, text.encode())
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether a name is that of a file; one that no file can have (too long, not text) is not."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False

@@ -34,6 +34,7 @@ ROOMS = (
     "eval.rollout",
     "eval.score",
     "eval.frontier",
+    "eval.api",
     "eval.bench",
     "eval.tuning",
     "eval.reproduction",  # jobs and their tables

@@ -17,9 +17,9 @@ from ..envs.episode.vector_env import GaitVectorEnv
 from ..envs.residual.action_hold import ActionHold
 from ..envs.residual.vector_env import ResidualVectorEnv
 from ..envs.residual.wrapper import ResidualAction
-from ..eval.rollout import by_name as loading
+from ..eval.rollout import environments
 from ..eval.rollout.batch import batch_episodes
-from ..eval.rollout.workers import default_workers
+from ..eval.rollout.names import default_workers
 from ..eval.rollout.wrapped_action import action_rule
 from .gated_ppo import GatedPPO, GateNormalize
 from .sb3_vec_env import SB3VecEnv
@@ -48,7 +48,7 @@ def make_plain_env(env_id: str) -> gym.Env:
         UnknownNameError: No such id is registered; the message lists the valid ones.
         InvalidValueError: It has not the interface that scoring needs, or a space is not a Box of one row.
     """
-    env = loading.make_env(env_id)
+    env = environments.make_env(env_id)
     for name, space in (("observation", env.observation_space), ("action", env.action_space)):
         if not (isinstance(space, gym.spaces.Box) and len(space.shape) == 1):
             raise InvalidValueError(f"{env_id} has the {name} space {space}; training needs a Box of one row")

@@ -1,10 +1,14 @@
-"""What everything that acts has in common."""
+"""What everything that acts has in common, and how a policy that knows less of it is called."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from ..errors import InvalidValueError, shown
+
+OPTIONAL = ("state", "episode_start", "deterministic")  # of `predict`, beside the observation
 
 
 class Policy(Protocol):
@@ -17,12 +21,74 @@ class Policy(Protocol):
         ...
 
 
-def check_policy(policy: object) -> Any:
-    """The policy as it is.
+class PlainPolicy:
+    """A policy whose `predict` takes less than Stable-Baselines3's, or returns the action alone.
+
+    Args:
+        policy: anything with a method predict(observation).
 
     Raises:
-        InvalidValueError: It has no method `predict`.
+        InvalidValueError: it has none.
     """
-    if not callable(getattr(policy, "predict", None)):
+
+    def __init__(self, policy: Any):
+        self.policy = policy
+        self._predict = _method(policy)
+        self._taken = _taken(self._predict, OPTIONAL)
+        reset = getattr(policy, "reset", None)
+        self._reset = reset if callable(reset) else None
+        self._seeded = self._reset is not None and bool(_taken(self._reset, ("seed",)))
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Any, Any]:
+        """The policy's action and state; it is handed what its signature takes.
+
+        What is returned is (action, state) where it is a tuple of two, else the action alone.
+        """
+        known = {"state": state, "episode_start": episode_start, "deterministic": deterministic}
+        found = self._predict(observation, **{name: known[name] for name in self._taken})
+        return found if isinstance(found, tuple) and len(found) == 2 else (found, None)
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin an episode, where the policy has such a method; the seed only where it takes one."""
+        if self._reset is not None:
+            self._reset(**({"seed": seed} if self._seeded else {}))
+
+    @property
+    def statuses(self) -> Any:
+        """What the solver of the policy's stage 2 said; nothing for a policy without one."""
+        return getattr(self.policy, "statuses", ())
+
+
+def as_policy(policy: Any) -> Policy:
+    """The policy itself where it has the whole signature, else a `PlainPolicy` around it.
+
+    Raises:
+        InvalidValueError: it has no method `predict`.
+    """
+    whole = _taken(_method(policy), OPTIONAL) == OPTIONAL
+    reset = getattr(policy, "reset", None)
+    if whole and (not callable(reset) or _taken(reset, ("seed",))):
+        return policy
+    return PlainPolicy(policy)
+
+
+def _method(policy: Any) -> Callable[..., Any]:
+    predict = getattr(policy, "predict", None)
+    if not callable(predict) or isinstance(policy, type):
         raise InvalidValueError(f"a policy needs a method predict(observation, ...), got {shown(policy)}")
-    return policy
+    return predict
+
+
+def _taken(function: Callable[..., Any], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Those of the names that a function takes as keywords."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # some functions written in C have no signature
+        return ()
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return names
+    positional = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.VAR_POSITIONAL
+    given = {parameter.name for parameter in parameters if parameter.kind not in positional}
+    return tuple(name for name in names if name in given)

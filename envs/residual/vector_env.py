@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies.interface import Policy, check_policy
+from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.residual import check_residual_scale, compose, default_residual_scale
 from ...controllers.policies.residual_gate import check_gate, make_gate
 from ...controllers.policies.two_stage import make_policy
@@ -61,7 +61,7 @@ class ResidualVectorEnv(GaitVectorEnv):
         self.scale = default_residual_scale(limits) if scale is None else check_residual_scale(scale)
         if isinstance(policy, str):
             policy = make_policy(policy, robot, limits, episodes.preset if preset is None else preset)
-        self.policy: Policy = check_policy(policy)
+        self.policy: Policy = as_policy(policy)
         self.gate = None if gate is None else check_gate(gate)
         self._opening = make_gate(policy, robot, limits, self.gate)
         self._base, self._residual = np.zeros((2, self.num_envs, GAIT_SIZE), np.float32)

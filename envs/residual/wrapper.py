@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies.interface import Policy, check_policy
+from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.residual import check_residual_scale, compose, default_residual_scale
 from ...controllers.policies.residual_gate import check_gate, make_gate
 from ...controllers.policies.two_stage import make_policy
@@ -30,7 +30,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
 
     Args:
         env: A gait environment.
-        policy: What acts below: anything with SB3's `predict`, or a name of `make_policy`.
+        policy: What acts below: anything with predict(observation), or a name of `make_policy`.
         scale: One number or seven, in action units, >= 0; by default (0.12 m, 0.10 m, 0.15 s, 0.06 m,
             0.03 m, 12 rad/s^2, 12 rad/s^2) in the environment's limits.
         preset: The planner's preset where `policy` is a name; by default the environment's.
@@ -63,7 +63,7 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             preset = str(unwrapped.preset) if preset is None else preset
             self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
         else:
-            self.policy = check_policy(policy)
+            self.policy = as_policy(policy)
         self.gate = None if gate is None else check_gate(gate)
         self._opening = (
             make_gate(self.policy, unwrapped.robot, unwrapped.limits, self.gate) if self.gate else None

@@ -13,7 +13,8 @@ import numpy as np
 from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
-from ..rollout.by_name import load_policy, make_env
+from ..rollout.environments import make_env
+from ..rollout.load_policy import load_policy
 from ..rollout.one import planning_period
 from .planner import (
     CALLS,

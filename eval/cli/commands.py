@@ -15,7 +15,7 @@ from ..score.suites import SUITES, Suite, get_suite, with_errors
 
 def _env(args: argparse.Namespace) -> str:
     """Environment id of the options, with their preset."""
-    from ..rollout.by_name import with_preset
+    from ..rollout.environments import with_preset
 
     return with_preset(args.env, args.preset)
 
@@ -134,7 +134,8 @@ def run_bench(args: argparse.Namespace) -> int:
 
 def run_list(args: argparse.Namespace) -> int:
     """Names that the other commands take."""
-    from ..rollout.by_name import env_ids, policy_names
+    from ..rollout.environments import env_ids
+    from ..rollout.load_policy import policy_names
 
     suites = {name: make().summary() for name, make in SUITES.items()}
     if args.json:

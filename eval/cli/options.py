@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bench.keys import EPILOG as BENCH_KEYS
-from ..rollout.by_name import ANALYTIC_ARMS, DEFAULT_ENV
-from ..rollout.workers import default_workers
+from ..rollout.names import ANALYTIC_ARMS, DEFAULT_ENV, default_workers
 from ..score.suites import SUITES
 
 REPRODUCED = ("all", "scenario-1", "scenario-2", "ablations", "limits")  # sections of `reproduce`

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ...controllers.errors import MissingExtraError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
-from ..rollout.by_name import load_policy, make_env
+from ..rollout.environments import make_env
+from ..rollout.load_policy import load_policy
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
 

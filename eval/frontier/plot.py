@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...controllers.files import write_atomically
-from ..rollout.by_name import make_env
+from ..rollout.environments import make_env
 from .closed_form import OWN, PAPER, POINT_FOOT, limit_curves
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,9 @@ from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile, default_directory
-from ..rollout.by_name import code_digest, env_label, file_digest, preset_digest, require_distinct
+from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Outcome
+from ..rollout.policy_source import own_directory, policy_sources, refuse_unknown_objects
 from ..rollout.workers import Runner, parallel
 from ..score.limits_met import fall_limits
 from .closed_form import DirectionLimits, direction_limits
@@ -126,7 +127,7 @@ def default_grid(env_id: str) -> float:
 
 def frontier(
     settings: FrontierSettings,
-    policies: Sequence[str],
+    policies: Any,
     directions: int = 16,
     workers: int = 1,
     directory: Path | None = None,
@@ -137,27 +138,29 @@ def frontier(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration.
     """
-    policies = require_distinct("policy", policies)
+    sources = policy_sources(policies)
+    policies = list(sources)
     angles = directions_deg(directions)
-    runner = Runner(settings.env_id)
+    runner = Runner(settings.env_id, sources)
     for name in policies:
         runner.policy(name)
     limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
     runner.close()
-    digests = {name: file_digest(name) for name in policies}
+    digests = {name: source.digest() for name, source in sources.items()}
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
     config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
-    directory = directory or default_directory(label, config)
+    directory = directory or default_directory(label, config | own_directory(sources, digests))
     store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)
     store.check_policies(digests)
+    refuse_unknown_objects(store, sources, digests)
     jobs = [
         ScanJob(settings, name, psi) for name in policies for psi in angles if (name, psi) not in store.rows
     ]
     try:
         with progress_bars(policies, len(angles)) as bars:
             count = {name: sum((name, psi) in store.rows for psi in angles) for name in policies}
-            for row in parallel(settings.env_id, scan, jobs, workers):
+            for row in parallel(settings.env_id, scan, jobs, workers, sources):
                 store.append({**row, "policy_sha256": digests[row["policy"]]})
                 count[row["policy"]] += 1
                 bars.set(

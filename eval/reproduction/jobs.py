@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
-from ..rollout.by_name import code_digest
+from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"

@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from ...controllers.policies.interface import Policy
+from ...controllers.policies.interface import Policy, as_policy
 from ...envs.biped.limit_record import LimitReport
 from ...envs.scenario.scenario import Scenario
 from .loop import Ints, Watch, run_episodes
@@ -28,11 +28,12 @@ def rollout(
 
     Args:
         env: any environment of this project, wrapped or not, or one with its options and info.
-        policy: acts.
+        policy: acts; it is handed what its `predict` takes.
         scenario: what happens.
         policy_name: for the outcome.
         watch: called with the `GymRobot` after reset and after every step, to look, not to touch.
     """
+    policy = as_policy(policy)
     robot = GymRobot(env, watch)
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]

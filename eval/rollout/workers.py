@@ -8,8 +8,10 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from ...controllers.errors import PushRecoveryError
@@ -17,9 +19,10 @@ from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
 from .batch import batch_episodes, plans_batches, rollout_batch
-from .by_name import load_policy, make_env
+from .environments import make_env
 from .one import rollout
 from .outcome import Outcome
+from .policy_source import PolicySource, Sources
 from .wrapped_action import ActionRule, action_rule
 
 J = TypeVar("J")
@@ -34,24 +37,26 @@ class WorkerError(PushRecoveryError):
     """An episode raised in a worker process; the message carries what it said."""
 
 
-def default_workers() -> int:
-    """Processes that this machine has cores for."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 class Runner:
-    """Runs jobs in one environment, making it and its policies once."""
+    """Runs jobs in one environment, making it and its policies once.
 
-    def __init__(self, env_id: str):
+    Args:
+        env_id: environment.
+        sources: of the policies by label; a label without one is a name or file.
+    """
+
+    def __init__(self, env_id: str, sources: Sources = MappingProxyType({})):
         self.env = make_env(env_id)
+        self._sources = sources
         self._policies: dict[str, Policy] = {}
         self._rule: ActionRule | None = action_rule(self.env)
         self._slots: GaitEpisodes | None = None  # made on first use
 
     def policy(self, name: str) -> Policy:
-        """The policy of this name or file, made on first use."""
+        """The policy of this label, made on first use."""
         if name not in self._policies:
-            self._policies[name] = load_policy(name, self.env)
+            source = self._sources.get(name) or PolicySource(name, name)
+            self._policies[name] = source.load(self.env)
         return self._policies[name]
 
     def run(self, job: Job) -> Outcome:
@@ -89,10 +94,10 @@ class Runner:
 _runner: Runner | None = None
 
 
-def _start_worker(env_id: str) -> None:
+def _start_worker(env_id: str, sources: Sources) -> None:
     global _runner
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
-    _runner = Runner(env_id)
+    _runner = Runner(env_id, sources)
 
 
 def _work(task: Callable[[Runner, Any], Any], job: Any) -> Any:
@@ -110,20 +115,27 @@ def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
     return list(runner.run_all(*chunk))
 
 
-def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], workers: int) -> Iterator[R]:
+def parallel(
+    env_id: str,
+    task: Callable[[Runner, J], R],
+    jobs: Sequence[J],
+    workers: int,
+    sources: Sources = MappingProxyType({}),
+) -> Iterator[R]:
     """Results of the jobs as they finish; in this process for one worker, else in spawned ones.
 
     Args:
         env_id: environment that every worker makes.
         task: module-level function of a runner and a job.
         jobs: picklable.
-        workers: number of processes.
+        workers: number of processes; one where a policy is an object that cannot be handed to others.
+        sources: of the policies by label.
 
     Raises:
         WorkerError: a job raised in a worker.
     """
-    if workers <= 1 or len(jobs) <= 1:
-        runner = Runner(env_id)
+    if workers <= 1 or len(jobs) <= 1 or not all(source.pickles for source in sources.values()):
+        runner = Runner(env_id, sources)
         try:
             for job in jobs:
                 yield task(runner, job)
@@ -133,9 +145,13 @@ def parallel(env_id: str, task: Callable[[Runner, J], R], jobs: Sequence[J], wor
     for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
         os.environ.setdefault(name, "1")
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (env_id,))
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (env_id, dict(sources)))
     try:
         yield from _in_window(pool, task, jobs, 4 * workers)
+    except BrokenProcessPool as error:
+        raise WorkerError(
+            "a worker process ended before its work was done; with one the error shows where it happens"
+        ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

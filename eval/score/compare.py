@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ...controllers.errors import InvalidValueError
 from ..output.statistics import PairedCounts
+from ..rollout.policy_source import policy_sources
 from .evaluate import evaluate
 from .suites import Suite
 
@@ -41,18 +43,37 @@ class Comparison:
 
 
 def compare(
-    a: str,
-    b: str,
+    a: Any,
+    b: Any,
     suite: Suite,
     env_id: str,
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
 ) -> Comparison:
-    """Evaluate both on the suite (rows in the directory are kept) and pair their outcomes."""
-    evaluation = evaluate(suite, env_id, [a, b], workers, directory, overwrite)
+    """Evaluate both on the suite (rows in the directory are kept) and pair their outcomes.
+
+    Args:
+        a: a name, a file, MODULE:ATTRIBUTE, an object, or a mapping of one label to one of them.
+        b: the same.
+        suite: scenarios.
+        env_id: environment.
+        workers: processes.
+        directory: where outcomes.jsonl and config.json go; by default under runs/.
+        overwrite: start over where the directory holds rows.
+
+    Raises:
+        PushRecoveryError: as `evaluate`; InvalidValueError too where these are not two policies.
+    """
+    sources = policy_sources([a, b])
+    if len(sources) != 2:
+        raise InvalidValueError(f"two policies are compared, got {len(sources)}: {', '.join(sources)}")
+    evaluation = evaluate(suite, env_id, sources, workers, directory, overwrite)
     recovered = {
         name: np.array([row["recovered"] for row in rows], dtype=bool)
         for name, rows in evaluation.rows.items()
     }
-    return Comparison(a, b, suite, PairedCounts.of(recovered[a], recovered[b]), evaluation.directory)
+    first, second = sources
+    return Comparison(
+        first, second, suite, PairedCounts.of(recovered[first], recovered[second]), evaluation.directory
+    )

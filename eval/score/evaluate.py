@@ -11,13 +11,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ...controllers.errors import InvalidValueError
 from ...controllers.files import write_text
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile, default_directory
-from ..rollout.by_name import code_digest, env_label, file_digest, preset_digest, require_distinct
+from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score, impulse_between
+from ..rollout.policy_source import Sources, own_directory, policy_sources, refuse_unknown_objects
 from ..rollout.workers import Chunk, Runner, parallel, run_chunk
 from .limits_met import limit_summary
 from .suites import Suite
@@ -65,7 +65,7 @@ def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
 def evaluate(
     suite: Suite,
     env_id: str,
-    policies: Sequence[str],
+    policies: Any,
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
@@ -76,7 +76,7 @@ def evaluate(
     Args:
         suite: scenarios.
         env_id: environment.
-        policies: names or files.
+        policies: names, files, MODULE:ATTRIBUTE or objects, or a mapping of labels to them.
         workers: processes.
         directory: where outcomes.jsonl, config.json and the reports go; by default under runs/.
         overwrite: start over where the directory holds rows.
@@ -85,26 +85,27 @@ def evaluate(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
-    policies = require_distinct("policy", policies)
-    if not policies:
-        raise InvalidValueError("no policy is given")
-    runner = Runner(env_id)  # names and files fail here, before any work, and caches are warm for the workers
-    for name in policies:
+    sources = policy_sources(policies)
+    runner = Runner(
+        env_id, sources
+    )  # names and files fail here, before any work, and caches are warm for the workers
+    for name in sources:
         runner.policy(name)
-    sizes = {name: runner.chunk(name) for name in policies}
+    sizes = {name: runner.chunk(name) for name in sources}
     runner.close()
     config = configuration(suite, env_id)
     label = f"{suite.name}-{env_label(env_id)}"
-    directory = directory or default_directory(label, config)
+    digests = {name: source.digest() for name, source in sources.items()}
+    directory = directory or default_directory(label, config | own_directory(sources, digests))
     store = RowFile(directory, config, ("policy", "scenario_id"), overwrite)
-    digests = {name: file_digest(name) for name in policies}
     store.check_policies(digests)
+    refuse_unknown_objects(store, sources, digests)
     began = time.perf_counter()
     try:
-        _run_missing(store, suite, env_id, digests, sizes, workers, on_row)
+        _run_missing(store, suite, env_id, sources, digests, sizes, workers, on_row)
     finally:
         store.close()
-    rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in policies}
+    rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in sources}
     return Evaluation(suite, env_id, rows, directory, time.perf_counter() - began)
 
 
@@ -112,6 +113,7 @@ def _run_missing(
     store: RowFile,
     suite: Suite,
     env_id: str,
+    sources: Sources,
     digests: Mapping[str, str | None],
     sizes: Mapping[str, int],
     workers: int,
@@ -129,7 +131,7 @@ def _run_missing(
     with progress_bars(policies, len(suite.scenarios)) as bars:
         for name in policies:
             bars.set(name, len(done[name]))
-        for outcome in chain.from_iterable(parallel(env_id, run_chunk, chunks, workers)):
+        for outcome in chain.from_iterable(parallel(env_id, run_chunk, chunks, workers, sources)):
             row = {**outcome.to_dict(), "policy_sha256": digests[outcome.policy]}
             store.append(row)
             done[outcome.policy].append(row)

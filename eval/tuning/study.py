@@ -11,7 +11,7 @@ import numpy as np
 
 from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import RowFile, default_directory
-from ..rollout.by_name import code_digest
+from ..rollout.environments import code_digest
 from ..score.suites import Suite
 from .candidate import preset_of, space_of
 from .findings import findings

@@ -1,8 +1,72 @@
-"""Push recovery for bipeds: Gymnasium environments, a two-stage planner, and a fair score."""
+"""Push recovery for bipeds: Gymnasium environments, a two-stage planner, and a fair score.
+
+Importing registers the environments and loads nothing but Gymnasium; each name below is loaded when it is
+first used.
+"""
+# The packages lie beside src and are mapped by package-dir, which pyright does not read:
+# pyright: reportMissingImports=false
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register
 
+if TYPE_CHECKING:
+    from .controllers.model.robot import RobotModel
+    from .controllers.settings.planner_config import PlannerConfig
+    from .envs.residual.action_hold import ActionHold
+    from .envs.residual.wrapper import ResidualAction
+    from .envs.scenario.command import CommandChange
+    from .envs.scenario.model_errors import ModelErrors
+    from .envs.scenario.push import GaitEvent, Push
+    from .envs.scenario.scenario import Command, PushDistribution, Scenario
+    from .eval.api.frontier import frontier
+    from .eval.api.rollout import rollout
+    from .eval.api.score import compare, evaluate
+    from .eval.rollout.load_policy import load_policy, make_policy
+    from .eval.score.suites import get_suite
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "ActionHold", "Command", "CommandChange", "GaitEvent", "ModelErrors", "PlannerConfig", "Push",
+    "PushDistribution", "ResidualAction", "RobotModel", "Scenario", "__version__", "compare", "evaluate",
+    "frontier", "get_suite", "load_policy", "make_policy", "rollout",
+]  # fmt: skip
+
+_MODULES = {
+    "ActionHold": "envs.residual.action_hold",
+    "Command": "envs.scenario.scenario",
+    "CommandChange": "envs.scenario.command",
+    "GaitEvent": "envs.scenario.push",
+    "ModelErrors": "envs.scenario.model_errors",
+    "PlannerConfig": "controllers.settings.planner_config",
+    "Push": "envs.scenario.push",
+    "PushDistribution": "envs.scenario.scenario",
+    "ResidualAction": "envs.residual.wrapper",
+    "RobotModel": "controllers.model.robot",
+    "Scenario": "envs.scenario.scenario",
+    "compare": "eval.api.score",
+    "evaluate": "eval.api.score",
+    "frontier": "eval.api.frontier",
+    "get_suite": "eval.score.suites",
+    "load_policy": "eval.rollout.load_policy",
+    "make_policy": "eval.rollout.load_policy",
+    "rollout": "eval.api.rollout",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
 
 register(
     id="PushRecovery/Pendulum-v0",

@@ -13,7 +13,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.by_name import load_policy
+from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.builders import make_env, make_ppo, make_robots, make_vec_env
 from push_recovery.training.curve import curve_scenarios

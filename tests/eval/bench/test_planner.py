@@ -9,7 +9,8 @@ from push_recovery.controllers.stage_1.step_problem import solve_step
 from push_recovery.eval.bench import solvers as bench_solvers
 from push_recovery.eval.bench.planner import BATCH, WARM_UP, Stage2, pushed_observations, summary, time_calls
 from push_recovery.eval.bench.solvers import MODULES, SOLVERS, Dense, record, solver_timings, step_problem
-from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
 
 
 @pytest.fixture(scope="module")

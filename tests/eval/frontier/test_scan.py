@@ -29,7 +29,7 @@ from push_recovery.eval.frontier.scan import (
     frontier,
     scan,
 )
-from push_recovery.eval.rollout.by_name import make_env
+from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score.limits_met import fall_cell
 

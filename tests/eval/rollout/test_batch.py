@@ -14,7 +14,8 @@ from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.rollout import loop
 from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
-from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.workers import SLOTS, Runner
 from push_recovery.eval.rollout.wrapped_action import action_rule

@@ -7,7 +7,8 @@ import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.outcome import Score, failure_label
 from push_recovery.eval.score.compare import compare

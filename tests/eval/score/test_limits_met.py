@@ -6,7 +6,8 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.batch import rollout_batch
-from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.score.limits_met import COLUMNS, first_limits, limit_cells, limit_summary
 

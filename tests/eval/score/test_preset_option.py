@@ -6,7 +6,8 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings.presets import PresetFile
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.rollout.by_name import load_policy, make_env
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.score.suites import Suite, quick_suite
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"

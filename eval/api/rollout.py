@@ -1,0 +1,40 @@
+"""One episode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import make_env
+from ..rollout.names import DEFAULT_ENV
+from ..rollout.one import rollout as run_episode
+from ..rollout.outcome import Outcome
+from ..rollout.policy_source import policy_sources
+
+
+def rollout(
+    env: gym.Env | str = DEFAULT_ENV,
+    policy: Any = "two-stage",
+    scenario: Scenario = Scenario("unpushed"),  # noqa: B008  # frozen
+    policy_name: str | None = None,
+) -> Outcome:
+    """Run one scenario to its end: the row that an evaluation writes.
+
+    Args:
+        env: a gait environment, or its id.
+        policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
+        scenario: what happens.
+        policy_name: of the outcome; by default the name, or the object's class.
+
+    Raises:
+        PushRecoveryError: unknown names, a policy that can't act.
+    """
+    ((label, source),) = policy_sources(policy if policy_name is None else {policy_name: policy}).items()
+    made = make_env(env) if isinstance(env, str) else env
+    try:
+        return run_episode(made, source.load(made), scenario, label)
+    finally:
+        if made is not env:
+            made.close()

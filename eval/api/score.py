@@ -1,0 +1,83 @@
+"""Score policies on a suite, and compare two of them."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..rollout.names import ANALYTIC_ARMS, DEFAULT_ENV
+from ..score.compare import Comparison
+from ..score.compare import compare as compare_sources
+from ..score.evaluate import Evaluation, write_reports
+from ..score.evaluate import evaluate as evaluate_sources
+from ..score.report import evaluation_markdown
+from ..score.suites import Suite, get_suite, with_errors
+
+
+def evaluate(
+    policies: Any = ANALYTIC_ARMS,
+    suite: Suite | str | PathLike[str] = "quick",
+    env: str = DEFAULT_ENV,
+    *,
+    errors: ModelErrors = EXACT_MODEL,
+    workers: int = 1,
+    out: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Evaluation:
+    """Score policies on a suite, and write rows and reports; a run that was stopped goes on where it was.
+
+        evaluation = evaluate(policies={"mine": my_policy, "two-stage": "two-stage"}, suite="hard")
+        evaluation.score("mine").rate
+
+    Args:
+        policies: one or several, or a mapping of labels to them: a name, a file, "MODULE:ATTRIBUTE", or an
+            object with `predict(observation)`. State, episode_start and deterministic are handed over where
+            the signature takes them; (action, state) or the action alone may be returned.
+        suite: a suite, its name, or its file.
+        env: id of a gait environment.
+        errors: what robot and floor are off from what the planner believes, in every scenario.
+        workers: processes, which change no result. More than one start this script anew, so that it needs
+            `if __name__ == "__main__"`, and need policies that pickle.
+        out: directory of the results; by default one under runs/ named after the configuration.
+        overwrite: start over where the directory holds results.
+
+    Returns:
+        Rows by policy, scores, and the directory that the reports are in.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
+    """
+    evaluation = evaluate_sources(_suite(suite, errors), env, policies, workers, _directory(out), overwrite)
+    write_reports(evaluation, evaluation_markdown(evaluation))
+    return evaluation
+
+
+def compare(
+    a: Any,
+    b: Any,
+    suite: Suite | str | PathLike[str] = "quick",
+    env: str = DEFAULT_ENV,
+    *,
+    errors: ModelErrors = EXACT_MODEL,
+    workers: int = 1,
+    out: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Comparison:
+    """Two policies on the same pushes, paired by scenario; arguments as those of `evaluate`.
+
+    Policies of one class are told apart by labels: compare({"before": a}, {"after": b}).
+
+    Raises:
+        PushRecoveryError: as `evaluate`.
+    """
+    return compare_sources(a, b, _suite(suite, errors), env, workers, _directory(out), overwrite)
+
+
+def _suite(suite: Suite | str | PathLike[str], errors: ModelErrors) -> Suite:
+    return with_errors(suite if isinstance(suite, Suite) else get_suite(str(suite)), errors)
+
+
+def _directory(out: str | PathLike[str] | None) -> Path | None:
+    return None if out is None else Path(out)

@@ -1,0 +1,124 @@
+"""Environments by name, as the command line gives them, and what results of theirs belong to."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.settings.presets import is_preset_file, load_preset
+from .names import NAMESPACE
+from .user_object import import_from_here
+
+
+def env_ids() -> list[str]:
+    """Registered ids of this project."""
+    return sorted(name for name in gym.registry if name.startswith(NAMESPACE))
+
+
+@dataclass(frozen=True)
+class EnvName:
+    """ID or MODULE:ID, with a preset of its own in ID@PRESET; the one place that takes them apart."""
+
+    module: str  # that registers the id; empty for this project's
+    id: str
+    preset: str  # by name or file; empty: the environment's own
+
+    @classmethod
+    def parse(cls, text: str) -> EnvName:
+        """The parts of a name.
+
+        Raises:
+            UnknownNameError: an id that is not this project's, and no module is named that registers it.
+            InvalidValueError: the module's name is impossible, or no preset follows the @.
+        """
+        name, at, preset = str(text).removeprefix("push_recovery:").partition("@")
+        module, colon, env_id = name.rpartition(":")
+        if at and not preset:
+            raise InvalidValueError(f"environment {text!r:.200} names no preset after its @")
+        if not colon and name not in env_ids():
+            raise UnknownNameError("environment", text, env_ids())
+        if colon and not (env_id and all(part.isidentifier() for part in module.split("."))):
+            raise InvalidValueError(
+                f"environment {text!r:.200} must be one of {', '.join(env_ids())}, or MODULE:ID"
+            )
+        return cls(module, env_id, preset)
+
+    @property
+    def runs_code(self) -> bool:
+        """Whether to make the environment imports a module that is not loaded yet."""
+        return bool(self.module) and self.module not in sys.modules
+
+    @property
+    def full_id(self) -> str:
+        """What gym.make takes."""
+        return f"{self.module}:{self.id}" if self.module else self.id
+
+    @property
+    def label(self) -> str:
+        """The environment's own part, for the name of a directory."""
+        return self.id.rpartition("/")[2]
+
+
+def make_env(env_id: str, **kwargs: Any) -> gym.Env:
+    """gym.make of one of this project's ids, or of MODULE:ID; ID@PRESET takes a preset, by name or file.
+
+    Raises:
+        UnknownNameError: no such id; lists the valid ones.
+        InvalidValueError: the environment cannot be made, or has not the interface that scoring needs.
+    """
+    name = EnvName.parse(env_id)
+    if name.preset:
+        kwargs = {"preset": name.preset, **kwargs}
+    if name.runs_code:
+        import_from_here(name.module)
+    try:
+        env = gym.make(name.full_id, disable_env_checker=True, **kwargs)
+    except (gym.error.Error, ModuleNotFoundError) as error:
+        raise InvalidValueError(f"cannot make environment {env_id!r}: {error}") from error
+    if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(env.unwrapped, part)]:
+        raise InvalidValueError(f"environment {env_id!r} has no {', '.join(lacks)} on env.unwrapped")
+    return env
+
+
+def preset_digest(env_id: str) -> dict[str, str]:
+    """SHA-256 of the preset file that an ID@FILE.json names, for a configuration; nothing without one."""
+    preset = EnvName.parse(env_id).preset
+    if not is_preset_file(preset):
+        return {}
+    return {"preset_sha256": hashlib.sha256(Path(preset).read_bytes()).hexdigest()}
+
+
+def env_label(env_id: str) -> str:
+    """The environment's own part of an id, for the name of a directory."""
+    return EnvName.parse(env_id).label
+
+
+def with_preset(env_id: str, preset: str | None) -> str:
+    """The id with the preset of an option; raises InvalidValueError for a preset that does not exist."""
+    if preset is None:
+        return env_id
+    if EnvName.parse(env_id).preset:
+        raise InvalidValueError(f"environment {env_id!r} names a preset already; leave out {preset!r}")
+    load_preset(preset)
+    return f"{env_id}@{preset}"
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256 over the source of controllers and envs: results of other code are not mixed."""
+    digest = hashlib.sha256()
+    for package in ("controllers", "envs"):
+        module = importlib.import_module(f"...{package}", __package__)
+        for root in sorted(module.__path__):
+            for path in sorted(Path(root).rglob("*")):
+                if path.suffix in {".py", ".xml", ".json"}:
+                    digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,141 @@
+"""A policy by name, file, MODULE:ATTRIBUTE, or as an object, ready to act in an environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.files import is_file
+from ...controllers.policies.interface import Policy, as_policy
+from ...controllers.policies.network import NetworkPolicy
+from .names import DEFAULT_ENV
+from .user_object import acting, import_attribute
+
+POLICY_SUFFIXES = (".safetensors", ".json")
+FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE")
+
+
+def load_policy(policy: Any, env: gym.Env) -> Policy:
+    """A policy for an environment: by name, file or MODULE:ATTRIBUTE, or an object with `predict`.
+
+    An attribute may be an object with `predict`, or a class or function that makes one without arguments.
+
+    Raises:
+        UnknownNameError: no such name; lists the valid ones.
+        InvalidValueError: the file cannot be read, the policy was made for other spaces, or can't act.
+    """
+    policy = acting(policy)
+    if not isinstance(policy, str):
+        return as_policy(policy)
+    if is_policy_file(policy):
+        return _load_file(policy, env)
+    if is_attribute(policy):
+        return as_policy(acting(import_attribute(policy)[1], policy))
+    return make_policy(policy, env)
+
+
+def make_policy(name: str, env: Any) -> Policy:
+    """An analytic policy by name, for the robot, the gait box and the preset of an environment.
+
+    Args:
+        name: one of `push-recovery list`, such as "two-stage".
+        env: a gait environment, single or vector.
+
+    Raises:
+        UnknownNameError: no such name; lists the valid ones.
+        InvalidValueError: the environment has no gait, or takes residuals.
+    """
+    from ...controllers.policies.two_stage import make_policy as make_analytic
+
+    _refuse_archive(name)
+    if name not in policy_names():
+        raise UnknownNameError("policy", name, [*policy_names(), *FORMS])
+    unwrapped: Any = getattr(env, "unwrapped", env)
+    if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(unwrapped, part)]:
+        raise InvalidValueError(f"policy {name!r} needs a gait environment; {env} has no {', '.join(lacks)}")
+    if acts_on_residual(env):
+        raise InvalidValueError(
+            f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
+            f"environment below, such as {DEFAULT_ENV}"
+        )
+    return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
+
+
+def policy_names() -> tuple[str, ...]:
+    """Names that `make_policy` knows."""
+    from ...controllers.policies.two_stage import POLICY_NAMES
+
+    return tuple(POLICY_NAMES)
+
+
+def is_policy_file(name: str) -> bool:
+    """Whether a policy argument means a file rather than a name."""
+    return Path(name).suffix in POLICY_SUFFIXES or is_file(f"{name}.safetensors")
+
+
+def is_attribute(name: str) -> bool:
+    """Whether a policy argument means an attribute of a module."""
+    return ":" in name and not is_policy_file(name)
+
+
+def acts_on_residual(env: Any) -> bool:
+    """Whether the actions of an environment are residuals on a policy of its own."""
+    from ...envs.residual.vector_env import ResidualVectorEnv
+    from ...envs.residual.wrapper import ResidualAction
+
+    if isinstance(env, ResidualVectorEnv):
+        return True
+    layer: Any = env
+    while isinstance(layer, gym.Wrapper):
+        if isinstance(layer, ResidualAction):
+            return True
+        layer = layer.env
+    return False
+
+
+def _refuse_archive(name: str) -> None:
+    """Say what to do about files that hold code."""
+    if name.endswith(".zip"):
+        raise InvalidValueError(
+            f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: load it "
+            "yourself and score the model, push_recovery.evaluate(policies={'mine': PPO.load(...)}), or name "
+            "a function that does so, MODULE:FUNCTION"
+        )
+    if name.endswith(".py"):
+        raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")
+
+
+def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
+    policy = NetworkPolicy.load(name)
+    sizes = (policy.observation_size, policy.action_size)
+    spaces = (env.observation_space.shape, env.action_space.shape)
+    if ((sizes[0],), (sizes[1],)) != spaces:
+        raise InvalidValueError(
+            f"policy {name!r} was made for {sizes[0]} observations and {sizes[1]} actions; the environment "
+            f"has observation shape {spaces[0]} and action shape {spaces[1]}"
+        )
+    _check_kind(name, policy, env)
+    unwrapped: Any = env.unwrapped
+    policy.check_made_for(unwrapped.robot, unwrapped.limits)
+    return policy
+
+
+def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
+    """Raise InvalidValueError where whole actions and residuals would be taken for one another.
+
+    A residual's file adds the planner below by itself, so that it acts on the plain environment.
+    """
+    about = policy.description
+    here = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    if about.residual is not None and acts_on_residual(env):
+        raise InvalidValueError(
+            f"policy {name!r} is a residual learned on {about.env_id}, its {about.residual.policy} included; "
+            f"on {here} that would be added twice: score it on {about.env_id}"
+        )
+    if about.residual is None and about.env_id.rpartition(":")[2] != here.rpartition(":")[2]:
+        raise InvalidValueError(
+            f"policy {name!r} acts alone and was made for {about.env_id}, not for {here}: score it there"
+        )

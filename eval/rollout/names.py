@@ -1,0 +1,17 @@
+"""Names that the command line offers; this module imports nothing that is slow to load."""
+
+from __future__ import annotations
+
+import os
+
+from ...controllers.settings.arms import ARMS
+
+NAMESPACE = "PushRecovery/"
+DEFAULT_ENV = "PushRecovery/Biped-v0"
+ANALYTIC_ARMS = tuple(ARMS)
+SUITE_NAMES = ("quick", "standard", "hard")  # of `score.suites.SUITES`
+
+
+def default_workers() -> int:
+    """Processes that this machine has cores for."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,130 @@
+"""Where a policy comes from: a name, a file, MODULE:ATTRIBUTE, or an object in memory."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import pickle
+import secrets
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.policies.interface import Policy
+from ...controllers.policies.policy_file import policy_paths
+from ..output.rows import RowFile
+from .load_policy import is_attribute, is_policy_file, load_policy
+from .user_object import acting, import_attribute, source_of
+
+
+@dataclass(frozen=True)
+class PolicySource:
+    """One policy of an evaluation, before any environment is known."""
+
+    label: str  # of its rows
+    origin: Any  # a name, a file, MODULE:ATTRIBUTE, or an object with `predict`
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether the policy is an object rather than something that can be named."""
+        return not isinstance(self.origin, str)
+
+    @property
+    def pickles(self) -> bool:
+        """Whether worker processes can be handed the policy."""
+        return not self.in_memory or _pickled(self.origin) is not None
+
+    def digest(self) -> str | None:
+        """SHA-256 of what the policy is; None for a name, and for an object that can't be pickled.
+
+        Of a file: its weights and description. Of MODULE:ATTRIBUTE: the module's source. Of an object: its
+        pickle and its class's source, so that rows of an object that has learned since are never mixed.
+        """
+        if self.in_memory:
+            return _object_digest(self.origin)
+        if is_policy_file(self.origin):
+            content = b"".join(path.read_bytes() for path in policy_paths(self.origin))
+        elif is_attribute(self.origin):
+            content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
+        else:
+            return None
+        return hashlib.sha256(content).hexdigest()
+
+    def load(self, env: gym.Env) -> Policy:
+        """The policy, for an environment."""
+        return load_policy(self.origin, env)
+
+
+Sources = Mapping[str, PolicySource]  # by label
+
+
+def policy_sources(policies: Any) -> dict[str, PolicySource]:
+    """Sources by label of a policy, several, or a mapping of labels to policies.
+
+    Raises:
+        InvalidValueError: none is given, a label comes twice or is no name, or one can't act.
+    """
+    if isinstance(policies, str | os.PathLike) or not isinstance(policies, Iterable):
+        policies = [policies]
+    pairs: list[tuple[Any, Any]] = []
+    for policy in [policies] if isinstance(policies, Mapping) else policies:
+        pairs += policy.items() if isinstance(policy, Mapping) else [(_label(policy), policy)]
+    found: dict[str, PolicySource] = {}
+    for label, policy in pairs:
+        if isinstance(policy, PolicySource):
+            policy = policy.origin
+        if not isinstance(label, str) or not label.isprintable() or not label.strip():
+            raise InvalidValueError(f"a policy's label must be a printable name, got {label!r:.200}")
+        if label in found:
+            raise InvalidValueError(
+                f"policy {label!r} is given more than once; tell policies apart by labels of their own: "
+                "{'first': policy, 'second': policy}"
+            )
+        found[label] = PolicySource(label, acting(policy))
+    if not found:
+        raise InvalidValueError("no policy is given")
+    return found
+
+
+def own_directory(sources: Sources, digests: Mapping[str, str | None]) -> dict[str, Any]:
+    """What sets the default directory of objects in memory apart; nothing where all can be named.
+
+    An object without a digest gets a directory that no other run has.
+    """
+    objects = {name: digests[name] or secrets.token_hex(8) for name in sources if sources[name].in_memory}
+    return {"objects": objects} if objects else {}
+
+
+def refuse_unknown_objects(store: RowFile, sources: Sources, digests: Mapping[str, str | None]) -> None:
+    """Raise InvalidValueError where rows are present of an object that nothing tells from another."""
+    for row in store.rows.values():
+        source = sources.get(row["policy"])
+        if source is not None and source.in_memory and digests[source.label] is None:
+            raise InvalidValueError(
+                f"{str(store.path)!r} holds rows of policy {source.label!r}, an object that does not "
+                "pickle, so that nothing says whether it is the same: choose another directory, or overwrite"
+            )
+
+
+def _label(policy: Any) -> str:
+    if isinstance(policy, PolicySource):
+        return policy.label
+    if isinstance(policy, str | os.PathLike):
+        return os.fspath(policy)
+    return policy.__name__ if inspect.isclass(policy) or inspect.isfunction(policy) else type(policy).__name__
+
+
+def _pickled(policy: Any) -> bytes | None:
+    try:
+        return pickle.dumps(policy)
+    except Exception:  # a class decides for itself what it raises
+        return None
+
+
+def _object_digest(policy: Any) -> str | None:
+    content = _pickled(policy)
+    return None if content is None else hashlib.sha256(content + b"\0" + source_of(type(policy))).hexdigest()

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
+from push_recovery.controllers.policies.two_stage import make_policy
+
+ACTION = np.ones(7, np.float32)
+
+
+class Bare:
+    def predict(self, observation):
+        return ACTION
+
+
+class Remembering:
+    def predict(self, observation, state=None, episode_start=None):
+        return ACTION, (state, episode_start)
+
+
+class Keywords:
+    def predict(self, obs, **known):
+        return ACTION, known
+
+
+class Whole:
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return ACTION, state
+
+
+class Starting(Whole):
+    begun = 0
+
+    def reset(self):
+        self.begun += 1
+
+
+def test_a_policy_gets_what_its_signature_takes():
+    action, state = as_policy(Bare()).predict(0, 1, 2, False)
+    assert action is ACTION
+    assert state is None
+    assert as_policy(Remembering()).predict(0, 1, 2, False)[1] == (1, 2)
+    assert as_policy(Keywords()).predict(0, state=1, episode_start=2, deterministic=False)[1] == {
+        "state": 1,
+        "episode_start": 2,
+        "deterministic": False,
+    }
+
+
+def test_a_policy_of_the_whole_signature_is_itself():
+    for policy in (Whole(), make_policy("two-stage")):
+        assert as_policy(policy) is policy
+
+
+def test_a_reset_without_a_seed_is_called_without():
+    policy = Starting()
+    plain = as_policy(policy)
+    assert isinstance(plain, PlainPolicy)
+    plain.reset(seed=3)
+    assert policy.begun == 1
+    as_policy(Bare()).reset(seed=3)
+
+
+@pytest.mark.parametrize("policy", [3, None, "two-stage", Whole, object()])
+def test_what_has_no_predict_is_refused(policy):
+    with pytest.raises(InvalidValueError, match=r"a method predict\(observation"):
+        as_policy(policy)
