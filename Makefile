@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test lint format same clean clean-cache
+.PHONY: run test lint format same clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -16,16 +16,10 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	$(PIP) torch -e '.[train,view,dev]'
 	touch $@ $(VENV)/run.stamp
 
-# numba's disk cache does not notice a changed callee in another file: start it anew when a source has changed
-$(VENV)/kernels.stamp: $(VENV)/run.stamp $(shell find controllers envs -name '*.py')
-	$(MAKE) --no-print-directory clean-cache
-	$(BIN)/push-recovery bench --seconds 1 --json > /dev/null
-	touch $@
-
-run: $(VENV)/kernels.stamp
+run: $(VENV)/run.stamp
 	$(BIN)/push-recovery evaluate --suite quick
 
-test: $(VENV)/dev.stamp $(VENV)/kernels.stamp
+test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests
 
 lint: $(VENV)/dev.stamp
@@ -44,6 +38,3 @@ format: $(VENV)/dev.stamp
 
 clean:
 	rm -rf $(VENV) build runs *.egg-info
-
-clean-cache:
-	find controllers envs eval training -name '*.nb[ci]' -delete

@@ -1,5 +1,6 @@
 import ast
 import importlib
+import re
 import subprocess
 import sys
 import tomllib
@@ -123,6 +124,17 @@ def test_every_room_is_listed_packaged_and_small(package):
         names = [path for path in files_of(package)
                  if room_of(path, package, folder) == room and path.name != "__init__.py"]  # fmt: skip
         assert len(names) <= MODULES_IN_A_ROOM, f"{room} has {len(names)} modules"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_kernels_are_compiled_by_the_projects_own_njit(package):
+    """Numba's own njit keeps code that a changed callee in another file does not renew."""
+    for path in files_of(package):
+        if path.name != "kernels.py":
+            text = path.read_text(encoding="utf-8")
+            assert not re.search(r"from numba import .*\bn?jit\b|numba\.n?jit\(", text), (
+                f"{path.name}: import njit from controllers.compiled.kernels"
+            )
 
 
 def test_the_check_sees_relative_imports(tmp_path):

@@ -21,11 +21,13 @@ from functools import cache
 from typing import Any, get_origin, get_type_hints
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
+
+from .kernels import njit
 
 DIMENSIONS = 3
 

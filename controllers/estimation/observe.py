@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, add, scaled, subtract, vector_at
 from ..model.capturability import capture_margin_kernel
 from ..whole_body.gait_machine import Gait, GaitSettings, Point, side_sign

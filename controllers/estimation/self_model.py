@@ -29,8 +29,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import subtract, vector_of
 from ..model.robot import GRAVITY
 from ..whole_body.gait_machine import Gait, GaitSettings, side_sign

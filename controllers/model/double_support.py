@@ -19,9 +19,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from .gait_box import GaitLimits
 from .observation import ELAPSED, SWING_POSITION

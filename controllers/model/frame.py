@@ -18,8 +18,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
 from numba.extending import register_jitable
+
+from ..compiled.kernels import njit
 
 
 class Frame(NamedTuple):

@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError, is_finite_number, shown
 from .robot import RobotModel
 

@@ -20,9 +20,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from .double_support import check_double_support, transfer_weight
 from .gait_box import GaitLimits

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.nominal_gait import check_pelvis, nominal_gait_kernel

@@ -21,10 +21,11 @@ from importlib.metadata import version
 import daqp
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..errors import PushRecoveryError
 
 SUPPORTED = "0.11."

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..model.double_support import check_double_support, cop_range, transfer_mean, transfer_weight
 from ..model.gait_box import GAIT_SIZE, GaitLimits, unscaled
 from ..model.nominal_gait import check_pelvis, nominal_gait_kernel

@@ -17,9 +17,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 
 # Layout of a packed problem (16,) and of its solution (5,)

@@ -15,9 +15,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..model.double_support import box_around, nearest_in_hull, strip, transfer_mean
 from ..solvers.least_distance import solve_least_distance
 from .dense import SHORTEST

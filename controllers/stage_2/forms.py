@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits, unscaled
 from ..model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE

@@ -13,10 +13,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..solvers.least_distance import solve_least_distance
 from .dense import SHORTEST
 from .tables import Tables

@@ -18,9 +18,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.numpy_support import carray
 
+from ..compiled.kernels import njit
 from ..compiled.stack_array import stack_floats
 from ..compiled.vector_3 import ZERO, Vector
 from ..solvers.least_distance import LeastDistance, solve_least_distance

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
 from numba.np.numpy_support import carray
 
+from ..compiled.kernels import njit
 from ..compiled.stack_array import stack_floats
 from ..compiled.vector_3 import Vector, add, cross, subtract, to_world, vector_at
 from .kinematics import LEG_DOF, LEG_JOINT, NU, NV, PELVIS, WAIST_DOF, Array, Physics

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from ..compiled.kernels import njit
 from .bounds import Bounds, centre_of_pressure
 from .kinematics import Array, Heading
 

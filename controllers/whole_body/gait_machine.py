@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, vector_at, vector_of
 from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR

@@ -23,9 +23,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
 from numba.np.numpy_support import carray
 
+from ..compiled.kernels import njit
 from ..compiled.stack_array import stack_floats
 from ..compiled.vector_3 import (
     ZERO,

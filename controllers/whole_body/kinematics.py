@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at
 
 Array = NDArray[np.float64]

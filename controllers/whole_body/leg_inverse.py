@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import (
     ZERO,
     Vector,

@@ -7,8 +7,8 @@ the chains do not couple with each other.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled.kernels import njit
 from ..compiled.vector_3 import ZERO, Vector, add, dual_basis, scaled, subtract, vector_at, vector_in
 from .kinematics import LEG_DOF, NV, WAIST_DOF, Array, Physics
 from .leg_inverse import LegInverses

@@ -8,8 +8,7 @@ this mass (`velocity` of the joints in its published URDF): hip and waist 23, kn
 
 from __future__ import annotations
 
-from numba import njit
-
+from ..compiled.kernels import njit
 from .kinematics import NU, NV, Array, Physics
 
 FULL_TORQUE_SHARE = 0.7  # of the speed without load, up to which a motor drives with its full torque

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 
 ARRIVAL_LEAD = 0.010  # the foot is over its target this long before T [s]

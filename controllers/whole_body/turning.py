@@ -10,9 +10,9 @@ from __future__ import annotations
 import cmath
 import math
 
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compiled.kernels import njit
 from .swing_foot import ARRIVAL_LEAD, SHORTEST, quintic_step
 
 SIZE = 7  # swing sole: yaw, rate, acceleration; pelvis: the same; yaw at which the sole is to land

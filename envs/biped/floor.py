@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import njit
 
 from ...controllers.compiled.array_table import floats_at
+from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
 from ..scenario.noise import counter_seed, uniform
 from ..scenario.scenario import Scenario

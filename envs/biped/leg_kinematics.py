@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ...controllers.compiled.kernels import njit
 
 THIGH = 0.36  # hip to knee [m]
 SHANK = 0.36  # knee to ankle [m]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
 from ...controllers.model.robot import RobotModel

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import njit
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import GRAVITY
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, TRUNK, WAIST_DOF, Array, Ints, Physics

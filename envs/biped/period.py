@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2
+from ...controllers.compiled.kernels import njit
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
 from ...controllers.whole_body.bounds import Bounds, BoundSettings

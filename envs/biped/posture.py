@@ -8,9 +8,9 @@ from importlib.resources import files
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
 from ...controllers.whole_body.kinematics import LEG_DOF, Array
 from .leg_kinematics import level_leg

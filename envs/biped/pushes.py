@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from numba import njit
 from numba.np.numpy_support import carray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
 from ...controllers.whole_body.gait_machine import Gait

@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Self
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalGait

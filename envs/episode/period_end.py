@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import nominal_gait_kernel
 from ...controllers.model.observation import COMMAND

@@ -14,9 +14,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import transfer_weight
 from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION
 

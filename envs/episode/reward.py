@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.observation import PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
 
 _ANGLE, _RATE, _ACTION = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start

@@ -16,9 +16,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.double_support import both_stand, check_double_support, gaits_of_actions
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits

@@ -13,9 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.robot import GRAVITY
 from ..scenario.model_errors import BOUNDS
 from ..scenario.noise import counter_seed

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.capturability import offset_bounds_kernel
 from ...controllers.model.double_support import both_stand
 

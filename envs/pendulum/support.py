@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import both_stand, nearest_in_hull, transfer_mean
 
 

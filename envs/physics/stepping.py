@@ -22,10 +22,11 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
 
 MODEL, DATA, FIRST_FIELD = 0, 1, 2  # columns of `Handles.addresses`

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from ...controllers.compiled.kernels import njit
 from .noise import normal_pair
 
 COM_CHANNEL, VELOCITY_CHANNEL, JOINT_CHANNEL = 0, 1, 2  # joints take 2, 3, ...

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...controllers.compiled.kernels import njit
 from ...controllers.validation import (
     require_choice,
     require_integer,

@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+import time
 
 import pytest
-from push_recovery.controllers.compiled.compile_notice import MESSAGE
+from push_recovery.controllers.compiled import compile_notice
+from push_recovery.controllers.compiled.compile_notice import LATELY, MESSAGE
 
 CODE = """
 from push_recovery.controllers.compiled.compile_notice import announce_compilation
@@ -38,3 +40,19 @@ def test_compiling_is_announced_once_on_standard_error(outputs):
 
 def test_nothing_is_said_where_kernels_come_from_disk_or_are_not_of_this_package(outputs):
     assert outputs[1] == ("0\n", "")
+
+
+def test_one_of_a_group_of_processes_says_it_and_again_when_it_is_long_ago(tmp_path, monkeypatch):
+    monkeypatch.setattr(compile_notice, "cache_root", lambda: tmp_path)
+    assert compile_notice._first_to_say()
+    assert not compile_notice._first_to_say()
+    (path,) = tmp_path.iterdir()
+    past = time.time() - LATELY - 1.0
+    os.utime(path, (past, past))
+    assert compile_notice._first_to_say()
+    assert not compile_notice._first_to_say()
+
+
+def test_it_is_said_where_nothing_can_be_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(compile_notice, "cache_root", lambda: tmp_path / "missing")
+    assert compile_notice._first_to_say()
