@@ -15,8 +15,7 @@ from .description import PolicyDescription
 from .interface import Policy
 from .mlp import Mlp, Normalisation
 from .policy_file import policy_paths, read_policy, write_policy
-from .residual import compose
-from .residual_gate import make_gate
+from .residual_rule import ResidualRule
 
 PolicyState = tuple[NDArray[Any], ...] | None
 
@@ -52,12 +51,12 @@ class NetworkPolicy:
         self.network = network
         self.normalisation = normalisation
         self.description = description
-        self._scale = None if residual is None else np.asarray(residual.scale, dtype=np.float32)
         if residual is not None and base is None:
             base = residual.make(description.robot, description.limits)
-        self._base = base
-        band = None if residual is None else residual.gate
-        self._opening = make_gate(base, description.robot, description.limits, band)
+        self._rule: ResidualRule | None = None
+        if residual is not None and base is not None:
+            scale = np.asarray(residual.scale, dtype=np.float32)
+            self._rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
 
     @property
     def observation_size(self) -> int:
@@ -89,13 +88,7 @@ class NetworkPolicy:
         """
         rows, single = self._rows(observation)
         learned, state = self._held(rows, state, episode_start)
-        if self._base is None or self._scale is None:
-            action = learned
-        else:
-            base, _ = self._base.predict(rows)
-            if self._opening is not None:
-                learned = self._opening(rows) * learned
-            action = compose(np.asarray(base, dtype=np.float32), learned, self._scale)
+        action = learned if self._rule is None else self._rule.act(rows, learned).total
         return (action[0] if single else action), state
 
     def learned_action(self, observation: ArrayLike) -> NDArray[np.float32]:

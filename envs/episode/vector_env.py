@@ -18,6 +18,7 @@ from ...controllers.validation import require_integer
 from ..scenario.scenario import PushDistribution, Scenario
 from .env import check_action, check_push_distribution, check_scenario, gait_spaces
 from .episodes import GaitEpisodes
+from .held_action import Held, check_hold, hold_action
 from .info import Info, VectorInfo, overwrite
 from .reward import REWARD_TERMS
 
@@ -82,9 +83,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             raise InvalidValueError(
                 f"a vector environment draws nothing, got render_mode {render_mode!r}; use None, or gym.make"
             )
-        if isinstance(hold, bool) or not isinstance(hold, int) or hold < 1:
-            raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {hold!r}")
-        self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), hold
+        self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), check_hold(hold)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
         self.push_distribution = check_push_distribution(push_distribution)
         self.episodes, self.num_envs = episodes, episodes.n
@@ -121,25 +120,18 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         """One planning period (`hold` of them) under gait actions (n, 7) in [-1, 1], clipped."""
         due = self._check_ready()
         checked = check_action(actions, "actions", (self.num_envs, GAIT_SIZE))
-        n = self.num_envs
-        live, ends = ~due, []
-        reward, terms = np.zeros(n), np.zeros((n, len(REWARD_TERMS)))
-        terminated, truncated = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        for left in reversed(range(self.hold)):
-            period = self.episodes.step(self._gait_actions(checked, live))
-            reward[live] += period.reward.total[live]
-            terms[live] += period.reward.terms[live]
-            terminated |= live & period.failed
-            truncated |= live & period.truncated
-            over = live & (terminated | truncated)
-            if left and over.any():
-                ends.append(Ended(over, *self._look(over, terms.copy())))
-            live &= ~over
-            if not live.any():
-                break
+        ends: list[Ended] = []
+
+        def at_end(over: Mask, left: int, held: Held) -> None:
+            if left:
+                ends.append(Ended(over, *self._look(over, held.terms.copy())))
+
+        reward, terms, terminated, truncated = hold_action(
+            self.episodes, ~due, self.hold, lambda live: self._gait_actions(checked, live), at_end
+        )
         for k in np.flatnonzero(due).tolist():
             self._begin(k)
-        everyone = np.ones(n, np.bool_)
+        everyone = np.ones(self.num_envs, np.bool_)
         observation, info = self._look(everyone, terms, ends)
         self._ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():

@@ -7,7 +7,7 @@ from typing import Any, SupportsFloat
 import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 
-from ...controllers.errors import InvalidValueError
+from ..episode.held_action import check_hold
 
 
 class ActionHold(gym.Wrapper, RecordConstructorArgs):
@@ -22,8 +22,7 @@ class ActionHold(gym.Wrapper, RecordConstructorArgs):
     """
 
     def __init__(self, env: gym.Env, periods: int = 1):
-        if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
-            raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {periods!r}")
+        check_hold(periods)
         RecordConstructorArgs.__init__(self, periods=periods)
         gym.Wrapper.__init__(self, env)
         self.periods = periods

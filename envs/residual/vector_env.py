@@ -9,11 +9,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
-from ...controllers.policies.residual import check_residual_scale, compose, default_residual_scale
-from ...controllers.policies.residual_gate import check_gate, make_gate
+from ...controllers.policies.residual import check_residual_scale, default_residual_scale
+from ...controllers.policies.residual_rule import ResidualRule
 from ...controllers.policies.two_stage import make_policy
 from ..episode.episodes import GaitEpisodes
 from ..episode.info import Info, put
@@ -62,8 +61,8 @@ class ResidualVectorEnv(GaitVectorEnv):
         if isinstance(policy, str):
             policy = make_policy(policy, robot, limits, episodes.preset if preset is None else preset)
         self.policy: Policy = as_policy(policy)
-        self.gate = None if gate is None else check_gate(gate)
-        self._opening = make_gate(policy, robot, limits, self.gate)
+        self._rule = ResidualRule(self.policy, robot, limits, self.scale, gate)
+        self.gate = self._rule.gate
         self._base, self._residual = np.zeros((2, self.num_envs, GAIT_SIZE), np.float32)
         self._statuses = np.full(self.num_envs, None, dtype=object)
         self._planned = np.zeros(self.num_envs, np.bool_)  # whether the three above are of this episode
@@ -74,17 +73,9 @@ class ResidualVectorEnv(GaitVectorEnv):
         total = np.zeros_like(actions)
         if not len(rows):
             return total
-        observations, residual = self.core.observation[rows], actions[rows]
-        base, state = self.policy.predict(observations)
-        if state is not None:
-            raise InvalidValueError(
-                "a residual on n robots needs a policy without memory: predict gave a state"
-            )
-        base = np.asarray(base, dtype=np.float32)
-        if self._opening is not None:
-            residual = self._opening(observations) * residual
-        total[rows] = np.clip(compose(base, residual, self.scale), -1.0, 1.0)
-        self._base[rows], self._residual[rows] = base, self.scale * residual
+        total[rows], self._base[rows], self._residual[rows] = self._rule.act(
+            self.core.observation[rows], actions[rows]
+        )
         statuses = getattr(self.policy, "statuses", ())
         self._statuses[rows] = statuses if len(statuses) == len(rows) else None
         self._planned[rows] = True

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
-from ...controllers.policies.residual import check_residual_scale, compose, default_residual_scale
-from ...controllers.policies.residual_gate import check_gate, make_gate
+from ...controllers.policies.residual import check_residual_scale, default_residual_scale
+from ...controllers.policies.residual_rule import Correction, ResidualRule
 from ...controllers.policies.two_stage import make_policy
 from ...controllers.validation import require_kind
 from ..episode.env import check_action
@@ -64,10 +64,8 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
         else:
             self.policy = as_policy(policy)
-        self.gate = None if gate is None else check_gate(gate)
-        self._opening = (
-            make_gate(self.policy, unwrapped.robot, unwrapped.limits, self.gate) if self.gate else None
-        )
+        self._rule = ResidualRule(self.policy, unwrapped.robot, unwrapped.limits, self.scale, gate)
+        self.gate = self._rule.gate
         recorded = None if self.gate is None else list(self.gate)
         RecordConstructorArgs.__init__(
             self,
@@ -86,9 +84,11 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
     @property
     def opening(self) -> float:
         """How far the gate stands open at the last observation, in [0, 1]."""
-        if self._opening is None or self._observation is None:
-            return 1.0
-        return float(self._opening(self._observation[None])[0, 0])
+        return 1.0 if self._observation is None else self._rule.opening(self._observation[None]).item()
+
+    def act(self, observations: NDArray[np.float64], learned: NDArray[np.float32]) -> Correction:
+        """Gait actions of learned ones (n, 7) at observations (n, 36), as `step` forms them; see the rule."""
+        return self._rule.act(observations, learned)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -108,14 +108,11 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             self._observation, state=self._policy_state, episode_start=np.array([self._episode_start])
         )
         self._episode_start = False
-        base = np.asarray(base, dtype=np.float32)
-        if self._opening is not None:
-            residual = self._opening(self._observation[None])[0] * residual
-        total = compose(base, residual, self.scale)
-        observation, reward, terminated, truncated, info = self.env.step(total)
+        correction = self._rule.correct(self._observation[None], np.array(base)[None], residual[None])
+        observation, reward, terminated, truncated, info = self.env.step(correction.total[0])
         self._observation = np.array(observation)
-        info["baseline_action"] = base.copy()
-        info["residual_action"] = self.scale * residual
+        info["baseline_action"] = correction.base[0]
+        info["residual_action"] = correction.shift[0]
         info["qp_status"] = next(iter(getattr(self.policy, "statuses", ())), None)
         return observation, reward, terminated, truncated, info
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...envs.episode.env import check_action
 from ...envs.episode.episodes import GaitEpisodes
+from ...envs.episode.held_action import Held, Mask, hold_action
 from ...envs.scenario.scenario import Scenario
 from .loop import Ints, Watch
 from .one import limits_met
@@ -61,20 +62,15 @@ class Slots:
             InvalidValueError: actions of another shape or not finite.
         """
         held = check_action(actions, "actions", (len(rows), GAIT_SIZE))
-        reward, left = np.zeros(self.n), rows
-        for _ in range(self._hold):
-            self._actions[left] = self._gait_actions(left, held)
-            period = self.episodes.step(self._actions)
-            self._look()
-            reward[left] += period.reward.total[left]
-            over = (period.failed | period.truncated)[left]
-            if over.any():
-                for k in left[over].tolist():
-                    self._end(k, bool(period.failed[k]))
-                left, held = left[~over], held[~over]
-            if not len(left):
-                break
-        self._total[rows] += reward[rows]
+        live = np.zeros(self.n, np.bool_)
+        live[rows] = True
+
+        def act(live: Mask) -> Actions:
+            self._actions[live] = self._gait_actions(np.flatnonzero(live), held[live[rows]])
+            return self._actions
+
+        came = hold_action(self.episodes, live, self._hold, act, self._end, self._look)
+        self._total[rows] += came.reward[rows]
         return sorted(self._ends)
 
     def ending(self, k: int) -> Ending:
@@ -87,17 +83,18 @@ class Slots:
             return actions
         return self._rule.gait_actions(self.episodes.core.observation[rows], actions)
 
-    def _end(self, k: int, fell: bool) -> None:
-        """Keep what becomes of slot k; within a held action the robot goes on."""
+    def _end(self, over: Mask, left: int, came: Held) -> None:
+        """Keep what becomes of the slots `over`; within a held action their robots go on."""
         episodes = self.episodes
-        self._ends[k] = Ending(
-            fell=fell,
-            time=float(episodes.motion().time[k]),
-            recovered_at=episodes.monitor.recovered_at(k),
-            failure_reason=episodes.failures[episodes.failure()[k]],
-            total_reward=0.0,
-            limits=limits_met(episodes, k),
-        )
+        for k in np.flatnonzero(over).tolist():
+            self._ends[k] = Ending(
+                fell=bool(came.failed[k]),
+                time=float(episodes.motion().time[k]),
+                recovered_at=episodes.monitor.recovered_at(k),
+                failure_reason=episodes.failures[episodes.failure()[k]],
+                total_reward=0.0,
+                limits=limits_met(episodes, k),
+            )
 
     def _look(self) -> None:
         if self._watch is not None:

@@ -9,8 +9,6 @@ import numpy as np
 from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
-from ...controllers.policies.residual import compose
-from ...controllers.policies.residual_gate import make_gate
 from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
 from ...envs.episode.env import GaitEnv
 from ...envs.residual.action_hold import ActionHold
@@ -30,17 +28,12 @@ class ActionRule:
 
     def __init__(self, env: GaitEnv, residual: ResidualAction | None = None, hold: int = 1):
         self.env, self.residual, self.hold = env, residual, hold
-        band = None if residual is None else residual.gate
-        policy = None if residual is None else residual.policy
-        self._opening = make_gate(policy, env.robot, env.limits, band)
 
     def gait_actions(self, observations: NDArray[np.float64], actions: Actions) -> Actions:
         """Gait actions (n, 7) that actions (n, 7) mean at observations (n, 36)."""
         if self.residual is None:
             return actions
-        base, _ = self.residual.policy.predict(observations)
-        residual = actions if self._opening is None else self._opening(observations) * actions
-        return np.clip(compose(np.asarray(base, np.float32), residual, self.residual.scale), -1.0, 1.0)
+        return self.residual.act(observations, actions).total
 
 
 def action_rule(env: gym.Env) -> ActionRule | None:
