@@ -26,7 +26,7 @@ SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[Body, ...] = get_args(Body)
 FRAMES: tuple[str, ...] = get_args(PushFrame)
 
-FORCE_MAX = 1e5  # of each component [N]: a robot of 60 kg reaches 170 m/s within 0.1 s
+FORCE_MAX = 1e7  # of each component [N]: 0.1 ms of it, which stand for a jump, shift 60 kg by 17 m/s
 DURATION_MAX = 3600.0  # [s]
 OFFSET_MAX = 10.0  # of each component [m]
 STEP_MAX = 10**9  # of a gait event

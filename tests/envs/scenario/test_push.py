@@ -206,11 +206,11 @@ def test_force_and_offset_have_bounds(axis, sign):
     def along(value):
         return tuple(sign * value if i == axis else 0.0 for i in range(3))
 
-    Push(along(1e5), 3600.0, 0.0, offset=along(10.0))
+    Push(along(1e7), 3600.0, 0.0, offset=along(10.0))
     with pytest.raises(
-        InvalidValueError, match=rf"Push\.force \[N\]\[{axis}\] must be in \[-100000, 100000\]"
+        InvalidValueError, match=rf"Push\.force \[N\]\[{axis}\] must be in \[-1e\+07, 1e\+07\]"
     ):
-        Push(along(1.001e5), 0.1, 0.0)
+        Push(along(1.001e7), 0.1, 0.0)
     with pytest.raises(InvalidValueError, match=rf"Push\.offset \[m\]\[{axis}\] must be in \[-10, 10\]"):
         Push(along(1.0), 0.1, 0.0, offset=along(10.1))
 
@@ -224,7 +224,7 @@ def test_duration_and_step_have_bounds():
 
 @pytest.mark.parametrize(
     ("magnitude", "direction"),
-    [(math.inf, 0.0), (1.1e5, 0.0), (1.0, math.inf), (1.0, math.nan), (1.0, "left")],
+    [(math.inf, 0.0), (1.1e7, 0.0), (1.0, math.inf), (1.0, math.nan), (1.0, "left")],
 )
 def test_a_polar_push_refuses_what_has_no_direction_or_size(magnitude, direction):
     with pytest.raises(InvalidValueError, match=r"push (magnitude|direction) \["):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.eval.frontier.grid import FORCE_CAP
 from push_recovery.eval.frontier.scan import FrontierSettings
 from push_recovery.eval.frontier.scan import ScanJob as FrontierJob
 from push_recovery.eval.frontier.scan import scan as frontier_scan
@@ -120,3 +121,11 @@ def test_a_variant_is_its_arm_with_what_differs():
     episodes = plant.episodes(1)
     assert (episodes.limits.cop_y_max, episodes.control_hz, episodes.robot.pelvis_width) == (0.065, 50.0, 0.2)
     assert built(variant)[0] is policy
+
+
+def test_a_velocity_jump_can_be_scanned_to_the_cap():
+    """Its push lasts 0.1 ms, so the cap of 4000 N for 0.1 s is a force of 4 MN."""
+    job = ScanJob(Variant("two-stage"), PushKind(0.0, duration=0.0))
+    (push,) = job.push.scenario(FORCE_CAP * 0.1).pushes
+    assert push.force[0] * push.duration == pytest.approx(400.0)
+    assert job._survives([400.0]) == [False]
