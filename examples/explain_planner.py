@@ -23,7 +23,7 @@ from push_recovery.controllers.stage_1.planner import stopping_debt, swing_time
 from push_recovery.controllers.stage_1.step_problem import StepPlan, StepProblem, solve_step
 from push_recovery.controllers.stage_2.dense import explicit_problem
 from push_recovery.controllers.stage_2.planner import CopPlanner
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.biped.settings import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.eval.reproduction.figures import style
 from push_recovery.eval.reproduction.figures.style import (

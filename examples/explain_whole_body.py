@@ -15,8 +15,8 @@ import numpy as np
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.whole_body.motors import driving_share
-from push_recovery.envs.biped.leg_kinematics import SHANK, THIGH
-from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.biped.leg_kinematics import leg_geometry
+from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
 from push_recovery.envs.biped.scene import set_posture
 from push_recovery.envs.biped.settings import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.physics.offscreen import Canvas
@@ -32,10 +32,11 @@ from push_recovery.eval.reproduction.figures.style import (
 from whole_body_record import KNEES, Recorder, Walk, leg_momentum
 
 FORCE, DURATION = 800.0, 0.1  # of the push, backward [N], [s]
+THIGH, SHANK, *_ = leg_geometry(biped().model, biped().indices)  # [m]
 BEFORE, AFTER = 0.1, 1.1  # of the time shown about the onset [s]
 SHOT = 0.28  # of the rendered picture, from the onset [s]
 BLUE, ORANGE, GREY = "#0064a8", "#c44601", "#777777"
-MOTORS = motor_limits(biped_model())  # torque [N m], speed without load [rad/s]
+MOTORS = biped().motors  # torque [N m], speed without load [rad/s]
 CROP = 130  # of the rendered picture, left and right [pixels]
 
 

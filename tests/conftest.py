@@ -9,7 +9,8 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.nominal_start import nominal_start
 from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.posture import biped_model, posture
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
 from push_recovery.envs.scenario.scenario import Scenario
 
 
@@ -21,7 +22,7 @@ def random_state() -> Callable:
         soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
         soles[:, :2] += rng.uniform(-0.08, 0.08, (2, 2))
         com = np.array([0.0, 0.0, 0.78]) + rng.uniform(-0.03, 0.03, 3)
-        qpos, qvel = posture(com, rng.normal(0.0, 0.3, 3), soles)
+        qpos, qvel = posture(biped(), com, rng.normal(0.0, 0.3, 3), soles)
         mujoco.mj_integratePos(biped_model(), qpos, rng.normal(0.0, spread, 20), 1.0)
         return qpos, qvel + rng.normal(0.0, 2.0 * spread, 20)
 

@@ -33,6 +33,7 @@ WRENCH_ROWS = 7 + FACES
 ROWS = NU + WRENCH_ROWS
 FREE = 1e6  # a bound that never binds, in the units of the rows
 FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [N], [N m], [N m]
+NEVER = 1e8  # torque [N m] or speed [rad/s] that no motor reaches
 AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 
 

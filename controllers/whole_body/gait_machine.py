@@ -16,7 +16,7 @@ from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
 from .edge_cop import missing_cmp
 from .inverse_dynamics import Gains, Task, whole_body_torque
-from .kinematics import ANKLE_HEIGHT, LEG_JOINT, PELVIS, Array, Ints, Physics, sole_position
+from .kinematics import LEG_JOINT, PELVIS, Array, Ints, Physics, sole_position
 from .mass_matrix import com_velocity
 from .motors import clip_torque
 from .swing_foot import quintic_step, swing_update
@@ -135,7 +135,7 @@ def reach_height(
     height, reach = s.com_height, s.reach**2
     for leg in range(2):
         hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, LEG_JOINT[leg])
-        above = hip_z - phys.com[k, 0, 2] - ANKLE_HEIGHT  # of the hip over the CoM, less the ankle's
+        above = hip_z - phys.com[k, 0, 2] - phys.ankle_height[0]  # of the hip over the CoM, less the ankle's
         farthest = max(reach - (s.com_height - s.height_drop + above) ** 2, 0.0)
         foot_x, foot_y = (sole[0], sole[1]) if leg == stance else target
         dx, dy = foot_x - hip_x - travel[0], foot_y - hip_y - travel[1]

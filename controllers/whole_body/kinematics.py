@@ -9,23 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
-from ..compiled.vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at
+from ..compiled.vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at, vector_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+# What control knows of any robot: a floating base, a waist of two axes, two legs of six joints. A robot's own
+# numbers are found from the names in its body plan, and its values are put into these places.
 NV, NU = 20, 14
+BODIES, JOINTS = 9, 15  # places for bodies, of which only those named below are in use, and for joints
 LEG_DOF = (8, 14)  # first degree of freedom of the left and the right leg
 LEG_JOINT = (3, 9)  # first joint (0 is the free joint, 1-2 the waist)
+LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 WAIST_JOINT, WAIST_DOF = 1, 6
 PELVIS, TRUNK = 1, 2  # bodies
 FOOT_BODY = (5, 8)
-ANKLE_HEIGHT = 0.06  # ankle above the sole [m]
 Heading = tuple[float, float]  # cosine and sine of a heading
 
 
 class Physics(NamedTuple):
-    """Live arrays of n simulations (`simulations`), in world axes and SI units."""
+    """Live arrays of n simulations (`stepping`) and constants of their robot, in world axes and SI units."""
 
     qpos: Array  # (n, 21)
     qvel: Array  # (n, 20)
@@ -39,6 +42,9 @@ class Physics(NamedTuple):
     load: Array  # (n, 2) normal force under the left and the right sole [N]
     ctrl: Array  # (n, 14) torques [N m], written by the controller
     xfrc: Array  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
+    soles: Array  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
+    ankle_height: Array  # (1,) ankle above a flat sole [m]
+    mirror: Array  # (14,) sign of each joint's coordinate in the mirrored robot
 
 
 class SoleMotion(NamedTuple):
@@ -61,11 +67,7 @@ def base_angular_velocity(phys: Physics, k: int) -> Vector:
 def sole_position(phys: Physics, k: int, leg: int) -> Vector:
     """Centre of a sole in the world [m]."""
     body = FOOT_BODY[leg]
-    return (
-        phys.xpos[k, body, 0] - ANKLE_HEIGHT * phys.xmat[k, body, 2],
-        phys.xpos[k, body, 1] - ANKLE_HEIGHT * phys.xmat[k, body, 5],
-        phys.xpos[k, body, 2] - ANKLE_HEIGHT * phys.xmat[k, body, 8],
-    )
+    return add(vector_at(phys.xpos, k, body), to_world(phys.xmat, k, body, vector_of(phys.soles[leg], 0)))
 
 
 @njit(cache=True, forceinline=True)

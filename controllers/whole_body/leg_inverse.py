@@ -38,6 +38,9 @@ class LegInverses(NamedTuple):
     omega: Array  # (2, 6, 3)
 
 
+YAW_ROLL_PITCH_AXES = (
+    (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0),
+)  # of a leg's joints in the reference posture, from hip to sole  # fmt: skip
 YAW, ROLL, PITCH, KNEE, ANKLE_PITCH, ANKLE_ROLL = range(6)  # joints of a leg
 
 

@@ -1,4 +1,4 @@
-"""The sparse mass matrix of the biped as MuJoCo stores it, and products with it.
+"""The sparse mass matrix of a biped, and products with it.
 
 Row j holds the columns of the base, 0 to 5, then those of its own chain (waist or leg) up to the diagonal;
 the chains do not couple with each other.
@@ -19,6 +19,12 @@ CHAIN = np.array(
 )  # where a row's chain begins
 _LENGTH = [j + 1 if j < BASE else BASE + 1 + j - CHAIN[j] for j in range(NV)]
 ROW = np.concatenate([[0], np.cumsum(_LENGTH)[:-1]])  # first entry of every row
+ENTRIES = int(sum(_LENGTH))
+
+
+def columns(j: int) -> list[int]:
+    """Columns of the entries in row j, the diagonal last."""
+    return [*range(min(j, BASE)), *range(int(CHAIN[j]) if j >= BASE else j, j + 1)]
 
 
 @njit(cache=True, forceinline=True)

@@ -26,7 +26,7 @@ from ...controllers.whole_body.gait_machine import Gait, GaitSettings, side_sign
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ...controllers.whole_body.turning import SIZE as YAWS
-from ..physics.stepping import Simulations, believe
+from ..physics.stepping import PHYSICS_DT, Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
 from ..scenario.push import SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
@@ -43,15 +43,13 @@ from .period import (
     physics_steps,
     whole_period,
 )
-from .posture import PHYSICS_DT, biped_model, motor_limits, posture
+from .posture import posture
+from .robots.biped.robot import biped
+from .robots.compiled_robot import CompiledRobot
+from .robots.control_fields import inputs, outputs
 from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
-INPUTS = ("ctrl", "xfrc_applied")
-OUTPUTS = (
-    "qpos", "qvel", "xpos", "xmat", "xanchor", "xaxis", "subtree_com", "M", "qfrc_bias", "sensordata",
-    "qfrc_constraint",
-)  # fmt: skip
 
 
 class BipedCore:
@@ -64,7 +62,13 @@ class BipedCore:
     """
 
     def __init__(
-        self, n: int, robot: RobotModel, limits: GaitLimits, control_hz: float = 100.0, threads: int = 1
+        self,
+        n: int,
+        robot: RobotModel,
+        limits: GaitLimits,
+        control_hz: float = 100.0,
+        threads: int = 1,
+        body: CompiledRobot | None = None,
     ):
         """Build the robots, none of them in a state yet: `reset` each before the first step.
 
@@ -74,6 +78,7 @@ class BipedCore:
             limits: of the capture margin.
             control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
             threads: that a planning period is computed on.
+            body: the robot's model; None: the biped's.
 
         Raises:
             InvalidValueError: for an impossible rate or number.
@@ -83,9 +88,14 @@ class BipedCore:
         self.substeps = substeps(control_hz)
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
-        self.simulations = Simulations(biped_model(), n, INPUTS, OUTPUTS, self._threads.threads)
+        self.body = body or biped()
+        given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
+        self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
         arrays = self.simulations.arrays
-        self.physics = Physics(*(arrays[name] for name in (*OUTPUTS[:-1], *INPUTS)))
+        self.physics = Physics(
+            *(arrays[field.name] for field in (*found[:-1], *given)),
+            self.body.soles, np.array([self.body.ankle_height]), self.body.mirror,
+        )  # fmt: skip
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)),
@@ -99,7 +109,7 @@ class BipedCore:
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
         self.known = empty_self_model(n)
-        self.floors = level_floors(n)
+        self.floors = level_floors(n, self.body.half_sole)
         self.command = np.zeros((n, 3))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
@@ -127,8 +137,7 @@ class BipedCore:
         """Set the constants of gait machine and whole-body control; whose plans the limits are told of."""
         self.settings = settings
         self.limit_record.edges[:] = plan_edges(self.robot, self._limits, planner, settings.commit)
-        motors = motor_limits(biped_model())
-        self._bounds = [make_bounds(bounds, motors) for _ in range(self._threads.threads)]
+        self._bounds = [make_bounds(bounds, self.body.motors) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
         self._bind()
 
@@ -163,8 +172,8 @@ class BipedCore:
             sole[2] = floor_height(self.floors, k, sole[0], sole[1])
         com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
-        qpos, qvel = posture(com, velocity, soles)
-        self.simulations.use_model(k, assign_errors(self.errors, k, scenario))
+        qpos, qvel = posture(self.body, com, velocity, soles)
+        self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
         self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
@@ -186,9 +195,10 @@ class BipedCore:
         finish_period(self._tables[0], self._constants, k, k + 1)
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
-        """Put robot k into a state (21,), (20,), nothing acting on it; the gait machine stays as it is."""
+        """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""
         if has_tiles(self.simulations.models[k]):
-            connect_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
+            simulations = self.simulations
+            connect_floor(self.floors, k, self.body, simulations.models[k], simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)

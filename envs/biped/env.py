@@ -85,7 +85,7 @@ class BipedEnv(GaitEnv):
         if self._picture is None:
             from .view import BipedView
 
-            self._picture = BipedView(window=self.render_mode == "human")
+            self._picture = BipedView(self.episodes.core.body, window=self.render_mode == "human")
         image = self._picture.draw(self.core)
         return image if self.render_mode == "rgb_array" else None
 

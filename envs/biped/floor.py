@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from importlib.resources import files
 from typing import NamedTuple
 
 import mujoco
@@ -20,13 +19,11 @@ from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
 from ..scenario.noise import counter_seed, uniform
 from ..scenario.scenario import Scenario
-from .posture import PHYSICS_DT
+from .robots.compiled_robot import CompiledRobot
 
 TILE = 0.4  # side of a tile [m]
-HALF_SOLE = (0.10, 0.05)  # [m]
 DEPTH = 0.5  # half the height of a box [m]: a sole never comes out of its other side
 AROUND = 4  # tiles a foot
-FEET = ("left_foot", "right_foot")
 FIRST_TILE = "tile_0"
 
 
@@ -37,18 +34,20 @@ class Floor(NamedTuple):
     seed: Ints  # (n,)
     side: Array  # (n,) 1, or -1 where y is mirrored
     places: Ints  # (n, 3) addresses of the boxes' places in the model, of the feet's; or 0
+    half_sole: Array  # (2,) half the length and the width of a sole [m]
 
 
-def level_floors(n: int) -> Floor:
+def level_floors(n: int, half_sole: tuple[float, float]) -> Floor:
     """Planes for n robots."""
-    return Floor(np.zeros(n), np.zeros(n, np.int64), np.ones(n), np.zeros((n, 3), np.int64))
+    return Floor(
+        np.zeros(n), np.zeros(n, np.int64), np.ones(n), np.zeros((n, 3), np.int64), np.array(half_sole)
+    )
 
 
-@lru_cache(maxsize=1)
-def tiled_model() -> mujoco.MjModel:
-    """The biped over 2 x AROUND boxes instead of the plane, each in contact with one foot; never modified."""
-    text = files("push_recovery.envs.assets").joinpath("biped.xml").read_text(encoding="utf-8")
-    spec = mujoco.MjSpec.from_string(text)
+@lru_cache(maxsize=4)
+def tiled_model(robot: CompiledRobot) -> mujoco.MjModel:
+    """The robot over 2 x AROUND boxes instead of the plane, each in contact with one foot; never modified."""
+    spec = robot.description.spec()
     spec.geom("floor").pos = [0.0, 0.0, -2.0 * DEPTH]
     pair = next(pair for pair in spec.pairs if pair.geomname1 == "floor")
     for tile in range(2 * AROUND):
@@ -57,11 +56,9 @@ def tiled_model() -> mujoco.MjModel:
         box.size, box.pos = [0.5 * TILE, 0.5 * TILE, DEPTH], [0.0, 0.0, -DEPTH]
         box.contype = box.conaffinity = 0
         contact = spec.add_pair()
-        contact.geomname1, contact.geomname2 = box.name, FEET[tile // AROUND]
+        contact.geomname1, contact.geomname2 = box.name, robot.plan.sole_boxes[tile // AROUND]
         contact.condim, contact.friction, contact.solref = pair.condim, pair.friction, pair.solref
-    model = spec.compile()
-    model.opt.timestep = PHYSICS_DT
-    return model
+    return robot.compiled(spec)
 
 
 def assign_floor(floors: Floor, k: int, scenario: Scenario) -> None:
@@ -77,12 +74,14 @@ def has_tiles(model: mujoco.MjModel) -> bool:
     return model.npair > 2 * AROUND
 
 
-def connect_floor(floors: Floor, k: int, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
-    """Let the boxes of robot k's own model follow its feet, from a posture (21,) on."""
+def connect_floor(
+    floors: Floor, k: int, robot: CompiledRobot, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array
+) -> None:
+    """Let the boxes of robot k's own model follow its feet, from a posture (nq,) on."""
     first = model.geom(FIRST_TILE).id
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
-    feet = [data.geom_xpos[model.geom(foot).id].ctypes.data for foot in FEET]
+    feet = [data.geom_xpos[model.geom(foot).id].ctypes.data for foot in robot.plan.sole_boxes]
     floors.places[k] = [model.geom_pos[first:].ctypes.data, *feet]
     place_tiles(floors, k)
 
@@ -122,8 +121,8 @@ def floor_height(floors: Floor, k: int, x: float, y: float) -> float:
     if floors.step[k] > 0.0:
         x0, y0 = grid_origin(floors, k)
         for corner in range(4):
-            a = x + HALF_SOLE[0] * (1.0 - 2.0 * (corner // 2))
-            b = floors.side[k] * y + HALF_SOLE[1] * (1.0 - 2.0 * (corner % 2))
+            a = x + floors.half_sole[0] * (1.0 - 2.0 * (corner // 2))
+            b = floors.side[k] * y + floors.half_sole[1] * (1.0 - 2.0 * (corner % 2))
             tile = math.floor(a / TILE - x0), math.floor(b / TILE - y0)
             height = max(height, tile_height(floors, k, tile[0], tile[1]))
     return height

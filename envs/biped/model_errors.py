@@ -18,19 +18,17 @@ import numpy as np
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import GRAVITY
-from ...controllers.whole_body.kinematics import LEG_DOF, NU, TRUNK, WAIST_DOF, Array, Ints, Physics
-from ..physics.stepping import Handles, advance, advance_measured, believe, simulated
+from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Ints, Physics
+from ..physics.stepping import PHYSICS_DT, Handles, advance, advance_measured, believe, simulated
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.noise import counter_seed, normal_pair
 from ..scenario.observation_noise import JOINT_CHANNEL, add_motion_noise, motion_noise
 from ..scenario.scenario import Scenario
 from .floor import tiled_model
-from .posture import PHYSICS_DT, biped_model
+from .robots.compiled_robot import CompiledRobot
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
-WAIST_MIRROR = (1.0, -1.0)  # pitch, roll: signs of the mirrored robot's joints
-LEG_MIRROR = (-1.0, -1.0, 1.0, 1.0, 1.0, -1.0)  # hip yaw, roll, pitch, knee, ankle pitch, roll
 
 
 class RobotErrors(NamedTuple):
@@ -64,7 +62,9 @@ def check_biped_errors(errors: ModelErrors) -> None:
         )
 
 
-def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjModel | None:
+def assign_errors(
+    table: RobotErrors, k: int, scenario: Scenario, robot: CompiledRobot
+) -> mujoco.MjModel | None:
     """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another."""
     errors = scenario.errors
     for field in table:
@@ -73,6 +73,7 @@ def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjMo
         return None
     check_biped_errors(errors)
     model = altered_model(
+        robot,
         errors.mass,
         errors.payload,
         errors.trunk_com,
@@ -92,6 +93,7 @@ def assign_errors(table: RobotErrors, k: int, scenario: Scenario) -> mujoco.MjMo
 
 @lru_cache(maxsize=8)
 def altered_model(
+    robot: CompiledRobot,
     mass: float,
     payload: float,
     trunk_com: tuple[float, float, float],
@@ -100,7 +102,7 @@ def altered_model(
     slope_left: float,
     uneven: bool = False,
 ) -> mujoco.MjModel | None:
-    """The biped with such errors (fields of `ModelErrors`), never modified; None where there are none.
+    """The robot with such errors (fields of `ModelErrors`), never modified; None where there are none.
 
     `uneven`: on tiles, see `uneven_floor`.
     """
@@ -108,11 +110,11 @@ def altered_model(
     level = friction is None and not (slope_forward or slope_left or uneven)
     if level and not (mass or payload or offset.any()):
         return None
-    model = simulated(tiled_model() if uneven else biped_model())
+    model = simulated(tiled_model(robot) if uneven else robot.model)
     for values in (model.body_mass, model.body_inertia, model.dof_armature):
         values *= 1.0 + mass
-    model.body_mass[TRUNK] += payload
-    model.body_ipos[TRUNK] += offset
+    model.body_mass[robot.indices.trunk] += payload
+    model.body_ipos[robot.indices.trunk] += offset
     if friction is not None:
         model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = friction  # of floor and tiles
     downhill = np.array([-np.tan(slope_forward), -np.tan(slope_left), -1.0])
@@ -149,13 +151,13 @@ def measure_joint(phys: Physics, errors: RobotErrors, k: int, dof: int, channel:
 @njit(cache=True)
 def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) -> None:
     """Add noise to all 14 joints; legs are counted from the stance leg of step 0, and mirrored with it."""
-    for j in range(len(WAIST_MIRROR)):
-        sign = WAIST_MIRROR[j] if first_side == 1 else 1.0
+    for j in range(2):
+        sign = phys.mirror[j] if first_side == 1 else 1.0
         measure_joint(phys, errors, k, WAIST_DOF + j, JOINT_CHANNEL + j, sign)
     for leg in range(2):
         channel = JOINT_CHANNEL + 2 + (6 if leg != first_side else 0)
-        for j in range(len(LEG_MIRROR)):
-            sign = LEG_MIRROR[j] if first_side == 1 else 1.0
+        for j in range(6):
+            sign = phys.mirror[2 + j] if first_side == 1 else 1.0
             measure_joint(phys, errors, k, LEG_DOF[leg] + j, channel + j, sign)
 
 

@@ -83,7 +83,8 @@ def physics_of(t: Ints) -> Physics:
     return Physics(
         floats_2(t[r]), floats_2(t[r + 1]), floats_3(t[r + 2]), floats_3(t[r + 3]), floats_3(t[r + 4]),
         floats_3(t[r + 5]), floats_3(t[r + 6]), floats_2(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
-        floats_2(t[r + 10]), floats_3(t[r + 11]),
+        floats_2(t[r + 10]), floats_3(t[r + 11]), floats_2(t[r + 12]), floats_1(t[r + 13]),
+        floats_1(t[r + 14]),
     )  # fmt: skip
 
 
@@ -178,7 +179,7 @@ def known_of(t: Ints) -> SelfModel:
 def floors_of(t: Ints) -> Floor:
     """Rows from FIRST.floors on."""
     r = FIRST.floors
-    return Floor(floats_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), ints_2(t[r + 3]))
+    return Floor(floats_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), ints_2(t[r + 3]), floats_1(t[r + 4]))
 
 
 @njit(cache=True)

@@ -1,10 +1,6 @@
-"""The compiled biped and its posture for a given CoM and two footholds."""
+"""The posture of a robot for a given CoM and two footholds."""
 
 from __future__ import annotations
-
-import threading
-from functools import lru_cache
-from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -12,53 +8,31 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
-from ...controllers.whole_body.kinematics import LEG_DOF, Array
-from .leg_kinematics import level_leg
+from ...controllers.whole_body.kinematics import Array
+from .leg_kinematics import LegGeometry, leg_geometry, level_leg
+from .robots.compiled_robot import CompiledRobot
 
-PHYSICS_DT = 0.002  # [s]
-MOVING_DOF = np.r_[0:3, LEG_DOF[0] : LEG_DOF[0] + 6, LEG_DOF[1] : LEG_DOF[1] + 6]  # of a posture
-LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 CONVERGED = 1e-13  # error of the CoM of a posture [m]
+REACHED = 1e-9  # largest error of CoM and soles [m], [rad]
 SUNK = (
     1e-10  # soles of a posture lie this deep in the floor, or rounding would say which corners touch it [m]
 )
 FOLLOWS = 0.9  # how far the CoM moves, about, where the pelvis is shifted by 1 and the soles stay
-SOLES = ("left_sole", "right_sole")
-
-
-@lru_cache(maxsize=1)
-def biped_model() -> mujoco.MjModel:
-    """The biped of Table II; one compiled copy per process, never modified."""
-    text = files("push_recovery.envs.assets").joinpath("biped.xml").read_text(encoding="utf-8")
-    model = mujoco.MjModel.from_xml_string(text)
-    model.opt.timestep = PHYSICS_DT
-    return model
-
-
-def motor_limits(model: mujoco.MjModel) -> Array:
-    """Largest torque [N m] and speed without load [rad/s] of every motor, (2, 14)."""
-    return np.array([model.actuator_forcerange[:, 1], model.actuator_user[:, 0]])
-
-
-class _Scratch(threading.local):
-    """A simulation for `posture`, one a thread: making one takes several times as long as a posture."""
-
-    data: mujoco.MjData | None = None
-
-
-_scratch = _Scratch()
+GUESS = (0.0, 0.0, 0.06)  # of the CoM over the pelvis' origin [m]
+ROUNDS = 50
+LARGEST_STEP = 0.3  # of a round of Newton's method [m], [rad]
 
 
 @njit(cache=True)
-def _place(pelvis, soles, qpos):  # pragma: no cover
-    """Put the pelvis (3,) into qpos (21,) and the legs onto the soles (2, 3)."""
+def _place(pelvis, soles, leg, first, qpos):  # pragma: no cover
+    """Put the pelvis (3,) and the legs, onto the soles (2, 3), into qpos; a leg begins at `first` (2,)."""
     qpos[:3] = pelvis
-    for leg in range(2):
-        level_leg(pelvis, 1.0 - 2.0 * leg, soles[leg], qpos[LEG_QPOS[leg] : LEG_QPOS[leg] + 6])
+    for side in range(2):
+        level_leg(pelvis, 1.0 - 2.0 * side, soles[side], leg, qpos[first[side] : first[side] + 6])
 
 
 @njit(cache=True)
-def _correct(com, found, soles, pelvis, qpos):  # pragma: no cover
+def _correct(com, found, soles, leg, first, pelvis, qpos):  # pragma: no cover
     """Shift the pelvis (3,) where the CoM `found` (3,) is off `com` (3,); returns the error before [m]."""
     error = 0.0
     for i in range(3):
@@ -66,58 +40,127 @@ def _correct(com, found, soles, pelvis, qpos):  # pragma: no cover
     if not error < CONVERGED:
         for i in range(3):
             pelvis[i] += (com[i] - found[i]) / FOLLOWS
-        _place(pelvis, soles, qpos)
+        _place(pelvis, soles, leg, first, qpos)
     return error
 
 
-def posture(com: Array, com_velocity: Array, soles: NDArray[np.float64]) -> tuple[Array, Array]:
+def posture(
+    robot: CompiledRobot, com: Array, com_velocity: Array, soles: NDArray[np.float64]
+) -> tuple[Array, Array]:
     """Joint coordinates and velocities of an upright robot on two soles at rest.
 
-    The CoM moves almost as the pelvis does, so shifting the pelvis by what the CoM is off converges, by a
-    factor of about 20 each time, and MuJoCo says where it is.
-
     Args:
+        robot: whose posture it is.
         com: CoM in the world, (3,) [m].
         com_velocity: (3,) [m/s].
         soles: centres of the left and right sole, (2, 3) [m], both level and at heading 0.
 
     Returns:
-        qpos (21,) and qvel (20,): pelvis and trunk upright and not turning, both soles at rest.
+        qpos and qvel as MuJoCo has them: pelvis and trunk upright and not turning, both soles at rest.
+
+    Raises:
+        InvalidValueError: the legs do not reach.
     """
-    model = biped_model()
-    data = _scratch.data = _scratch.data or mujoco.MjData(model)
+    data, indices = robot.scratch(), robot.indices
     com, soles = (np.array(value, dtype=np.float64) for value in (com, soles))
     soles[:, 2] -= SUNK
-    qpos, found, pelvis = data.qpos, data.subtree_com[0], com - [0.0, 0.0, 0.06]
-    qpos[3:9] = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    _place(pelvis, soles, qpos)
-    error = np.inf
-    for _ in range(50):
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        error = _correct(com, found, soles, pelvis, qpos)
+    geometry = leg_geometry_of(robot)
+    data.qpos[:] = 0.0
+    data.qpos[list(indices.qpos[:7])] = *(com - GUESS), 1.0, 0.0, 0.0, 0.0
+    for name, angle in robot.plan.held:
+        data.qpos[robot.model.jnt_qposadr[robot.model.joint(name).id]] = angle
+    if geometry is None:
+        _bend(robot, data)
+        error = _newton(robot, data, com, soles)
+    else:
+        error = _closed_form(robot, data, com, soles, geometry)
+    reached = data.site_xpos[list(indices.soles)]
+    if not max(error, np.abs(reached - soles).max()) <= REACHED:
+        raise InvalidValueError(f"no posture puts the CoM at {com.tolist()} m over soles {soles.tolist()}")
+    return data.qpos.copy(), _velocity(robot, data, com_velocity)
+
+
+def leg_geometry_of(robot: CompiledRobot) -> LegGeometry | None:
+    """Lengths of a robot's legs where the closed form holds for them; found once."""
+    if "leg_geometry" not in robot.found:
+        robot.found["leg_geometry"] = leg_geometry(robot.model, robot.indices)
+    return robot.found["leg_geometry"]
+
+
+def _closed_form(
+    robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array, leg: LegGeometry
+) -> float:
+    """Put `data` into the posture; returns the error of the CoM [m].
+
+    The CoM moves almost as the pelvis does, so shifting the pelvis by what the CoM is off converges, by a
+    factor of about 20 each time, and MuJoCo says where it is.
+    """
+    first = np.array([coordinates[0] for coordinates in robot.indices.legs_qpos])
+    qpos, found, pelvis, error = data.qpos, data.subtree_com[0], com - GUESS, np.inf
+    _place(pelvis, soles, leg, first, qpos)
+    for _ in range(ROUNDS):
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        error = _correct(com, found, soles, leg, first, pelvis, qpos)
         if error < CONVERGED:
             break
-    reached = data.site_xpos[_sole_sites()]
-    if not max(error, np.abs(reached - soles).max()) <= 1e-9:
-        raise InvalidValueError(f"no posture puts the CoM at {com.tolist()} m over soles {soles.tolist()}")
-    return qpos.copy(), _velocity(model, data, com_velocity)
+    return error
 
 
-@lru_cache(maxsize=1)
-def _sole_sites() -> list[int]:
-    return [biped_model().site(name).id for name in SOLES]
+def _bend(robot: CompiledRobot, data: mujoco.MjData) -> None:
+    """Begin with the legs bent as the plan says, the right one as the left one in a mirror."""
+    for leg, coordinates in enumerate(robot.indices.legs_qpos):
+        mirror = robot.mirror[8:] if leg else np.ones(6)
+        data.qpos[list(coordinates)] = mirror * np.array(robot.plan.bend)
 
 
-def _velocity(model: mujoco.MjModel, data: mujoco.MjData, com_velocity: Array) -> Array:
-    """Joint velocities (20,) for a velocity of the CoM; pelvis and trunk do not turn, the soles rest.
+def _newton(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array) -> float:
+    """Put `data` into the posture by Newton's method; returns the largest error of CoM and soles [m], [rad].
 
-    The rows below are CoM, left sole and right sole; the unknowns the pelvis' velocity and the legs' twelve.
+    Unknowns are the pelvis' place and the twelve joints of the legs, conditions the CoM and the poses of the
+    soles. The model's joint ranges keep knees from bending backwards.
     """
-    rows, wanted, velocity = np.zeros((15, model.nv)), np.zeros(15), np.zeros(model.nv)
-    mujoco.mj_jacSubtreeCom(model, data, rows[:3], 0)
-    for row, site in zip((3, 9), _sole_sites(), strict=True):
-        mujoco.mj_jacSite(model, data, rows[row : row + 3], rows[row + 3 : row + 6], site)
+    indices, error = robot.indices, np.inf
+    moving = [*indices.qpos[:3], *indices.legs_qpos[0], *indices.legs_qpos[1]]
+    for _ in range(ROUNDS):
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        lacks = _lacks(robot, data, com, soles)
+        error = float(np.abs(lacks).max())
+        if error < CONVERGED:
+            break
+        step = np.linalg.lstsq(_jacobian(robot, data), lacks)[0]
+        data.qpos[moving] += step * min(1.0, LARGEST_STEP / np.abs(step).max())
+    for joint in (*indices.legs[0], *indices.legs[1]):
+        low, high = robot.model.jnt_range[joint]
+        if robot.model.jnt_limited[joint] and not low <= data.qpos[robot.model.jnt_qposadr[joint]] <= high:
+            return np.inf
+    return error
+
+
+def _lacks(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array) -> Array:
+    """What CoM (3) and both soles, place (3) and rotation (3) each, lack of where they shall be."""
+    lacks, quat = np.zeros(15), np.empty(4)
+    lacks[:3] = com - data.subtree_com[0]
+    for row, site, sole in zip((3, 9), robot.indices.soles, soles, strict=True):
+        lacks[row : row + 3] = sole - data.site_xpos[site]
+        mujoco.mju_mat2Quat(quat, data.site_xmat[site])
+        mujoco.mju_quat2Vel(lacks[row + 3 : row + 6], quat, -1.0)
+    return lacks
+
+
+def _jacobian(robot: CompiledRobot, data: mujoco.MjData) -> Array:
+    """Motion of CoM and both soles by the pelvis' velocity and the legs' rates, (15, 15)."""
+    rows = np.zeros((15, robot.model.nv))
+    mujoco.mj_jacSubtreeCom(robot.model, data, rows[:3], 0)
+    for row, site in zip((3, 9), robot.indices.soles, strict=True):
+        mujoco.mj_jacSite(robot.model, data, rows[row : row + 3], rows[row + 3 : row + 6], site)
+    return rows[:, robot.indices.moving_dof]
+
+
+def _velocity(robot: CompiledRobot, data: mujoco.MjData, com_velocity: Array) -> Array:
+    """Joint velocities for a velocity of the CoM; pelvis and trunk do not turn, the soles rest."""
+    wanted, velocity = np.zeros(15), np.zeros(robot.model.nv)
     wanted[:3] = com_velocity
-    velocity[MOVING_DOF] = np.linalg.solve(rows[:, MOVING_DOF], wanted)
+    velocity[robot.indices.moving_dof] = np.linalg.solve(_jacobian(robot, data), wanted)
     return velocity

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from ...controllers.whole_body.gait_machine import side_sign
 from ...controllers.whole_body.kinematics import sole_position
 from .core import BipedCore
-from .pushes import PUSHED_BODY
 
 Array = NDArray[np.float64]
 
 ARROW = 1.0 / 400.0  # length of a push's arrow [m/N]
 FADE = 0.3  # a push stays visible this long after it has ended [s]
 CLEARANCE = 0.17  # from the tip of the arrow to the point of attack [m]
-SOLE = (0.10, 0.05, 0.002)  # half the size of the planned foothold's box [m]
+THICKNESS = 0.002  # half that of the planned foothold's box [m]
 DCM_RADIUS, COP_RADIUS = 0.03, 0.018  # [m]
 AXES = np.eye(3).ravel()
 
@@ -29,8 +28,8 @@ COP_COLOUR = (0.10, 0.35, 0.90, 1.0)
 def set_posture(model: mujoco.MjModel, data: mujoco.MjData, core: BipedCore) -> None:
     """Copy robot 0's joints into `data` and place bodies and lights; the simulation is not touched."""
     data.time = core.gait.time[0]
-    data.qpos[:] = core.physics.qpos[0]
-    data.qvel[:] = core.physics.qvel[0]
+    data.qpos[:] = core.simulations.data[0].qpos
+    data.qvel[:] = core.simulations.data[0].qvel
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)
@@ -59,8 +58,15 @@ def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) ->
     yaw = np.array(
         [[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1.0]]
     )
-    foothold = to_world(core, plan[0], plan[1]) + [0, 0, SOLE[2]]
-    _add(scene, mujoco.mjtGeom.mjGEOM_BOX, SOLE, foothold, FOOTHOLD_COLOUR, yaw.ravel())
+    foothold = to_world(core, plan[0], plan[1]) + [0, 0, THICKNESS]
+    _add(
+        scene,
+        mujoco.mjtGeom.mjGEOM_BOX,
+        (*core.body.half_sole, THICKNESS),
+        foothold,
+        FOOTHOLD_COLOUR,
+        yaw.ravel(),
+    )
     world = core.world[0]
     _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, (DCM_RADIUS, 0, 0), np.array([*world[:2], 0.02]), DCM_COLOUR)
     if core.gait.wrench[0, 2] > 1.0:  # a torque has been computed
@@ -71,7 +77,7 @@ def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) ->
     for i in range(pushes.start.shape[1]):
         opacity = push_opacity(time, pushes.start[0, i], pushes.duration[0, i])
         if opacity > 0.0 and np.any(pushes.force[0, i]):
-            body = PUSHED_BODY[pushes.body[0, i]]
+            body = (core.body.indices.pelvis, core.body.indices.trunk)[pushes.body[0, i]]
             point = data.xipos[body] + data.xmat[body].reshape(3, 3) @ pushes.offset[0, i]
             _add_arrow(scene, point, pushes.force[0, i], opacity)
 

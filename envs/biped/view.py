@@ -9,10 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.whole_body.kinematics import PELVIS
 from ..physics.offscreen import Canvas, window_opens
 from .core import BipedCore
-from .posture import biped_model
+from .robots.compiled_robot import CompiledRobot
 from .scene import add_markers, set_posture
 
 WIDTH, HEIGHT = 640, 480
@@ -27,17 +26,17 @@ class BipedView:
     foot will land, the magenta ball the DCM, the blue dot the CoP that the controller asks for.
     """
 
-    def __init__(self, window: bool = False):
-        """Open the picture; a window without a display is a warning, and then nothing is drawn.
+    def __init__(self, robot: CompiledRobot, window: bool = False):
+        """Open the picture of a robot; a window without a display is a warning, and then nothing is drawn.
 
         Raises:
             RenderError: there is no OpenGL for an image.
         """
         self._view: Any = None
         if not window:
-            self._view = _Image()
+            self._view = _Image(robot)
         elif window_opens():
-            self._view = _Window()
+            self._view = _Window(robot)
 
     def draw(self, core: BipedCore) -> NDArray[np.uint8] | None:
         """Draw robot 0; returns the image (480, 640, 3) unless it is a window."""
@@ -50,8 +49,8 @@ class BipedView:
 
 
 class _Image:
-    def __init__(self) -> None:
-        self._model = biped_model()
+    def __init__(self, robot: CompiledRobot) -> None:
+        self._model, self._pelvis = robot.model, robot.indices.pelvis
         self._data = mujoco.MjData(self._model)
         self._canvas = Canvas(self._model, WIDTH, HEIGHT)
         self._scene = mujoco.MjvScene(self._model, maxgeom=200)
@@ -63,7 +62,7 @@ class _Image:
 
     def draw(self, core: BipedCore) -> NDArray[np.uint8]:
         set_posture(self._model, self._data, core)
-        self._camera.lookat[:] = (*self._data.xpos[PELVIS, :2], LOOK_HEIGHT)
+        self._camera.lookat[:] = (*self._data.xpos[self._pelvis, :2], LOOK_HEIGHT)
         mujoco.mjv_updateScene(
             self._model, self._data, self._option, None, self._camera,
             mujoco.mjtCatBit.mjCAT_ALL.value, self._scene,
@@ -78,10 +77,10 @@ class _Image:
 class _Window:
     """MuJoCo's viewer, at the speed of the simulated time where the computer keeps up."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: CompiledRobot) -> None:
         from mujoco import viewer
 
-        self._model = biped_model()
+        self._model, self._pelvis = robot.model, robot.indices.pelvis
         self._data = mujoco.MjData(self._model)
         self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
         _aim(self._viewer.cam)
@@ -92,7 +91,7 @@ class _Window:
             return
         with self._viewer.lock():
             set_posture(self._model, self._data, core)
-            self._viewer.cam.lookat[:] = (*self._data.xpos[PELVIS, :2], LOOK_HEIGHT)
+            self._viewer.cam.lookat[:] = (*self._data.xpos[self._pelvis, :2], LOOK_HEIGHT)
             self._viewer.user_scn.ngeom = 0
             add_markers(self._viewer.user_scn, self._data, core)
         self._viewer.sync()

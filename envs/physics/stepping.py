@@ -28,9 +28,14 @@ from numba.extending import intrinsic
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
+from .fields import ONE, Field, whole
 
-MODEL, DATA, FIRST_FIELD = 0, 1, 2  # columns of `Handles.addresses`
-MEASURED = ("qpos", "qvel", "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
+PHYSICS_DT = 0.002  # [s]
+ENTRY = 8  # bytes of a float64
+MODEL, DATA, FIRST_RUN = 0, 1, 2  # columns of `Handles.addresses`
+INPUT_RUNS, STATE_RUNS, MEASURED_RUNS = 7, 8, 9  # places in `Handles.calls`
+STATE = ("qpos", "qvel")
+MEASURED = (*STATE, "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
 STEP = ("mj_step2", "mj_step1")
 BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
 
@@ -38,12 +43,10 @@ BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of 
 class Handles(NamedTuple):
     """What `advance` needs of n simulations."""
 
-    addresses: Ints  # (n, 2 + fields) of the model, of its data, of every field in the data
-    rows: Ints  # (fields, 2) address of the field's array over all simulations, bytes for each
-    calls: Ints  # (9,) addresses of STEP, BELIEF and mj_rne; number of fields that go in, and of MEASURED
-    belief: (
-        Ints  # (3 + fields,) as a row of `addresses`: common model, a worker's own data; then its qfrc_bias
-    )
+    addresses: Ints  # (n, 2 + runs) of the model, of its data, of every run in the data
+    rows: Ints  # (runs, 3) address in the first simulation's array, bytes to the next one's, bytes to copy
+    calls: Ints  # (10,) addresses of STEP, BELIEF, mj_rne; number of runs that go in, of STATE, of MEASURED
+    belief: Ints  # (3 + runs,) as a row of `addresses`: common model, a worker's own data; then its qfrc_bias
 
 
 class Simulations:
@@ -56,8 +59,8 @@ class Simulations:
         self,
         model: mujoco.MjModel,
         n: int,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
+        inputs: Sequence[str | Field],
+        outputs: Sequence[str | Field],
         workers: int = 1,
     ):
         """Make the data.
@@ -65,7 +68,8 @@ class Simulations:
         Args:
             model: common to all; it is copied, see `simulated`.
             n: number of simulations.
-            inputs: fields of MjData (float64) copied from the arrays before each physics step.
+            inputs: fields of MjData, copied from the arrays before each physics step; a name stands for the
+                whole field.
             outputs: fields copied into the arrays after it.
             workers: threads that call `believe`, worker w with `handles_of(w)`.
         """
@@ -73,26 +77,45 @@ class Simulations:
         self.models = [self.model] * n
         self.data = [mujoco.MjData(self.model) for _ in range(n)]
         self._belief = [mujoco.MjData(self.model) for _ in range(workers)]
-        measured = [name for name in MEASURED if name in outputs]
-        names = (*inputs, *measured, *(name for name in outputs if name not in measured))
-        self.arrays: dict[str, Array] = {
-            name: np.zeros((n, *getattr(self.data[0], name).shape)) for name in names
-        }
-        own = [[self.model._address, data._address, *_fields(data, names)] for data in self.data]
-        arrays, calls = self.arrays.values(), _functions(*STEP, *BELIEF, "mj_rne")
+        self._one = np.ones(1)
+        given, found = (
+            [whole(self._belief[0], field) if isinstance(field, str) else field for field in fields]
+            for fields in (inputs, outputs)
+        )
+        measured = [field for name in MEASURED for field in found if field.name == name]
+        self._fields = [*given, *measured, *(field for field in found if field.name not in MEASURED)]
+        self.arrays: dict[str, Array] = {field.name: np.zeros((n, *field.shape)) for field in self._fields}
+        state = [field for field in measured if field.name in STATE]
+        counts = [sum(len(field.runs) for field in fields) for fields in (given, state, measured)]
+        own = [[self.model._address, data._address, *self._runs(data)] for data in self.data]
         self._common = (
             np.array(own, dtype=np.int64),
-            np.array([[array.ctypes.data, array[0].nbytes] for array in arrays], dtype=np.int64),
-            np.array([*calls, len(inputs), len(measured)], dtype=np.int64),
+            np.array(self._rows(), dtype=np.int64),
+            np.array([*_functions(*STEP, *BELIEF, "mj_rne"), *counts], dtype=np.int64),
         )
-        self._names = names
         self.handles = self.handles_of(0)
 
     def handles_of(self, worker: int) -> Handles:
         """Handles for one of the threads; they differ in where it computes what is believed."""
         data = self._belief[worker]
-        row = [self.model._address, data._address, *_fields(data, (*self._names, "qfrc_bias"))]
+        row = [self.model._address, data._address, *self._runs(data), data.qfrc_bias.ctypes.data]
         return Handles(*self._common, np.array(row, dtype=np.int64))
+
+    def _runs(self, data: mujoco.MjData) -> list[int]:
+        """Addresses of all runs in a simulation's data."""
+        return [
+            self._one.ctypes.data if run.source == ONE
+            else getattr(data, field.name).ctypes.data + ENTRY * run.source
+            for field in self._fields for run in field.runs
+        ]  # fmt: skip
+
+    def _rows(self) -> list[list[int]]:
+        rows = []
+        for field in self._fields:
+            array = self.arrays[field.name]
+            stride = array.strides[0]
+            rows += [[array.ctypes.data + ENTRY * run.to, stride, ENTRY * run.entries] for run in field.runs]
+        return rows
 
     def use_model(self, k: int, model: mujoco.MjModel | None) -> None:
         """Give simulation k a model of its own, or the common one again (None).
@@ -102,7 +125,7 @@ class Simulations:
         before, self.models[k] = self.models[k], self.model if model is None else model
         if self.models[k].ngeom != before.ngeom:
             self.data[k] = mujoco.MjData(self.models[k])
-            self.handles.addresses[k, DATA:] = [self.data[k]._address, *_fields(self.data[k], self._names)]
+            self.handles.addresses[k, DATA:] = [self.data[k]._address, *self._runs(self.data[k])]
         self.handles.addresses[k, MODEL] = self.models[k]._address
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
@@ -111,8 +134,11 @@ class Simulations:
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_step1(model, data)
-        for name, array in self.arrays.items():
-            array[k] = getattr(data, name)
+        for field in self._fields:
+            to, source = self.arrays[field.name][k].reshape(-1), getattr(data, field.name).reshape(-1)
+            for run in field.runs:
+                end = run.to + run.entries
+                to[run.to : end] = 1.0 if run.source == ONE else source[run.source :][: run.entries]
 
 
 def simulated(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -120,10 +146,6 @@ def simulated(model: mujoco.MjModel) -> mujoco.MjModel:
     model = copy.copy(model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
     return model
-
-
-def _fields(data: mujoco.MjData, names: Sequence[str]) -> list[int]:
-    return [getattr(data, name).ctypes.data for name in names]
 
 
 def _functions(*names: str) -> list[int]:
@@ -173,29 +195,36 @@ def _copy(typingctx, to, source, count):
 
 @njit(cache=True)
 def _copy_out(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
-    """Copy fields first..end-1 of the data whose addresses are `own` into the arrays of simulation k."""
+    """Copy runs first..end-1 of the data whose addresses are `own` into the arrays of simulation k."""
     rows = handles.rows
-    for f in range(first, end):
-        _copy(rows[f, 0] + k * rows[f, 1], own[FIRST_FIELD + f], rows[f, 1])
+    for r in range(first, end):
+        _copy(rows[r, 0] + k * rows[r, 1], own[FIRST_RUN + r], rows[r, 2])
+
+
+@njit(cache=True)
+def _copy_in(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
+    """The other way round."""
+    rows = handles.rows
+    for r in range(first, end):
+        _copy(own[FIRST_RUN + r], rows[r, 0] + k * rows[r, 1], rows[r, 2])
 
 
 @njit(cache=True)
 def advance_measured(handles: Handles, k: int) -> None:
     """One physics step of simulation k of which only what is MEASURED gets into the arrays."""
-    own, rows, calls = handles.addresses[k], handles.rows, handles.calls
-    inputs = calls[7]
-    for f in range(inputs):
-        _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
+    own, calls = handles.addresses[k], handles.calls
+    inputs = calls[INPUT_RUNS]
+    _copy_in(handles, k, own, 0, inputs)
     _call_step(calls[0], own[MODEL], own[DATA])
     _call_step(calls[1], own[MODEL], own[DATA])
-    _copy_out(handles, k, own, inputs, inputs + calls[8])
+    _copy_out(handles, k, own, inputs, inputs + calls[MEASURED_RUNS])
 
 
 @njit(cache=True)
 def advance(handles: Handles, k: int) -> None:
     """One physics step of simulation k: inputs into its data, mj_step2, mj_step1, outputs into the arrays."""
     advance_measured(handles, k)
-    done = handles.calls[7] + handles.calls[8]
+    done = handles.calls[INPUT_RUNS] + handles.calls[MEASURED_RUNS]
     _copy_out(handles, k, handles.addresses[k], done, handles.rows.shape[0])
 
 
@@ -207,10 +236,9 @@ def believe(handles: Handles, k: int) -> None:
     the stages of mj_step1 that need no contacts.
     """
     own, rows, calls = handles.belief, handles.rows, handles.calls
-    first = calls[7]
-    for f in range(first, first + 2):
-        _copy(own[FIRST_FIELD + f], rows[f, 0] + k * rows[f, 1], rows[f, 1])
+    first = calls[INPUT_RUNS]
+    _copy_in(handles, k, own, first, first + calls[STATE_RUNS])
     for c in range(2, 6):
         _call_step(calls[c], own[MODEL], own[DATA])
-    _call_rne(calls[6], own[MODEL], own[DATA], own[FIRST_FIELD + rows.shape[0]])
-    _copy_out(handles, k, own, first + calls[8], rows.shape[0])
+    _call_rne(calls[6], own[MODEL], own[DATA], own[FIRST_RUN + rows.shape[0]])
+    _copy_out(handles, k, own, first + calls[MEASURED_RUNS], rows.shape[0])

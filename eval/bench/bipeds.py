@@ -16,7 +16,8 @@ from ...controllers.model.nominal_start import nominal_start
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BIPED, BIPED_LIMITS
-from ...envs.biped.posture import PHYSICS_DT, biped_model
+from ...envs.biped.robots.biped.robot import biped_model
+from ...envs.physics.stepping import PHYSICS_DT
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
 from .planner import summary

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.env import BIPED_LIMITS
-from ...envs.biped.posture import PHYSICS_DT
+from ...envs.physics.stepping import PHYSICS_DT
 from .bipeds import walking_core
 
 HUMANOID = "Humanoid-v5"

@@ -6,7 +6,7 @@ import pytest
 from push_recovery.controllers.model import observation as layout
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK
 from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.posture import SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
 
 MODEL = biped_model()
 
@@ -35,7 +35,7 @@ def test_entries_are_mujocos_quantities_in_the_canonical_frame(random_state, rob
         core, data = robot_in(*random_state(rng), stance)
         core.gait.elapsed[0] = 0.123
         obs = observe(core, (0.3, 0.1))
-        soles = [MODEL.site(name).id for name in SOLES]
+        soles = [MODEL.site(name).id for name in PLAN.soles]
         sole, swing = data.site_xpos[soles[stance]], data.site_xpos[soles[1 - stance]]
         com, com_velocity = data.subtree_com[0], data.subtree_linvel[0]
         foot = velocity(data, mujoco.mjtObj.mjOBJ_SITE, soles[1 - stance])

@@ -6,7 +6,7 @@ import pytest
 from push_recovery.controllers.model.observation import PREVIOUS_ACTION, PUSH_ESTIMATE
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -67,7 +67,7 @@ def test_the_estimate_is_quiet_without_push(biped_core, begin, command):
 def test_a_force_that_no_scenario_tells_of_is_felt(biped_core, begin):
     core, force = biped_core(), np.array([25.0, -15.0])
     begin(core, 0, Scenario("a"))
-    core.physics.xfrc[0, THIGH, :2] = force
+    core.simulations.data[0].xfrc_applied[THIGH, :2] = force
     estimates = []
     for _ in range(30):
         step(core)

@@ -7,7 +7,7 @@ from push_recovery.controllers.whole_body.deviation_maps import TASKS, Legs, wri
 from push_recovery.controllers.whole_body.kinematics import NU, NV, PELVIS, WAIST_DOF, sole_position
 from push_recovery.controllers.whole_body.leg_inverse import LegInverses, write_leg_inverse
 from push_recovery.controllers.whole_body.mass_matrix import com_compliance
-from push_recovery.envs.biped.posture import SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
 
 MODEL = biped_model()
 
@@ -15,7 +15,7 @@ MODEL = biped_model()
 def sole_jacobian(data: mujoco.MjData, leg: int) -> np.ndarray:
     """Jacobian (6, 20) of a sole, linear part first."""
     J = np.zeros((6, NV))
-    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
+    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
     return J
 
 

@@ -10,8 +10,8 @@ from push_recovery.controllers.whole_body.gait_machine import (
 )
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
 from push_recovery.envs.biped.env import BIPED_LIMITS
-from push_recovery.envs.biped.posture import PHYSICS_DT
 from push_recovery.envs.biped.settings import BIPED_GAIT
+from push_recovery.envs.physics.stepping import PHYSICS_DT
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 

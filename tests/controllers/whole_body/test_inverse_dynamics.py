@@ -33,13 +33,13 @@ from push_recovery.controllers.whole_body.kinematics import (
 from push_recovery.controllers.whole_body.mass_matrix import com_velocity
 from push_recovery.controllers.whole_body.motors import driving_share
 from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.posture import SOLES, biped_model, motor_limits
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
 from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.scenario import Scenario
 
 MODEL = biped_model()
 GAINS = BIPED_GAINS._replace(damping=0.0)  # exact leg inverse
-MOTORS = motor_limits(MODEL)
+MOTORS = biped().motors
 LOOSE, _LOOSE_MEMORY = make_bounds(
     BIPED_BOUNDS._replace(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6, force_min=-1e9),
     np.full((2, NU), 1e9),
@@ -91,7 +91,7 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
     b[3:6] = base_angular_acceleration(phys, 0, omega, task, GAINS)
     jacobians = [np.zeros((6, NV)), np.zeros((6, NV))]
     for J, leg in zip(jacobians, (task.stance, 1 - task.stance), strict=True):
-        mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
+        mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
     A[6:12] = jacobians[1]
     b[6:12] = np.subtract(swing_acceleration(phys, 0, swing, task, GAINS), drift(swing)).ravel()
     A[12, WAIST_DOF] = A[13, WAIST_DOF + 1] = 1.0

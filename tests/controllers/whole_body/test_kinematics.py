@@ -8,14 +8,14 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_position,
     upright_error,
 )
-from push_recovery.envs.biped.posture import SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
 
 MODEL = biped_model()
 
 
 def sole_jacobian(data: mujoco.MjData, leg: int) -> np.ndarray:
     J = np.zeros((6, MODEL.nv))
-    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
+    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
     return J
 
 
@@ -39,7 +39,7 @@ def test_sole_motion_is_mujocos_twist_and_drift(random_state, robot_in, leg):
         core, data = robot_in(qpos, qvel)
         foot = sole_motion(core.physics, 0, leg, base_angular_velocity(core.physics, 0))
         J = sole_jacobian(data, leg)
-        np.testing.assert_allclose(foot.position, data.site(SOLES[leg]).xpos, atol=1e-12)
+        np.testing.assert_allclose(foot.position, data.site(PLAN.soles[leg]).xpos, atol=1e-12)
         np.testing.assert_allclose([*foot.velocity, *foot.omega], J @ qvel, atol=1e-12)
         drift = drift_by_differences(qpos, qvel, leg)
         np.testing.assert_allclose([*foot.drift, *foot.turn_drift], drift, atol=1e-6)
@@ -53,7 +53,7 @@ def test_pelvis_and_soles_are_mujocos(random_state, robot_in):
         np.testing.assert_allclose(omega, data.cvel[PELVIS, :3], atol=1e-12)
         for leg in range(2):
             position = sole_position(core.physics, 0, leg)
-            np.testing.assert_allclose(position, data.site(SOLES[leg]).xpos, atol=1e-12)
+            np.testing.assert_allclose(position, data.site(PLAN.soles[leg]).xpos, atol=1e-12)
 
 
 def axes(heading: float) -> np.ndarray:

@@ -3,14 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.kinematics import LEG_DOF, NU, sole_position
+from push_recovery.controllers.whole_body.kinematics import LEG_DOF, LEG_QPOS, NU, sole_position
 from push_recovery.controllers.whole_body.leg_inverse import (
     KNEE,
     LegInverses,
     subtract_leg_torques,
     write_leg_inverse,
 )
-from push_recovery.envs.biped.posture import LEG_QPOS, SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
 
 MODEL = biped_model()
 
@@ -18,7 +18,7 @@ MODEL = biped_model()
 def leg_jacobian(data: mujoco.MjData, leg: int) -> np.ndarray:
     """Jacobian (6, 6) of a sole, linear part first."""
     J = np.zeros((6, MODEL.nv))
-    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(SOLES[leg]).id)
+    mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
     return J[:, LEG_DOF[leg] : LEG_DOF[leg] + 6]
 
 

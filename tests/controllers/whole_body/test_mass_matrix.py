@@ -10,7 +10,7 @@ from push_recovery.controllers.whole_body.mass_matrix import (
     com_velocity,
     write_generalised_force,
 )
-from push_recovery.envs.biped.posture import SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
 
 MODEL = biped_model()
 
@@ -53,7 +53,7 @@ def test_compliance_gives_the_pelvis_the_acceleration_that_a_force_on_the_com_as
         qdd[:3] = np.array(com_compliance(core.physics, 0, inverses)) @ force
         for leg in range(2):
             sole = np.zeros((6, NV))
-            mujoco.mj_jacSite(MODEL, data, sole[:3], sole[3:], MODEL.site(SOLES[leg]).id)
+            mujoco.mj_jacSite(MODEL, data, sole[:3], sole[3:], MODEL.site(PLAN.soles[leg]).id)
             joints = slice(LEG_DOF[leg], LEG_DOF[leg] + 6)
             qdd[joints] = -np.linalg.solve(sole[:, joints], [*qdd[:3], 0.0, 0.0, 0.0])
         mujoco.mj_mulM(MODEL, data, total, qdd)

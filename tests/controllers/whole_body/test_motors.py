@@ -12,7 +12,7 @@ from push_recovery.controllers.whole_body.motors import (
     write_torque_range,
 )
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -54,7 +54,7 @@ def test_the_range_of_torques_ends_where_a_motor_would_drive_too_fast(
 
 
 def test_every_motor_has_both_limits_and_left_and_right_the_same():
-    limits = motor_limits(MODEL)
+    limits = biped().motors
     names = [MODEL.actuator(i).name for i in range(MODEL.nu)]
     assert (limits > 0).all()
     for name, column in zip(names, limits.T, strict=True):
@@ -65,7 +65,7 @@ def test_every_motor_has_both_limits_and_left_and_right_the_same():
 def test_no_motor_gives_more_than_it_can_at_its_speed_in_a_hard_push():
     """Torques are for the speeds before the physics step, so these are kept from one step to the next."""
     episodes, policy = BipedEpisodes(1), make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
-    core, (top, free_speed) = episodes.core, motor_limits(MODEL)
+    core, (top, free_speed) = episodes.core, biped().motors
     push = polar_push(900.0, math.pi, 0.1, GaitEvent(2, "left", 0.0))
     episodes.begin(0, Scenario("hard", (push,)))
     speeds, used = core.physics.qvel[0, 6:].copy(), []

@@ -13,7 +13,8 @@ from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
 from push_recovery.controllers.whole_body.mass_matrix import com_velocity
 from push_recovery.envs.biped.core import BipedCore, substeps
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.posture import PHYSICS_DT, SOLES, biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.envs.physics.stepping import PHYSICS_DT
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -29,7 +30,7 @@ def step(core, policy=POLICY) -> None:
 def contact_wrench(data: mujoco.MjData, stance: int) -> tuple[np.ndarray, float]:
     """Wrench (6,) about the stance sole, and the normal force of all other contacts [N]."""
     wrench, others, force = np.zeros(6), 0.0, np.empty(6)
-    sole = data.site(SOLES[stance]).xpos
+    sole = data.site(PLAN.soles[stance]).xpos
     for i, contact in enumerate(data.contact):
         mujoco.mj_contactForce(MODEL, data, i, force)
         f = contact.frame.reshape(3, 3).T @ force[:3]
@@ -64,7 +65,7 @@ def single_support(biped_core, begin):
         if core.gait.elapsed[0] < 0.05 or others > 0.0:
             continue
         sign = np.array([1.0, -1.0 if stance == 0 else 1.0])
-        cmp = data.site(SOLES[stance]).xpos[:2] + sign * (plan[3:5] + gain * plan[5:7])
+        cmp = data.site(PLAN.soles[stance]).xpos[:2] + sign * (plan[3:5] + gain * plan[5:7])
         pendulum = BIPED.omega**2 * (com[:2] - cmp)
         rows.append([*acceleration[:2], *pendulum, *core.gait.wrench[0], *wrench])
     assert core.gait.failure[0] == 0

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.floor import AROUND, DEPTH, FEET, TILE, floor_height, tiled_model
+from push_recovery.envs.biped.floor import AROUND, DEPTH, TILE, floor_height, tiled_model
 from push_recovery.envs.biped.model_errors import altered_model
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.noise import uniform
 from push_recovery.envs.scenario.push import GaitEvent, Push
@@ -49,14 +49,14 @@ def test_uniform_numbers_are_uniform_and_independent():
 
 
 def test_the_tiled_model_is_the_biped_but_for_its_floor():
-    plain, tiled = biped_model(), tiled_model()
+    plain, tiled = biped_model(), tiled_model(biped())
     for name in ("nq", "nv", "nu", "nbody", "njnt", "nsensordata"):
         assert getattr(tiled, name) == getattr(plain, name)
     for name in ("body_mass", "body_inertia", "dof_armature", "jnt_range", "actuator_forcerange"):
         np.testing.assert_array_equal(getattr(tiled, name), getattr(plain, name))
     for tile in range(2 * AROUND):
         pair = np.flatnonzero(tiled.pair_geom1 == tiled.geom(f"tile_{tile}").id).item()
-        assert tiled.pair_geom2[pair] == tiled.geom(FEET[tile // AROUND]).id
+        assert tiled.pair_geom2[pair] == tiled.geom(PLAN.sole_boxes[tile // AROUND]).id
         for name in ("pair_friction", "pair_solref", "pair_solimp", "pair_dim"):
             np.testing.assert_array_equal(getattr(tiled, name)[pair], getattr(plain, name)[0])
 
@@ -72,14 +72,16 @@ def test_soles_begin_on_their_tiles_and_stay_above_them(biped_core, begin, stanc
         i, j = np.floor(np.array([x, side * y]) / TILE - origin).astype(int)
         return 0.02 * uniform(seed, i, j)
 
-    for foot in FEET:
+    for foot in PLAN.sole_boxes:
         at = corners(core, foot)
         highest = max(height(x, y) for x, y in at[:, :2])
         np.testing.assert_allclose(at[:, 2], highest, atol=1e-9)
         assert floor_height(core.floors, 0, *at[:, :2].mean(axis=0)) == highest
 
     def look():
-        inner = [corner for foot in FEET for corner in corners(core, foot, 0.95)]  # an edge may touch a wall
+        inner = [
+            corner for foot in PLAN.sole_boxes for corner in corners(core, foot, 0.95)
+        ]  # an edge may touch a wall
         lowest.append(min(z - height(x, y) for x, y, z in inner))
         contacts.append(own(core)[1].ncon)
 
@@ -96,7 +98,7 @@ def test_the_boxes_of_a_foot_hold_all_of_its_sole(biped_core, begin):
     for _ in range(20):
         walk(core, 0.1)
         model, _ = own(core)
-        for leg, foot in enumerate(FEET):
+        for leg, foot in enumerate(PLAN.sole_boxes):
             boxes = model.geom_pos[[model.geom(f"tile_{AROUND * leg + i}").id for i in range(AROUND)]]
             assert ((boxes[:, 2] >= -DEPTH) & (boxes[:, 2] < 0.03 - DEPTH)).all()
             for corner in corners(core, foot):
@@ -113,7 +115,7 @@ def test_tiles_of_no_height_are_the_plane(biped_core, begin):
 
 
 def test_friction_holds_on_tiles_and_each_robot_has_tiles_of_its_own(biped_core, begin):
-    slippery = altered_model(0.0, 0.0, (0.0, 0.0, 0.0), 0.5, 0.0, 0.0, True)
+    slippery = altered_model(biped(), 0.0, 0.0, (0.0, 0.0, 0.0), 0.5, 0.0, 0.0, True)
     assert slippery is not None
     on_floor = slippery.geom_bodyid[slippery.pair_geom1] == 0
     assert on_floor.sum() == 2 + 2 * AROUND

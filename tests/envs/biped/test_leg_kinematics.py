@@ -1,18 +1,12 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.kinematics import ANKLE_HEIGHT as KINEMATICS_ANKLE_HEIGHT
-from push_recovery.envs.biped.leg_kinematics import (
-    ANKLE_HEIGHT,
-    HIP_DROP,
-    HIP_OFFSET,
-    SHANK,
-    THIGH,
-    leg_joints,
-    level_leg,
-)
-from push_recovery.envs.biped.posture import LEG_QPOS, SOLES, biped_model
+from push_recovery.controllers.whole_body.kinematics import LEG_QPOS
+from push_recovery.envs.biped.leg_kinematics import LegGeometry, leg_geometry, leg_joints, level_leg
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
 
+THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET = 0.36, 0.36, 0.06, 0.05, 0.10  # as biped.xml has them [m]
+LEG = LegGeometry(THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET)
 SIDES = ("left", "right")
 
 
@@ -21,7 +15,7 @@ def pelvis_pose(data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sole_pose(data: mujoco.MjData, leg: int) -> tuple[np.ndarray, np.ndarray]:
-    site = data.site(SOLES[leg])
+    site = data.site(PLAN.soles[leg])
     return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
 
@@ -55,7 +49,9 @@ def test_lengths_are_the_models():
         np.testing.assert_allclose(model.site(f"{side}_sole").pos, [0, 0, -ANKLE_HEIGHT])
         foot = model.geom(f"{side}_foot")
         assert foot.pos[2] - foot.size[2] == pytest.approx(-ANKLE_HEIGHT)
-    assert KINEMATICS_ANKLE_HEIGHT == ANKLE_HEIGHT
+    assert leg_geometry(model, biped().indices) == LEG
+    assert biped().ankle_height == ANKLE_HEIGHT
+    np.testing.assert_array_equal(biped().soles, [[0.0, 0.0, -ANKLE_HEIGHT]] * 2)
 
 
 def test_angles_invert_mujocos_forward_kinematics_over_the_joint_ranges():
@@ -65,7 +61,7 @@ def test_angles_invert_mujocos_forward_kinematics_over_the_joint_ranges():
         data = placed(rng, joints)
         rotation = pelvis_pose(data)[1]
         for leg in range(2):
-            found = leg_joints(hip(data, leg), rotation, *sole_pose(data, leg))
+            found = leg_joints(hip(data, leg), rotation, *sole_pose(data, leg), LEG)
             data_again = mujoco.MjData(biped_model())
             data_again.qpos[:] = data.qpos
             data_again.qpos[LEG_QPOS[leg] : LEG_QPOS[leg] + 6] = found
@@ -83,7 +79,7 @@ def test_angles_are_unique_while_the_foot_hangs_below_the_hip():
         data = placed(rng, joints)
         rotation = pelvis_pose(data)[1]
         for leg in range(2):
-            found = leg_joints(hip(data, leg), rotation, *sole_pose(data, leg))
+            found = leg_joints(hip(data, leg), rotation, *sole_pose(data, leg), LEG)
             np.testing.assert_allclose(found, joints[leg], atol=1e-8)
 
 
@@ -91,7 +87,7 @@ def test_a_foothold_out_of_reach_gives_a_straight_leg_that_points_at_it():
     rng = np.random.default_rng(2)
     for _ in range(20):
         target = np.array([*rng.uniform(-0.4, 0.4, 2), -1.2])
-        joints = leg_joints(np.zeros(3), np.eye(3), target, np.eye(3))
+        joints = leg_joints(np.zeros(3), np.eye(3), target, np.eye(3), LEG)
         assert joints[3] == pytest.approx(0.0, abs=1e-6)
         data = mujoco.MjData(biped_model())
         data.qpos[2:4] = HIP_DROP, 1.0
@@ -111,8 +107,8 @@ def test_mirrored_legs_have_mirrored_angles():
     joints = rng.uniform(joint_ranges()[:, 0], joint_ranges()[:, 1], (2, 6))
     data = placed(rng, joints)
     args = (hip(data, 0), pelvis_pose(data)[1], *sole_pose(data, 0))
-    mirrored = leg_joints(flip @ args[0], flip @ args[1] @ flip, flip @ args[2], flip @ args[3] @ flip)
-    np.testing.assert_allclose(mirrored, leg_joints(*args) * [-1, -1, 1, 1, 1, -1], atol=1e-9)
+    mirrored = leg_joints(flip @ args[0], flip @ args[1] @ flip, flip @ args[2], flip @ args[3] @ flip, LEG)
+    np.testing.assert_allclose(mirrored, leg_joints(*args, LEG) * [-1, -1, 1, 1, 1, -1], atol=1e-9)
 
 
 def test_a_level_foot_under_an_upright_pelvis_is_a_case_of_any_pose():
@@ -121,6 +117,6 @@ def test_a_level_foot_under_an_upright_pelvis_is_a_case_of_any_pose():
         for _ in range(50):
             pelvis, joints = rng.uniform(-0.05, 0.05, 3) + [0.0, 0.0, 0.75], np.empty(6)
             sole = rng.uniform(-0.1, 0.1, 3) + [0.0, side * 0.1, 0.0]
-            level_leg(pelvis, side, sole, joints)
+            level_leg(pelvis, side, sole, LEG, joints)
             hip = pelvis + [0.0, side * HIP_OFFSET, -HIP_DROP]
-            np.testing.assert_allclose(joints, leg_joints(hip, np.eye(3), sole, np.eye(3)), atol=1e-12)
+            np.testing.assert_allclose(joints, leg_joints(hip, np.eye(3), sole, np.eye(3), LEG), atol=1e-12)

@@ -13,7 +13,7 @@ from push_recovery.controllers.whole_body.gait_machine import landing_limit
 from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.biped import limit_record as limits
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.posture import biped_model, motor_limits
+from push_recovery.envs.biped.robots.biped.robot import biped
 from push_recovery.envs.biped.settings import BIPED_BOUNDS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -100,7 +100,7 @@ def test_gravity_takes_its_share_of_the_torque_of_a_leaning_trunk():
     ],
 )
 def test_the_bounds_of_whole_body_control(wrench, first_torque, met):
-    motors = motor_limits(biped_model())
+    motors = biped().motors
     bounds, _memory = make_bounds(BOUNDS, motors)
     bounds.torque_range[:] = -motors[0], motors[0]
     torque = np.zeros(14)

@@ -10,7 +10,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import TRUNK
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -34,7 +34,7 @@ DIFFERENT = (
 
 def model_of(**errors) -> mujoco.MjModel:
     values = vars(ModelErrors(**errors))
-    own = altered_model(*(values[name] for name in list(values)[:6]))
+    own = altered_model(biped(), *(values[name] for name in list(values)[:6]))
     assert own is not None
     return own
 

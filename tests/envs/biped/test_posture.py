@@ -8,6 +8,7 @@ from push_recovery.controllers.whole_body.kinematics import (
     FOOT_BODY,
     LEG_DOF,
     LEG_JOINT,
+    LEG_QPOS,
     NU,
     NV,
     PELVIS,
@@ -16,13 +17,9 @@ from push_recovery.controllers.whole_body.kinematics import (
     WAIST_JOINT,
 )
 from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.posture import (
-    LEG_QPOS,
-    PHYSICS_DT,
-    SOLES,
-    biped_model,
-    posture,
-)
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
+from push_recovery.envs.physics.stepping import PHYSICS_DT
 
 TORQUE_LIMITS = {
     "waist_pitch": 150, "waist_roll": 150, "hip_yaw": 100, "hip_roll": 200, "hip_pitch": 220, "knee": 300,
@@ -120,17 +117,17 @@ def test_posture_has_the_com_asked_for_over_soles_at_rest():
         soles[:, :2] += rng.uniform(-0.1, 0.1, (2, 2))
         com, velocity = np.array([0, 0, 0.78]) + rng.uniform(-0.03, 0.03, 3), rng.normal(0, 0.5, 3)
         data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = posture(com, velocity, soles)
+        data.qpos[:], data.qvel[:] = posture(biped(), com, velocity, soles)
         mujoco.mj_forward(model, data)
         mujoco.mj_subtreeVel(model, data)
         np.testing.assert_allclose(data.subtree_com[0], com, atol=1e-9)
         np.testing.assert_allclose(data.subtree_linvel[0], velocity, atol=1e-9)
         for leg in range(2):
-            np.testing.assert_allclose(data.site(SOLES[leg]).xpos, soles[leg], atol=1e-9)
-            np.testing.assert_allclose(data.site(SOLES[leg]).xmat.reshape(3, 3), np.eye(3), atol=1e-9)
+            np.testing.assert_allclose(data.site(PLAN.soles[leg]).xpos, soles[leg], atol=1e-9)
+            np.testing.assert_allclose(data.site(PLAN.soles[leg]).xmat.reshape(3, 3), np.eye(3), atol=1e-9)
             twist = np.empty(6)
             mujoco.mj_objectVelocity(
-                model, data, mujoco.mjtObj.mjOBJ_SITE, model.site(SOLES[leg]).id, twist, 0
+                model, data, mujoco.mjtObj.mjOBJ_SITE, model.site(PLAN.soles[leg]).id, twist, 0
             )
             np.testing.assert_allclose(twist, 0.0, atol=1e-9)
         for body in ("pelvis", "trunk"):
@@ -148,16 +145,16 @@ def test_all_corners_of_both_soles_touch_the_floor():
     model, rng = biped_model(), np.random.default_rng(2)
     data, floor = mujoco.MjData(model), model.geom("floor").id
     for _ in range(50):
-        data.qpos[:], data.qvel[:] = posture(*draw_posture(rng))
+        data.qpos[:], data.qvel[:] = posture(biped(), *draw_posture(rng))
         mujoco.mj_forward(model, data)
         assert (data.contact.geom == floor).any(axis=1).sum() == 8
 
 
 def test_posture_knows_nothing_of_the_postures_before_or_of_other_threads():
     cases = [draw_posture(np.random.default_rng(seed)) for seed in range(40)]
-    alone = [posture(*case) for case in cases]
+    alone = [posture(biped(), *case) for case in cases]
     with ThreadPoolExecutor(4) as pool:
-        shared = list(pool.map(lambda case: posture(*case), reversed(cases)))
+        shared = list(pool.map(lambda case: posture(biped(), *case), reversed(cases)))
     for a, b in zip(alone, reversed(shared), strict=True):
         assert a[0].tobytes() == b[0].tobytes()
         assert a[1].tobytes() == b[1].tobytes()
@@ -165,4 +162,6 @@ def test_posture_knows_nothing_of_the_postures_before_or_of_other_threads():
 
 def test_posture_out_of_reach_is_refused():
     with pytest.raises(InvalidValueError, match="no posture"):
-        posture(np.array([0.0, 0.0, 1.1]), np.zeros(3), np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]))
+        posture(
+            biped(), np.array([0.0, 0.0, 1.1]), np.zeros(3), np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+        )

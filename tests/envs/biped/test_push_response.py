@@ -7,7 +7,7 @@ from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity as omega_of
 from push_recovery.controllers.whole_body.mass_matrix import com_velocity
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.envs.biped.env import BipedEnv
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.biped.scene import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
 from push_recovery.envs.physics.offscreen import RenderError, make_context, require_display
 from push_recovery.envs.scenario.push import Push

@@ -2,7 +2,7 @@
 
 import mujoco
 import numpy as np
-from push_recovery.envs.biped.posture import biped_model
+from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.physics.stepping import Simulations, advance
 
 MODEL = biped_model()

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.biped.posture import PHYSICS_DT
+from push_recovery.envs.physics.stepping import PHYSICS_DT
 from push_recovery.envs.scenario.error_ranges import DELAY_STEP, ErrorRanges
 from push_recovery.envs.scenario.model_errors import BOUNDS, EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.scenario import PushDistribution, Scenario

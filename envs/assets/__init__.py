@@ -1,1 +1,0 @@
-"""MJCF model files."""

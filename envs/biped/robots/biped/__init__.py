@@ -1,0 +1,1 @@
+"""The 60 kg biped after Table II of the paper."""

@@ -1,0 +1,64 @@
+"""Which entries of MuJoCo's fields control reads and writes, in the places where it expects them.
+
+Control knows a base, a waist of two axes and two legs of six joints (`controllers.whole_body.kinematics`).
+Each entry of a robot's own fields is copied to the place that its part has there. What a robot does not have,
+a waist axis, stays zero; its entry on the diagonal of the mass matrix is 1, so that it couples with nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+
+from ....controllers.whole_body.kinematics import BODIES, FOOT_BODY, PELVIS, TRUNK
+from ....controllers.whole_body.mass_matrix import ENTRIES, ROW, columns
+from ...physics.fields import ONE, Field, picked, rows
+from .indices import MISSING, Indices
+
+Pairs = list[tuple[int, int]]
+
+
+def inputs(indices: Indices) -> tuple[Field, ...]:
+    """Torques, and forces on pelvis and trunk."""
+    pushed = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk)]
+    return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
+        "xfrc_applied", BODIES, 6, pushed
+    )
+
+
+def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
+    """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
+    bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
+    joints = known(indices.joints)
+    return (
+        picked("qpos", (len(indices.qpos),), known(indices.qpos)),
+        picked("qvel", (len(indices.dof),), known(indices.dof)),
+        rows("xpos", BODIES, 3, bodies),
+        rows("xmat", BODIES, 9, bodies),
+        rows("xanchor", len(indices.joints), 3, joints),
+        rows("xaxis", len(indices.joints), 3, joints),
+        rows("subtree_com", BODIES, 3, [(0, 0)]),
+        picked("M", (ENTRIES,), mass_matrix_pairs(model, indices)),
+        picked("qfrc_bias", (len(indices.dof),), known(indices.dof)),
+        picked("sensordata", (len(indices.loads),), known(indices.loads)),
+        picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
+    )
+
+
+def known(numbers: tuple[int, ...]) -> Pairs:
+    """(place, number) of every part that the robot has."""
+    return [(place, number) for place, number in enumerate(numbers) if number != MISSING]
+
+
+def mass_matrix_pairs(model: mujoco.MjModel, indices: Indices) -> Iterator[tuple[int, int]]:
+    """(entry as control has it, entry of MuJoCo's sparse M) by rows, from the model's own structure."""
+    for j, own in enumerate(indices.dof):
+        if own == MISSING:
+            yield int(ROW[j]) + len(columns(j)) - 1, ONE
+            continue
+        first = int(model.M_rowadr[own])
+        entries = model.M_colind[first : first + int(model.M_rownnz[own])].tolist()
+        for place, i in enumerate(columns(j)):
+            if indices.dof[i] != MISSING:
+                yield int(ROW[j]) + place, first + entries.index(indices.dof[i])

@@ -1,0 +1,159 @@
+"""From the names of a body plan to the numbers of a compiled model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from ....controllers.errors import InvalidValueError, UnknownNameError
+from ....controllers.whole_body.body_plan import BodyPlan, Pair
+
+MISSING = -1  # number of a joint that the robot does not have
+TILT = 1e-6  # largest component of an axis or a frame off where it has to point
+_KINDS = {"body": "nbody", "joint": "njnt", "site": "nsite", "geom": "ngeom", "sensor": "nsensor"}
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Numbers of a model's parts in the order of control: base, waist, left leg, right leg."""
+
+    pelvis: int
+    trunk: int
+    feet: tuple[int, int]  # bodies
+    joints: tuple[int, ...]  # (15,) free joint, waist, legs
+    qpos: tuple[int, ...]  # (21,) joint coordinates
+    dof: tuple[int, ...]  # (20,) degrees of freedom
+    motors: tuple[int, ...]  # (14,) actuators
+    soles: tuple[int, int]  # sites
+    loads: tuple[int, int]  # entries of sensordata
+    sole_boxes: tuple[int, int]  # geoms
+
+    @property
+    def legs(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Joints of the left and the right leg, from hip to sole."""
+        return self.joints[3:9], self.joints[9:]
+
+    @property
+    def legs_qpos(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Joint coordinates of the left and the right leg, from hip to sole."""
+        return self.qpos[9:15], self.qpos[15:]
+
+    @property
+    def moving_dof(self) -> list[int]:
+        """Degrees of freedom of a posture: translation of the pelvis, the legs."""
+        return [*self.dof[:3], *self.dof[8:]]
+
+
+def number_of(model: mujoco.MjModel, kind: str, name: str) -> int:
+    """Number of a model's part.
+
+    Raises:
+        UnknownNameError: there is none of that name; lists those there are.
+    """
+    try:
+        return getattr(model, kind)(name).id
+    except KeyError:
+        names = [getattr(model, kind)(i).name for i in range(getattr(model, _KINDS[kind]))]
+        raise UnknownNameError(f"{kind} of the robot's model", name, [*filter(None, names)]) from None
+
+
+def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
+    """All numbers that a plan's names stand for.
+
+    Raises:
+        UnknownNameError: a name that the model does not have.
+        InvalidValueError: a part that cannot play its role.
+    """
+    pelvis, trunk = number_of(model, "body", plan.pelvis), number_of(model, "body", plan.trunk)
+    free = int(model.body_jntadr[pelvis])
+    if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
+        raise InvalidValueError(f"pelvis {plan.pelvis!r} must have the robot's free joint")
+    waist = [MISSING if name is None else number_of(model, "joint", name) for name in plan.waist]
+    legs = [[number_of(model, "joint", name) for name in leg] for leg in plan.legs]
+    hinges = [*waist, *legs[0], *legs[1]]
+    for joint in hinges:
+        if joint != MISSING and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+            raise InvalidValueError(f"joint {model.joint(joint).name!r} must be a hinge")
+    base_qpos, base_dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
+    found = Indices(
+        pelvis=pelvis,
+        trunk=trunk,
+        feet=(int(model.jnt_bodyid[legs[0][-1]]), int(model.jnt_bodyid[legs[1][-1]])),
+        joints=(free, *hinges),
+        qpos=(*range(base_qpos, base_qpos + 7), *(_address(model.jnt_qposadr, joint) for joint in hinges)),
+        dof=(*range(base_dof, base_dof + 6), *(_address(model.jnt_dofadr, joint) for joint in hinges)),
+        motors=tuple(_motor_of(model, joint) for joint in hinges),
+        soles=_two(model, "site", plan.soles),
+        loads=(_load(model, plan.loads[0]), _load(model, plan.loads[1])),
+        sole_boxes=_two(model, "geom", plan.sole_boxes),
+    )
+    held = {int(model.jnt_dofadr[number_of(model, "joint", name)]) for name, _ in plan.held}
+    check_tree(model, found, held)
+    check_waist(model, found)
+    return found
+
+
+def check_tree(model: mujoco.MjModel, found: Indices, held: set[int]) -> None:
+    """Raise InvalidValueError where base, waist and legs are no chains, but for `held` degrees of freedom."""
+    chains = {"waist": found.joints[1:3], "left leg": found.legs[0], "right leg": found.legs[1]}
+    for chain, joints in chains.items():
+        before = found.dof[5]
+        for joint in joints:
+            if joint == MISSING:
+                continue
+            own = int(model.jnt_dofadr[joint])
+            parent = int(model.dof_parentid[own])
+            while parent in held:
+                parent = int(model.dof_parentid[parent])
+            if parent != before:
+                raise InvalidValueError(
+                    f"the {chain} must be a chain of joints from the pelvis outward, each in the BodyPlan "
+                    f"in this order or held; {model.joint(joint).name!r} does not follow the one before it"
+                )
+            before = own
+
+
+def check_waist(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError where the waist does not pitch about y and roll about x."""
+    data = mujoco.MjData(model)
+    data.qpos[list(found.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+    mujoco.mj_kinematics(model, data)
+    for joint, axis in zip(found.joints[1:3], ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), strict=True):
+        if joint != MISSING and np.abs(data.xaxis[joint] - axis).max() > TILT:
+            raise InvalidValueError(
+                f"waist joint {model.joint(joint).name!r} must turn about {axis} (pitch y, roll x), "
+                f"got {data.xaxis[joint].round(6).tolist()}"
+            )
+
+
+def _address(addresses: np.ndarray, joint: int) -> int:
+    return MISSING if joint == MISSING else int(addresses[joint])
+
+
+def _motor_of(model: mujoco.MjModel, joint: int) -> int:
+    """Number of the torque motor that drives a joint."""
+    if joint == MISSING:
+        return MISSING
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    motors = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
+    name = model.joint(joint).name
+    if len(motors) != 1:
+        raise InvalidValueError(f"joint {name!r} must have one motor, got {len(motors)}")
+    motor = int(motors[0])
+    gear, gain = model.actuator_gear[motor, 0], model.actuator_gainprm[motor, 0]
+    if gear != 1.0 or gain != 1.0 or model.actuator_biasprm[motor].any():
+        raise InvalidValueError(
+            f"the motor of joint {name!r} must give the torque that it is told: gear 1, gain 1, no bias, "
+            f"got gear {gear:g}, gain {gain:g}, bias {model.actuator_biasprm[motor, :3].tolist()}"
+        )
+    return motor
+
+
+def _two(model: mujoco.MjModel, kind: str, names: Pair) -> tuple[int, int]:
+    return number_of(model, kind, names[0]), number_of(model, kind, names[1])
+
+
+def _load(model: mujoco.MjModel, name: str) -> int:
+    return int(model.sensor_adr[number_of(model, "sensor", name)])
