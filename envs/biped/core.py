@@ -92,10 +92,9 @@ class BipedCore:
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
         arrays = self.simulations.arrays
-        self.physics = Physics(
-            *(arrays[field.name] for field in (*found[:-1], *given)),
-            self.body.soles, np.array([self.body.ankle_height]), self.body.mirror,
-        )  # fmt: skip
+        live = [arrays[field.name] for field in (*found[:-1], *given)]
+        constant = self.body.soles, np.array([self.body.ankle_height]), self.body.mirror
+        self.physics = Physics._make([*live, *constant])
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
             heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)),

@@ -27,7 +27,8 @@ BIPED = RobotModel()  # Table II; the model has it but for the trunk's inertia, 
 
 def spec() -> mujoco.MjSpec:
     """The model, to be compiled or changed."""
-    return mujoco.MjSpec.from_string(files(__package__).joinpath("biped.xml").read_text(encoding="utf-8"))
+    text = files("push_recovery.envs.biped.robots.biped").joinpath("biped.xml").read_text(encoding="utf-8")
+    return mujoco.MjSpec.from_string(text)
 
 
 ROBOT = RobotDescription("biped", spec, PLAN, BIPED.com_height, model=BIPED)
