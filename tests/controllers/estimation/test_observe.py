@@ -137,7 +137,7 @@ def test_world_points_are_those_of_the_wrench_off_heading_0(random_state, robot_
     """About the CoP the wrench has no horizontal moment; the CMP is the plan's trunk acceleration further."""
     core, data = robot_in(*random_state(np.random.default_rng(8)), stance)
     heading, outward = 0.7, -1.0 if stance == 0 else 1.0
-    sole = data.site_xpos[MODEL.site(SOLES[stance]).id]
+    sole = data.site_xpos[MODEL.site(PLAN.soles[stance]).id]
     force, moment = np.array([40.0, -70.0, 500.0]), np.array([12.0, 18.0, 3.0])
     core.gait.heading[0], core.gait.wrench[0] = heading, [*force, *moment]
     core.gait.plan[0] = [0.0, 0.2, 0.5, 0.0, 0.0, 5.0, -3.0]

@@ -42,7 +42,7 @@ def test_the_range_of_torques_ends_where_a_motor_would_drive_too_fast(
     robot_in, share_of_free_speed, least, largest
 ):
     """Against its motion a motor has its full torque."""
-    limits, qvel = motor_limits(MODEL), np.zeros(MODEL.nv)
+    limits, qvel = biped().motors, np.zeros(MODEL.nv)
     qvel[6:] = share_of_free_speed * limits[1]
     core, _ = robot_in(MODEL.qpos0.copy(), qvel)
     found = np.empty((2, MODEL.nu))
