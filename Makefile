@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test lint format same clean
+.PHONY: run test lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -31,6 +31,10 @@ lint: $(VENV)/dev.stamp
 REF ?= 7bb5027
 same: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/same_rows.py $(REF)
+
+# small faults one by one: do the tests notice? It takes hours; a run that is ended goes on where it was
+mutants: $(VENV)/dev.stamp
+	$(BIN)/python benchmarks/mutants.py
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff check --fix .
