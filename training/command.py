@@ -41,7 +41,7 @@ def _start(args: argparse.Namespace) -> TrainingResult:
 
     settings = TrainingSettings(
         kind=args.kind,
-        env_id=args.env or DEFAULTS.env_id,
+        env_id=DEFAULTS.env_id if args.env is None else args.env,
         timesteps=_or(args.timesteps, DEFAULTS.timesteps),
         seed=_or(args.seed, DEFAULTS.seed),
         n_envs=_or(args.n_envs, DEFAULTS.n_envs),
@@ -73,7 +73,7 @@ def _go_on(args: argparse.Namespace) -> TrainingResult:
                 "leave the option out to go on, or start a new run with --out"
             )
     end = _or(args.timesteps, settings.timesteps)
-    return _with_progress(end, lambda report: resume(args.resume, args.timesteps, report))
+    return _with_progress(end, lambda report: resume(args.resume, args.timesteps, report, given["env_id"]))
 
 
 def _or(value: int | None, default: int) -> int:
@@ -88,7 +88,9 @@ def _scale(args: argparse.Namespace) -> tuple[float, ...] | None:
         raise InvalidValueError("--scale belongs to `train residual`; from scratch the network acts alone")
     from .builders import make_plain_env
 
-    env = make_plain_env(TrainingSettings(args.kind, args.env or DEFAULTS.env_id).env_id)
+    env = make_plain_env(
+        TrainingSettings(args.kind, DEFAULTS.env_id if args.env is None else args.env).env_id
+    )
     unwrapped: Any = env.unwrapped
     scale = default_residual_scale(unwrapped.limits, args.scale * DEFAULT_FACTOR)
     env.close()

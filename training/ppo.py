@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.policies.network import NetworkPolicy
+from ..eval.rollout.environments import EnvName
 from .builders import make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
@@ -161,19 +162,28 @@ def train(settings: TrainingSettings, out: Path, report: Report = silent) -> Tra
     return _train(Run(settings, out), report)
 
 
-def resume(path: Path, timesteps: int | None = None, report: Report = silent) -> TrainingResult:
+def resume(
+    path: Path, timesteps: int | None = None, report: Report = silent, env_id: str | None = None
+) -> TrainingResult:
     """Go on from the newest checkpoint of a run's folder, or from one of its checkpoints, in that folder.
 
     Args:
         path: Of the run or of one of its checkpoints.
         timesteps: New end of the run; None keeps the old one. A run that is past it only writes its policy.
         report: Told of progress.
+        env_id: Of the run, as the user names it; needed where to make the environment imports a module.
 
     Raises:
-        InvalidValueError: There is no checkpoint, or it is damaged.
+        InvalidValueError: There is no checkpoint, it is damaged, or it would import a module by itself.
     """
     checkpoint = load_checkpoint(path)
     settings = checkpoint.settings
+    name = EnvName.parse(settings.env_id)
+    if name.runs_code and env_id != settings.env_id:
+        raise InvalidValueError(
+            f"the run in {path} is of {settings.env_id!r}, and going on would run the code of "
+            f"{name.module!r}: say --env {settings.env_id} where that is wanted"
+        )
     if timesteps is not None:
         settings = replace(settings, timesteps=timesteps)
     out = path.parent.parent if (path / "state.json").is_file() else path

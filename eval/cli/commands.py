@@ -10,6 +10,7 @@ from typing import Any
 from ...controllers.errors import UnknownNameError
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.scenario import Command, Scenario
+from ..rollout.outcome import Outcome
 from ..score.suites import SUITES, Suite, get_suite, with_errors
 
 
@@ -155,18 +156,26 @@ def run_play(args: argparse.Namespace) -> int:
 
     scenario = _play_scenario(args)
     outcome, path = play(_env(args), args.policy, scenario, args.out)
-    verdict = "recovered" if outcome.recovered else outcome.failure_reason or "survived, not settled"
-    print(f"{scenario.id}: {verdict} after {outcome.end_time:.2f} s" + (f"; {path}" if path else ""))
+    print(f"{scenario.id}: {_verdict(outcome)}" + (f"; {path}" if path else ""))
     return 0
+
+
+def _verdict(outcome: Outcome) -> str:
+    """What became of an episode, for people."""
+    if outcome.recovered_at is not None and outcome.recovered:
+        return f"recovered, from {outcome.recovered_at:.2f} s on"
+    if outcome.survived:
+        return f"survived {outcome.end_time:.2f} s, not settled"
+    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"
 
 
 def _play_scenario(args: argparse.Namespace) -> Scenario:
     """The scenario named, or the frontier's push with the options' force and direction."""
     errors = ModelErrors.from_json(args.errors)
-    if args.suite or args.scenario:
-        suite = with_errors(get_suite(args.suite or "quick"), errors)
+    if args.suite is not None or args.scenario is not None:
+        suite = with_errors(get_suite("quick" if args.suite is None else args.suite), errors)
         ids = [scenario.id for scenario in suite.scenarios]
-        name = args.scenario or ids[0]
+        name = ids[0] if args.scenario is None else args.scenario
         if name not in ids:
             raise UnknownNameError(
                 f"scenario of suite {suite.name}", name, [*ids[:3], f"... {len(ids)} in all"]

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from ...controllers.errors import MissingExtraError, PushRecoveryError
-from .options import add_commands
 
 PROGRAM = "push-recovery"
+STOPPED = "interrupted; what was done is kept"
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -37,17 +37,21 @@ def make_parser() -> argparse.ArgumentParser:
         description="Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.",
         epilog="Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).",
     )
+    from .options import add_commands  # slow to load: inside of what turns Ctrl-C into an exit code
+
     add_commands(parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser))
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    parser = make_parser()
     try:
+        parser = make_parser()
         args = parser.parse_args(argv)
     except SystemExit as leave:
         return int(leave.code or 0)
+    except KeyboardInterrupt:
+        return _complain(STOPPED, INTERRUPTED)
     if args.command is None:
         parser.print_help()
         return OK
@@ -59,7 +63,7 @@ def _guarded(handler: Callable[[argparse.Namespace], int], args: argparse.Namesp
     try:
         return handler(args)
     except KeyboardInterrupt:
-        return _complain("interrupted; what was done is kept", INTERRUPTED)
+        return _complain(STOPPED, INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED

@@ -19,10 +19,13 @@ def write_text(path: Path, text: str) -> None:
     write_atomically(path, text.encode())
 
 
+LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
+
+
 def default_directory(label: str, config: Mapping[str, Any]) -> Path:
     """runs/LABEL-HASH: the same configuration resumes, another one starts afresh."""
     digest = hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()[:8]
-    return Path("runs") / f"{label}-{digest}"
+    return Path("runs") / f"{label[:LONGEST_LABEL]}-{digest}"
 
 
 class RowFile:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -14,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.files import write_text
+from ...controllers.errors import InvalidValueError, UnknownNameError, shown
+from ...controllers.files import is_file, write_text
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -26,6 +27,8 @@ LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
 SEED, HARD_SEED = 20180609, 20181121
 VERSION = "1"
+# Names of directories under runs/ begin with that of the suite, and terminals show it.
+PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+=,@-]{0,999}")
 ForceOf = Callable[[float, float, str], float]  # [N], of a share in [0, 1], psi and the stance side
 
 
@@ -38,6 +41,12 @@ class Suite:
     scenarios: tuple[Scenario, ...]
 
     def __post_init__(self) -> None:
+        for part, text in (("name", self.name), ("version", self.version)):
+            if not (isinstance(text, str) and PLAIN_NAME.fullmatch(text)):
+                raise InvalidValueError(
+                    f"a suite's {part} must be 1 to 1000 letters, digits, spaces and ._+=,@- that begin with "
+                    f"a letter or digit, got {shown(text)}"
+                )
         if not self.scenarios:
             raise InvalidValueError(f"suite {self.name!r} has no scenarios")
         ids = [scenario.id for scenario in self.scenarios]
@@ -236,6 +245,6 @@ def get_suite(name_or_file: str) -> Suite:
     if name_or_file in SUITES:
         return SUITES[name_or_file]()
     path = Path(name_or_file)
-    if path.suffix == ".json" or path.is_file():
+    if path.suffix == ".json" or is_file(path):
         return load_suite(path)
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])

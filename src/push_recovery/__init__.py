@@ -6,10 +6,18 @@ first used.
 # The packages lie beside src and are mapped by package-dir, which pyright does not read:
 # pyright: reportMissingImports=false
 
+import sys
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gymnasium.envs.registration import register
+try:
+    from gymnasium.envs.registration import register
+except KeyboardInterrupt:
+    if Path(sys.argv[0]).name not in {"push-recovery", "push-recovery.exe", "-m"}:
+        raise
+    print("push-recovery: error: interrupted", file=sys.stderr)  # Ctrl-C while the command starts
+    raise SystemExit(130) from None
 
 if TYPE_CHECKING:
     from .controllers.model.robot import RobotModel

@@ -118,3 +118,16 @@ def test_a_residual_run_takes_the_plain_environment():
 def test_minibatches_divide_the_rollout(n_envs, batch):
     settings = dataclasses.replace(TrainingSettings(), n_envs=n_envs)
     assert settings.minibatch == batch
+
+
+def test_a_checkpoint_imports_no_module_that_the_user_did_not_name(tmp_path, toy, monkeypatch):
+    out = tmp_path / "run"
+    command.run(options(env=toy, timesteps=0, n_envs=2, out=out))
+    (tmp_path / "evilmod.py").write_text("raise RuntimeError('code of the checkpoint has run')")
+    monkeypatch.syspath_prepend(tmp_path)
+    state = next((out / "checkpoints").glob("*/state.json"))
+    state.write_text(state.read_text().replace(toy, "evilmod:X-v0"))
+    with pytest.raises(InvalidValueError, match="run the code of 'evilmod': say --env evilmod:X-v0"):
+        command.run(options(resume=out))
+    with pytest.raises(RuntimeError, match="code of the checkpoint has run"):
+        command.run(options(resume=out, env="evilmod:X-v0"))

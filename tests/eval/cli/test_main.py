@@ -93,6 +93,13 @@ def test_list(capsys):
         (["evaluate", "--suite", "quik"], ["quik", "quick", "standard"]),
         (["evaluate", "--env", "Biped"], ["Biped", "PushRecovery/Biped-v0"]),
         (["evaluate", "--env", "nowhere:Biped-v0"], ["nowhere"]),
+        (["evaluate", "--env", "..:x"], ["'..:x'", "PushRecovery/Biped-v0", "MODULE:ID"]),
+        (["evaluate", "--env", f"{toy.ENV_ID}@"], ["preset", "@"]),
+        (["evaluate", "--suite", "q" * 5000], ["unknown suite", "quick"]),
+        (["evaluate", "--suite", "\udce9"], ["unknown suite", "quick"]),
+        (["evaluate", "--env", toy.ENV_ID, "--policies", "p" * 5000], ["unknown policy", "two-stage"]),
+        (["play", "--env", toy.ENV_ID, "--scenario", ""], ["scenario", "''", "standard-0000"]),
+        (["train", "residual", "--env", ""], ["environment", "''", "PushRecovery/Biped-v0"]),
         (["evaluate", "--env", toy.ENV_ID, "--policies", "two-stag"], ["two-stag", "two-stage", "passive"]),
         (["evaluate", "--env", toy.ENV_ID, "--policies", "no.safetensors"], ["no.json"]),
         (["evaluate", "--workers", "0"], ["--workers", ">= 1", "0"]),
@@ -153,7 +160,8 @@ def test_play_writes_a_contact_sheet(policy, tmp_path, capsys):
 def start(*argv):
     """The command line in a process group of its own."""
     code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
+        f"import signal, sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent such as nohup may ignore it\n"
         "from push_recovery.eval.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
     )
     return subprocess.Popen(
@@ -197,3 +205,27 @@ def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
     err = interrupt(process)
     assert process.returncode == 130
     assert "Traceback" not in err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("module", ["gymnasium", "numba", "push_recovery.eval.cli.commands"])
+def test_interrupt_while_the_command_starts_leaves_no_traceback(module):
+    """Ctrl-C comes when the command is about to import a module."""
+    code = f"""
+import os, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["-m", "list"]
+runpy.run_module("push_recovery", run_name="__main__")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 130, done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert "interrupted" in done.stderr

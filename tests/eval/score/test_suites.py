@@ -147,3 +147,14 @@ def test_a_suite_with_errors_survives_a_file(tmp_path):
     off = with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
     off.save(tmp_path / "off.json")
     assert load_suite(tmp_path / "off.json") == off
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../../x", "/x", "a/b", "a\\b", "", ".hidden", "a\0b", "\x1b[31mred", "x" * 1001, 3, "\udce9"],
+)
+def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
+    with pytest.raises(InvalidValueError, match="a suite's name must be"):
+        Suite(name, "1", quick_suite().scenarios[:1])
+    with pytest.raises(InvalidValueError, match="a suite's version must be"):
+        Suite("mine", name, quick_suite().scenarios[:1])
