@@ -34,6 +34,10 @@ class BipedEpisodes(GaitEpisodes):
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
 
+    def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
+        """Episodes of n such bipeds."""
+        return BipedEpisodes(n, self.preset, self.control_hz, threads)
+
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
         gait = self.core.gait

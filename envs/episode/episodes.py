@@ -56,6 +56,7 @@ class GaitEpisodes(ABC):
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
     has_double_support: ClassVar[bool] = False  # whether the physics knows it
+    force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
     turns: ClassVar[bool] = True  # whether it can be told to turn
     name: ClassVar[str]  # of the environment, for errors
     core: Any
@@ -94,6 +95,10 @@ class GaitEpisodes(ABC):
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
         self._constants = period_constants(robot, limits, *timing)
         self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
+
+    @abstractmethod
+    def alike(self, n: int, threads: int = 1) -> GaitEpisodes:
+        """Episodes of n such robots, of their own; `threads` share the physics where that is worth it."""
 
     @abstractmethod
     def motion(self) -> Motion:

@@ -23,6 +23,7 @@ class PendulumEpisodes(GaitEpisodes):
 
     failures = FAILURES
     has_double_support = True
+    force_grid = 10.0
     turns, name = False, "PushRecovery/Pendulum-v0"
 
     def __init__(
@@ -37,6 +38,10 @@ class PendulumEpisodes(GaitEpisodes):
         limits = GaitLimits.of(robot) if limits is None else limits
         super().__init__(n, robot, limits, preset, control_hz)
         self.core = PendulumCore(self.n, robot, limits, control_hz, self.double_support)
+
+    def alike(self, n: int, threads: int = 1) -> PendulumEpisodes:
+        """Episodes of n such pendulums; they cost too little to share threads."""
+        return PendulumEpisodes(n, self.robot, self.limits, self.preset, self.control_hz)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

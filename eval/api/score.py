@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ..rollout.names import ANALYTIC_ARMS, DEFAULT_ENV
+from ..rollout.names import DEFAULT_ENV, TABLE_ARMS
 from ..score.compare import Comparison
 from ..score.compare import compare as compare_sources
 from ..score.evaluate import Evaluation, write_reports
@@ -17,7 +17,7 @@ from ..score.suites import Suite, get_suite, with_errors
 
 
 def evaluate(
-    policies: Any = ANALYTIC_ARMS,
+    policies: Any = TABLE_ARMS,
     suite: Suite | str | PathLike[str] = "quick",
     env: str = DEFAULT_ENV,
     *,

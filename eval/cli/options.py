@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bench.keys import EPILOG as BENCH_KEYS
-from ..rollout.names import ANALYTIC_ARMS, DEFAULT_ENV, default_workers
+from ..rollout.names import DEFAULT_ENV, TABLE_ARMS, default_workers
 from ..score.suites import SUITES
 
 REPRODUCED = ("all", "scenario-1", "scenario-2", "ablations", "limits")  # sections of `reproduce`
@@ -170,7 +170,7 @@ def _add_evaluate(commands: Subparsers) -> None:
         "--policies",
         metavar="NAME|FILE",
         nargs="+",
-        default=list(ANALYTIC_ARMS),
+        default=list(TABLE_ARMS),
         help="names (see list) or policy files",
     )
     _add_suite(parser)

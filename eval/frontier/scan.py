@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
+from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile, default_directory
-from ..rollout.environments import code_digest, env_label, preset_digest
+from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import own_directory, policy_sources, refuse_unknown_objects
 from ..rollout.workers import Runner, parallel
@@ -121,8 +122,11 @@ class Frontier:
 
 
 def default_grid(env_id: str) -> float:
-    """10 N on the pendulum, 20 N elsewhere."""
-    return 10.0 if "Pendulum" in env_id else 20.0
+    """The environment's own grid [N]; that of any gait environment where it names none."""
+    env: Any = make_env(env_id)
+    grid = float(getattr(getattr(env.unwrapped, "episodes", None), "force_grid", GaitEpisodes.force_grid))
+    env.close()
+    return grid
 
 
 def frontier(

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.network import NetworkPolicy
 from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
-from ...envs.biped.env import BipedEnv, BipedEpisodes
+from ...envs.episode.env import GaitEnv
 from ...envs.episode.episodes import GaitEpisodes
-from ...envs.pendulum.env import PendulumEnv, PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
 from .loop import run_episodes
 from .one import rollout
@@ -26,19 +25,16 @@ Ints = NDArray[np.int64]
 
 
 def batch_episodes(env: gym.Env, n: int, threads: int = 1) -> GaitEpisodes | None:
-    """Episodes of n robots as the environment has one; None where it is not this project's or is wrapped.
+    """Episodes of n robots as the environment has one; None where it is wrapped or acts in a way of its own.
 
     Bipeds share `threads`; pendulums cost too little to share.
     """
     while type(env) is OrderEnforcing:
         env = env.env
-    if type(env) is BipedEnv:
-        one = env.episodes
-        return BipedEpisodes(n, one.preset, one.control_hz, threads)
-    if type(env) is PendulumEnv:
-        one = env.episodes
-        return PendulumEpisodes(n, one.robot, one.limits, one.preset, one.control_hz)
-    return None
+    own = isinstance(env, GaitEnv) and all(
+        getattr(type(env), name) is getattr(GaitEnv, name) for name in ("reset", "step")
+    )
+    return env.episodes.alike(n, threads) if own else None  # type: ignore[attr-defined]
 
 
 def plans_batches(policy: Policy) -> bool:

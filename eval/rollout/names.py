@@ -9,6 +9,7 @@ from ...controllers.settings.arms import ARMS
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
 ANALYTIC_ARMS = tuple(ARMS)
+TABLE_ARMS = tuple(name for name in ARMS if name != "passive")  # which falls without any push
 SUITE_NAMES = ("quick", "standard", "hard")  # of `score.suites.SUITES`
 
 

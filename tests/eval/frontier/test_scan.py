@@ -121,7 +121,7 @@ def test_push_of_the_contract():
 
 def test_grid_and_directions():
     assert default_grid("PushRecovery/Pendulum-v0") == 10.0
-    assert default_grid("PushRecovery/Biped-v0") == 20.0
+    assert default_grid("PushRecovery/Biped-v0") == default_grid(toy.ENV_ID) == 20.0
     assert directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
     with pytest.raises(InvalidValueError, match="directions"):
         directions_deg(0)

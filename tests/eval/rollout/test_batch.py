@@ -8,14 +8,17 @@ from push_recovery.controllers.policies.description import PolicyDescription, Re
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.cli.main import make_parser
 from push_recovery.eval.rollout import loop
 from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.eval.rollout.load_policy import load_policy, policy_names
+from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.workers import SLOTS, Runner
 from push_recovery.eval.rollout.wrapped_action import action_rule
@@ -180,3 +183,24 @@ def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
     assert runner.chunk(policy) == 1
     assert list(runner.run_all(policy, SCENARIOS[:2])) == [runner.run((policy, s)) for s in SCENARIOS[:2]]
     assert Runner(PENDULUM).chunk("two-stage") == SLOTS
+
+
+def test_an_environment_that_acts_in_its_own_way_runs_alone():
+    class Shaken(PendulumEnv):
+        def step(self, action):
+            return super().step(-action)
+
+    class Named(PendulumEnv):
+        pass
+
+    assert batch_episodes(Shaken(), 2) is None
+    episodes = batch_episodes(Named(control_hz=50.0, robot=RobotModel(com_height=0.9)), 3)
+    assert episodes is not None
+    assert (episodes.n, episodes.control_hz, episodes.robot.com_height) == (3, 50.0, 0.9)
+
+
+def test_a_table_leaves_out_what_falls_without_a_push():
+    assert set(ANALYTIC_ARMS) - set(TABLE_ARMS) == {"passive"}
+    args = make_parser().parse_args(["evaluate"])
+    assert tuple(args.policies) == TABLE_ARMS
+    assert "passive" in policy_names()  # for those who ask for it
