@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from ....controllers.errors import InvalidValueError
+from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
-from ....controllers.whole_body.body_plan import BodyPlan
 from ....controllers.whole_body.bounds import NEVER
 from ....controllers.whole_body.kinematics import Array
 from ...physics.stepping import PHYSICS_DT

@@ -9,9 +9,9 @@ from importlib import import_module
 import mujoco
 
 from ....controllers.errors import InvalidValueError, UnknownNameError
+from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.validation import require_number
-from ....controllers.whole_body.body_plan import BodyPlan
 
 SHIPPED = {"biped": f"{__package__}.biped.robot:ROBOT"}  # name -> module:attribute
 

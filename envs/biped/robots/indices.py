@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from ....controllers.errors import InvalidValueError, UnknownNameError
-from ....controllers.whole_body.body_plan import BodyPlan, Pair
+from ....controllers.model.body_plan import BodyPlan, Pair
 
 MISSING = -1  # number of a joint that the robot does not have
 TILT = 1e-6  # largest component of an axis or a frame off where it has to point

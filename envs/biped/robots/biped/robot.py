@@ -6,8 +6,8 @@ from importlib.resources import files
 
 import mujoco
 
+from .....controllers.model.body_plan import BodyPlan
 from .....controllers.model.robot import RobotModel
-from .....controllers.whole_body.body_plan import BodyPlan
 from ..compiled_robot import CompiledRobot, compiled_robot
 from ..description import RobotDescription
 
