@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.residual.wrapper import ResidualAction
-from push_recovery.envs.scenario.scenario import PushDistribution
+from push_recovery.envs.scenario.push_distribution import PushDistribution
 
 env = gym.make("push_recovery:PushRecovery/Biped-v0")
 biped = env.unwrapped

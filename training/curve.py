@@ -13,7 +13,8 @@ import numpy as np
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.policies.interface import Policy
-from ..envs.scenario.scenario import PushDistribution, Scenario
+from ..envs.scenario.push_distribution import PushDistribution
+from ..envs.scenario.scenario import Scenario
 from ..eval.rollout.batch import rollout_all
 from ..eval.rollout.workers import SLOTS
 

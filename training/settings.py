@@ -9,7 +9,7 @@ from typing import Any
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.policies.residual import check_residual_scale
 from ..controllers.policies.residual_gate import check_gate
-from ..envs.scenario.scenario import PushDistribution
+from ..envs.scenario.push_distribution import PushDistribution
 
 KINDS = ("residual", "scratch")
 # A residual run wraps the gait environment itself, so that the policy also scores on the plain one.

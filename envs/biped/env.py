@@ -12,7 +12,7 @@ from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.env import GaitEnv
 from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
 from ..episode.vector_env import GaitVectorEnv
-from ..scenario.scenario import PushDistribution
+from ..scenario.push_distribution import PushDistribution
 from .core import BipedCore
 from .settings import BIPED, BIPED_LIMITS, biped_settings
 

@@ -12,8 +12,8 @@ from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
 from ...controllers.whole_body.gait_machine import Gait
 from ...controllers.whole_body.kinematics import PELVIS, TRUNK, Physics
-from ..scenario.push import mean_force, resolve_starts, turn_forces
 from ..scenario.push_arrays import Pushes
+from ..scenario.push_force import mean_force, resolve_starts, turn_forces
 
 PUSHED_BODY = (PELVIS, TRUNK)  # in the order of push.BODIES
 

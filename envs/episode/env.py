@@ -18,7 +18,8 @@ from ...controllers.model.nominal_gait import NominalGait
 from ...controllers.model.observation import ELAPSED, OBSERVATION_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push import SIDES, Push
-from ..scenario.scenario import PushDistribution, Scenario
+from ..scenario.push_distribution import PushDistribution
+from ..scenario.scenario import Scenario
 from .episodes import GaitEpisodes
 from .reward import REWARD_TERMS
 

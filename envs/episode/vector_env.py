@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.validation import require_integer
-from ..scenario.scenario import PushDistribution, Scenario
+from ..scenario.push_distribution import PushDistribution
+from ..scenario.scenario import Scenario
 from .env import check_action, check_push_distribution, check_scenario, gait_spaces
 from .episodes import GaitEpisodes
 from .held_action import Held, check_hold, hold_action

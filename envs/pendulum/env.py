@@ -14,8 +14,9 @@ from ...controllers.validation import require_kind
 from ..episode.env import GaitEnv
 from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
 from ..episode.vector_env import GaitVectorEnv
-from ..scenario.scenario import PushDistribution
-from .core import FAILURES, PendulumCore
+from ..scenario.push_distribution import PushDistribution
+from .core import PendulumCore
+from .dynamics import FAILURES
 
 
 class PendulumEpisodes(GaitEpisodes):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...controllers.model.robot import RobotModel
 from ..physics.offscreen import window_opens
-from .core import Pendulums
+from .dynamics import Pendulums
 
 ARROW = 1.0 / 1000.0  # length of the push's arrow [m/N]
 SPAN = 0.8  # half the width of the view [m]

@@ -17,7 +17,7 @@ from ...controllers.policies.two_stage import make_policy
 from ..episode.episodes import GaitEpisodes
 from ..episode.info import Info, put
 from ..episode.vector_env import Actions, GaitVectorEnv, Mask
-from ..scenario.scenario import PushDistribution
+from ..scenario.push_distribution import PushDistribution
 
 
 class ResidualVectorEnv(GaitVectorEnv):

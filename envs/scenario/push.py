@@ -1,16 +1,12 @@
-"""Pushes: a constant force on one body for a stated time, and the exact share of it in any interval."""
+"""Pushes: a constant force on one body for a stated time, from a time or a moment of the gait on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...controllers.compiled.kernels import njit
 from ...controllers.validation import (
     require_choice,
     require_integer,
@@ -163,103 +159,3 @@ def polar_push(
     direction = require_number("push direction [rad]", direction)
     force = (magnitude * math.cos(direction), magnitude * math.sin(direction), 0.0)
     return Push(force, duration, start, body, frame=frame)
-
-
-class PushArrays(NamedTuple):
-    """The pushes of one scenario as arrays for compiled loops; P pushes."""
-
-    force: NDArray[np.float64]  # (P, 3) [N]; the env writes here where it turns one into the world
-    duration: NDArray[np.float64]  # (P,) [s]
-    start: NDArray[np.float64]  # (P,) [s], PENDING until the gait event has come; the env writes here
-    step: NDArray[np.int64]  # (P,) index of the event's step, -1 for a push at a time
-    fraction: NDArray[np.float64]  # (P,) of the planned step duration
-    body: NDArray[np.int64]  # (P,) index into BODIES
-    offset: NDArray[np.float64]  # (P, 3) [m]
-    frame: NDArray[np.int64]  # (P,) of the force, index into FRAMES; the env writes here
-
-
-def push_arrays(pushes: Sequence[Push], first_side: Side) -> PushArrays:
-    """Arrays of the pushes for an episode whose step 0 stands on `first_side`; a fresh copy each time."""
-    events = [push.start if isinstance(push.start, GaitEvent) else None for push in pushes]
-    times = [PENDING if isinstance(push.start, GaitEvent) else push.start for push in pushes]
-    return PushArrays(
-        force=np.array([push.force for push in pushes], dtype=np.float64).reshape(-1, 3),
-        duration=np.array([push.duration for push in pushes], dtype=np.float64),
-        start=np.array(times, dtype=np.float64),
-        step=np.array([-1 if e is None else e.step_index(first_side) for e in events], dtype=np.int64),
-        fraction=np.array([0.0 if e is None else e.fraction for e in events], dtype=np.float64),
-        body=np.array([BODIES.index(push.body) for push in pushes], dtype=np.int64),
-        offset=np.array([push.offset for push in pushes], dtype=np.float64).reshape(-1, 3),
-        frame=np.array([FRAMES.index(push.frame) for push in pushes], dtype=np.int64),
-    )
-
-
-@njit(cache=True)
-def resolve_starts(
-    start: NDArray[np.float64],
-    step: NDArray[np.int64],
-    fraction: NDArray[np.float64],
-    step_index: int,
-    step_start: float,
-    planned_duration: float,
-    t0: float,
-    t1: float,
-) -> None:
-    """Write the start times of the gait events that come within [t0, t1) into `start`, in place.
-
-    start = max(t0, step_start + fraction * planned_duration) in the event's step, t0 if that step is over.
-    `step_index` and `step_start` [s] are those of the present step, `planned_duration` its planned T [s].
-    """
-    for i in range(start.shape[0]):
-        if step[i] < 0 or start[i] != np.inf or step_index < step[i]:
-            continue
-        moment = step_start + fraction[i] * planned_duration if step_index == step[i] else t0
-        if moment < t1:
-            start[i] = max(t0, moment)
-
-
-@njit(cache=True)
-def turn_forces(
-    force: NDArray[np.float64],
-    frame: NDArray[np.int64],
-    start: NDArray[np.float64],
-    heading: float,
-    t1: float,
-) -> None:
-    """Turn forces in the heading's frame by the heading [rad] where their push starts before t1, in place.
-
-    They are in the world's frame from then on: F_world = R_z(heading) F.
-    """
-    for i in range(start.shape[0]):
-        if frame[i] == 0 or start[i] >= t1:
-            continue
-        cos, sin, x, y = math.cos(heading), math.sin(heading), force[i, 0], force[i, 1]
-        force[i, 0], force[i, 1] = cos * x - sin * y, sin * x + cos * y
-        frame[i] = 0
-
-
-@njit(cache=True)
-def overlap(start: float, duration: float, t0: float, t1: float) -> float:
-    """Length of [start, start + duration] within [t0, t1] [s]; PENDING starts give 0."""
-    return max(0.0, min(t1, start + duration) - max(t0, start))
-
-
-@njit(cache=True)
-def mean_force(
-    force: NDArray[np.float64],
-    duration: NDArray[np.float64],
-    start: NDArray[np.float64],
-    index: int,
-    t0: float,
-    t1: float,
-    out: NDArray[np.float64],
-) -> bool:
-    """Write the force of push `index` averaged over [t0, t1] into `out` (3,) [N]; True where it is not zero.
-
-    mean = F * |[start, start + d] and [t0, t1]| / (t1 - t0), so that the sum of mean * (t1 - t0) over any
-    partition of time is F d exactly (to rounding), at every control rate.
-    """
-    share = overlap(start[index], duration[index], t0, t1) / (t1 - t0)
-    for axis in range(3):
-        out[axis] = force[index, axis] * share
-    return share > 0.0

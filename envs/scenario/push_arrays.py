@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .push import PENDING, push_arrays
+from .push import BODIES, FRAMES, PENDING, GaitEvent, Push, Side
 from .scenario import Scenario
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+class PushArrays(NamedTuple):
+    """The pushes of one scenario as arrays for compiled loops; P pushes."""
+
+    force: NDArray[np.float64]  # (P, 3) [N]; the env writes here where it turns one into the world
+    duration: NDArray[np.float64]  # (P,) [s]
+    start: NDArray[np.float64]  # (P,) [s], PENDING until the gait event has come; the env writes here
+    step: NDArray[np.int64]  # (P,) index of the event's step, -1 for a push at a time
+    fraction: NDArray[np.float64]  # (P,) of the planned step duration
+    body: NDArray[np.int64]  # (P,) index into BODIES
+    offset: NDArray[np.float64]  # (P, 3) [m]
+    frame: NDArray[np.int64]  # (P,) of the force, index into FRAMES; the env writes here
+
+
+def push_arrays(pushes: Sequence[Push], first_side: Side) -> PushArrays:
+    """Arrays of the pushes for an episode whose step 0 stands on `first_side`; a fresh copy each time."""
+    events = [push.start if isinstance(push.start, GaitEvent) else None for push in pushes]
+    times = [PENDING if isinstance(push.start, GaitEvent) else push.start for push in pushes]
+    return PushArrays(
+        force=np.array([push.force for push in pushes], dtype=np.float64).reshape(-1, 3),
+        duration=np.array([push.duration for push in pushes], dtype=np.float64),
+        start=np.array(times, dtype=np.float64),
+        step=np.array([-1 if e is None else e.step_index(first_side) for e in events], dtype=np.int64),
+        fraction=np.array([0.0 if e is None else e.fraction for e in events], dtype=np.float64),
+        body=np.array([BODIES.index(push.body) for push in pushes], dtype=np.int64),
+        offset=np.array([push.offset for push in pushes], dtype=np.float64).reshape(-1, 3),
+        frame=np.array([FRAMES.index(push.frame) for push in pushes], dtype=np.int64),
+    )
 
 
 class Pushes(NamedTuple):

@@ -21,7 +21,8 @@ from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import GaitEvent, Push
-from ...envs.scenario.scenario import COMMAND_KINDS, PushDistribution, Scenario
+from ...envs.scenario.push_distribution import COMMAND_KINDS, PushDistribution
+from ...envs.scenario.scenario import Scenario
 
 LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once

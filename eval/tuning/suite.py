@@ -8,7 +8,7 @@ from functools import cache
 from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.model.robot import RobotModel
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ...envs.scenario.scenario import PushDistribution
+from ...envs.scenario.push_distribution import PushDistribution
 from ..score.suites import BLOCK, Suite, stratified_scenario, stratified_uniforms
 
 VERSION = "1"

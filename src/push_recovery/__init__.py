@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from .envs.scenario.command import CommandChange
     from .envs.scenario.model_errors import ModelErrors
     from .envs.scenario.push import GaitEvent, Push
-    from .envs.scenario.scenario import Command, PushDistribution, Scenario
+    from .envs.scenario.push_distribution import PushDistribution
+    from .envs.scenario.scenario import Command, Scenario
     from .eval.api.frontier import frontier
     from .eval.api.rollout import rollout
     from .eval.api.score import compare, evaluate
@@ -50,7 +51,7 @@ _MODULES = {
     "ModelErrors": "envs.scenario.model_errors",
     "PlannerConfig": "controllers.settings.planner_config",
     "Push": "envs.scenario.push",
-    "PushDistribution": "envs.scenario.scenario",
+    "PushDistribution": "envs.scenario.push_distribution",
     "ResidualAction": "envs.residual.wrapper",
     "RobotModel": "controllers.model.robot",
     "Scenario": "envs.scenario.scenario",

@@ -8,8 +8,9 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.description import PolicyDescription
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.network import NetworkPolicy
-from push_recovery.envs.scenario.push import mean_force, push_arrays, resolve_starts
-from push_recovery.envs.scenario.scenario import PushDistribution
+from push_recovery.envs.scenario.push_arrays import push_arrays
+from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.envs.scenario.push_force import mean_force, resolve_starts
 
 STEP = 0.65
 ENV_ID = "toy_gait_env:PushRecovery/Toy-v0"

@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError
 
 pytest.importorskip("stable_baselines3")
 from push_recovery.controllers.policies.network import NetworkPolicy
-from push_recovery.envs.scenario.scenario import PushDistribution
+from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.training import gated_rollout
 from push_recovery.training.builders import make_ppo, make_vec_env
 from push_recovery.training.checkpoint import load_checkpoint

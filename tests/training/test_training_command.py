@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError, MissingExtraErro
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
-from push_recovery.envs.scenario.scenario import PushDistribution
+from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.training import command, extras
 from push_recovery.training.settings import TrainingSettings
 

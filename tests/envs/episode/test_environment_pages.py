@@ -13,7 +13,7 @@ from push_recovery.controllers.policies.residual import default_residual_scale
 from push_recovery.controllers.whole_body import gait_machine as biped_gait
 from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.episode.reward import REWARD_TERMS
-from push_recovery.envs.pendulum import core as pendulum_core
+from push_recovery.envs.pendulum import dynamics as pendulum_dynamics
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.residual.wrapper import make_biped_residual
 
@@ -73,7 +73,7 @@ def test_reward_terms_reasons_and_info(env):
     name, made = env
     assert [names(cells)[0] for cells in rows(name, "Rewards")] == list(REWARD_TERMS)
     ends = {names(cells)[0] for cells in rows(name, "Episode end") if names(cells)}
-    failures = pendulum_core.FAILURES if name == "Pendulum" else biped_gait.FAILURES
+    failures = pendulum_dynamics.FAILURES if name == "Pendulum" else biped_gait.FAILURES
     assert ends == set(failures) - {""}
     made.reset(seed=0)
     info = made.step(np.zeros(7, np.float32))[4]

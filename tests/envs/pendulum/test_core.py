@@ -6,7 +6,8 @@ from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.nominal_start import nominal_start
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.pendulum.core import PendulumCore, time_to_stop
+from push_recovery.envs.pendulum.core import PendulumCore
+from push_recovery.envs.pendulum.dynamics import time_to_stop
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from scipy.integrate import solve_ivp

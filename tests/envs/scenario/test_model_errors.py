@@ -10,7 +10,8 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.envs.physics.stepping import PHYSICS_DT
 from push_recovery.envs.scenario.error_ranges import DELAY_STEP, ErrorRanges
 from push_recovery.envs.scenario.model_errors import BOUNDS, EXACT_MODEL, ModelErrors
-from push_recovery.envs.scenario.scenario import PushDistribution, Scenario
+from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.envs.scenario.scenario import Scenario
 
 ALL = ModelErrors(
     mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,

@@ -12,7 +12,8 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
-from push_recovery.envs.scenario.scenario import Command, PushDistribution, Scenario
+from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.reproduction.pendulum.batch import Plant, run_batch
 from push_recovery.eval.reproduction.pendulum.sensor import Measurement, PendulumSensor
 from push_recovery.eval.rollout.one import rollout

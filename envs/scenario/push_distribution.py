@@ -1,0 +1,108 @@
+"""Random scenarios with one push each: what `reset` draws from where it is given none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.validation import require_integer, require_keys, require_number
+from .command import Command
+from .error_ranges import ErrorRanges
+from .model_errors import EXACT_MODEL
+from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, polar_push
+from .scenario import SETTLE_TIME, Scenario
+
+TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
+COMMAND_KINDS = ("in_place", "forward", "backward", "sideways")
+
+
+@dataclass(frozen=True)
+class PushDistribution:
+    """Scenarios with one push each, drawn from a Generator; used by `reset` without a scenario.
+
+    Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
+    equal probability and a uniform speed up to its maximum. Model errors come from `errors`.
+    """
+
+    impulse_min: float = 5.0  # [N s]
+    impulse_max: float = 80.0  # [N s]
+    direction_min: float = -math.pi  # psi, counter-clockwise from forward [rad]
+    direction_max: float = math.pi  # [rad]
+    phase_max: float = 0.9  # latest start, fraction of the step
+    push_duration: float = 0.1  # [s]
+    first_step: int = 4  # pushes start no earlier than this step
+    forward_speed: float = 0.5  # [m/s]
+    backward_speed: float = 0.25  # [m/s]
+    sideways_speed: float = 0.2  # [m/s], to either side
+    settle_time: float = SETTLE_TIME  # [s]
+    errors: ErrorRanges | None = None  # of the robot, drawn anew for every scenario
+
+    def __post_init__(self) -> None:
+        if isinstance(self.errors, Mapping):  # of JSON
+            object.__setattr__(self, "errors", ErrorRanges.from_dict(self.errors))
+        if not isinstance(self.errors, ErrorRanges | None):
+            raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {self.errors!r}")
+        require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
+        require_number("PushDistribution.impulse_max [N s]", self.impulse_max, self.impulse_min)
+        require_number("PushDistribution.direction_min [rad]", self.direction_min, -TURNS, TURNS)
+        require_number("PushDistribution.direction_max [rad]", self.direction_max, self.direction_min, TURNS)
+        require_number("PushDistribution.phase_max", self.phase_max, 0.0, 1.0)
+        duration = self.push_duration
+        require_number("PushDistribution.push_duration [s]", duration, 0.0, DURATION_MAX, open_low=True)
+        hardest = self.impulse_max / duration
+        if not hardest <= FORCE_MAX:
+            raise InvalidValueError(
+                f"PushDistribution.impulse_max / push_duration must be at most {FORCE_MAX:g} N, got "
+                f"{self.impulse_max:g} N s / {duration:g} s = {hardest:g} N"
+            )
+        require_integer("PushDistribution.first_step", self.first_step, high=STEP_MAX)
+        for name in ("forward_speed", "backward_speed", "sideways_speed"):
+            require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
+        require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
+
+    def command(self, kind: int, speed: float, to_left: bool) -> Command:
+        """Command of a kind (index into COMMAND_KINDS) at a fraction `speed` in [0, 1] of its maximum."""
+        if COMMAND_KINDS[kind] == "forward":
+            return Command(vx=speed * self.forward_speed)
+        if COMMAND_KINDS[kind] == "backward":
+            return Command(vx=-speed * self.backward_speed)
+        if COMMAND_KINDS[kind] == "sideways":
+            return Command(vy=(speed if to_left else -speed) * self.sideways_speed)
+        return Command()
+
+    def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
+        """Draw one scenario; always the same number of draws, so that episodes stay comparable."""
+        u = rng.random(8)
+        noise_seed = int(rng.integers(2**31))
+        errors = EXACT_MODEL if self.errors is None else self.errors.sample(rng)
+        impulse = self.impulse_min + u[0] * (self.impulse_max - self.impulse_min)
+        direction = self.direction_min + u[1] * (self.direction_max - self.direction_min)
+        event = GaitEvent(self.first_step, "left" if u[2] < 0.5 else "right", float(u[3] * self.phase_max))
+        kind = min(int(u[4] * len(COMMAND_KINDS)), len(COMMAND_KINDS) - 1)
+        return Scenario(
+            id=scenario_id or f"random-{noise_seed:08x}",
+            pushes=(
+                polar_push(float(impulse / self.push_duration), float(direction), self.push_duration, event),
+            ),
+            command=self.command(kind, float(u[5]), bool(u[6] < 0.5)),
+            stance_side="left" if u[7] < 0.5 else "right",
+            settle_time=self.settle_time,
+            noise_seed=noise_seed,
+            errors=errors,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types; `errors` is left out where it is not given."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "errors"}
+        return values if self.errors is None else {**values, "errors": self.errors.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> PushDistribution:
+        """Inverse of `to_dict`; fields may be left out."""
+        names = set(cls.__dataclass_fields__)
+        return cls(**require_keys("push distribution", data, set(), names))
