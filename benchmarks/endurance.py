@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import BODIES, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario

@@ -14,7 +14,7 @@ import math
 import sys
 from dataclasses import dataclass
 
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import Body, GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario

@@ -19,8 +19,9 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.solvers.general_qp import solve_qp
-from push_recovery.controllers.stage_1.planner import stopping_debt, swing_time
+from push_recovery.controllers.stage_1.planner import stopping_debt
 from push_recovery.controllers.stage_1.step_problem import StepPlan, StepProblem, solve_step
+from push_recovery.controllers.stage_1.swing_time import swing_time
 from push_recovery.controllers.stage_2.dense import explicit_problem
 from push_recovery.controllers.stage_2.planner import CopPlanner
 from push_recovery.envs.biped.robots.biped.robot import biped_model

@@ -1,7 +1,7 @@
 """Push the biped to the left with 300 N for 0.1 s and let the two-stage planner answer."""
 
 import gymnasium as gym
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 

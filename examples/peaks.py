@@ -2,7 +2,7 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.robots.biped.robot import biped_model
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.score.suites import quick_suite

@@ -2,7 +2,7 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
 from push_recovery.controllers.whole_body.bounds_met import LIMITS

@@ -7,6 +7,11 @@ are of the world, in the same axes. Lean angles [rad] are positive towards +x (p
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidValueError
+
 ELAPSED = 0  # time since the step began [s]
 DCM = slice(1, 3)  # xi = com + com_velocity / omega
 COM = slice(3, 5)  # horizontal
@@ -38,3 +43,25 @@ OBSERVATION_NAMES = (
     "previous_cop_y", "previous_trunk_pitch_acceleration", "previous_trunk_roll_acceleration",
     "push_estimate_x", "push_estimate_y",
 )  # fmt: skip
+
+
+def as_batch(observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    """Observations as (n, 36) float64, and whether it was a single one.
+
+    Raises:
+        InvalidValueError: for another shape or something that is no number.
+    """
+    try:
+        batch = np.ascontiguousarray(observation, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
+    single = batch.ndim == 1
+    batch = batch.reshape(1, -1) if single else batch
+    if not batch.flags.writeable:  # compiled code would be compiled once more for it
+        batch = batch.copy()
+    if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:
+        raise InvalidValueError(
+            f"observation must have shape ({OBSERVATION_SIZE},) or (n, {OBSERVATION_SIZE}), "
+            f"got {np.shape(observation)}"
+        )
+    return batch, single

@@ -8,10 +8,11 @@ from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
+from .arms import make_policy
 from .interface import Policy
 from .residual import check_residual_scale
 from .residual_gate import check_gate
-from .two_stage import TwoStagePolicy, make_policy
+from .two_stage import TwoStagePolicy
 
 
 @dataclass(frozen=True)

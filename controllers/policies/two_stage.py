@@ -1,100 +1,31 @@
-"""The two-stage planner and its ablated arms, as functions of the observation alone."""
+"""The two-stage planner as a policy: observation -> stage 1 -> stage 2 -> action, one way for every arm."""
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiled.compile_notice import announce_compilation
-from ..errors import InvalidValueError, UnknownNameError
+from ..compiled.threads import RangeThreads
+from ..errors import InvalidValueError
+from ..model.gait_action import scale_actions
 from ..model.gait_box import GAIT_SIZE, GaitLimits
-from ..model.nominal_gait import NominalGait
-from ..model.observation import OBSERVATION_SIZE
+from ..model.observation import OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
-from ..settings.arms import ARMS, PAPER_SUFFIX
 from ..settings.planner_config import PlannerConfig
-from ..settings.presets import load_preset, named_preset, preset_config
-from ..stage_1.planner import (
-    GAIT,
-    HELD,
-    NOMINAL,
-    OFFSET,
-    REMAINING,
-    TARGET,
-    scale_actions,
-    stage_1_constants,
-    stage_1_rows,
-)
-from ..stage_2.forms import CompiledRule, hold_inputs, make_cop_rule
-from ..stage_2.planner import STATUS
-from .compiled_two_stage import CompiledTwoStage
-
-POLICY_NAMES = (*ARMS, "random")
-
+from ..settings.presets import preset_config
+from ..stage_1.columns import ROW_SIZE
+from ..stage_1.planner import StepPlanner
+from ..stage_2.forms import make_regulator
+from ..stage_2.interface import RESULT_SIZE, RESULT_STATUS, STATUS
+from .plan import Plan, plan_of_rows
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What a policy decided for one observation, canonical frame."""
-
-    gait: Floats  # (7,), units of GAIT_NAMES
-    offset: Floats  # DCM offset b that stage 1 expects, (2,) [m]
-    nominal: NominalGait
-    dcm_target: Floats  # xi_des = u_T + b_nom, (2,) [m]
-    dcm_end: Floats  # DCM that stage 2 expects at touchdown, (2,) [m]; u_T + b without stage 2
-    remaining: float  # until the new foot carries load [s]
-    held: bool  # the step plan is the previous one
-    status: str  # of stage 2's solver, or of the arm
-
-    @property
-    def step(self) -> Floats:
-        """Foothold u_T, (2,) [m]."""
-        return self.gait[0:2]
-
-    @property
-    def duration(self) -> float:
-        """Step duration T [s]."""
-        return float(self.gait[2])
-
-    @property
-    def cop(self) -> Floats:
-        """CoP, (2,) [m]."""
-        return self.gait[3:5]
-
-    @property
-    def trunk_acceleration(self) -> Floats:
-        """Trunk angular acceleration: pitch, roll, (2,) [rad/s^2]."""
-        return self.gait[5:7]
-
-
-def as_batch(observation: ArrayLike) -> tuple[Floats, bool]:
-    """Observations as (n, 36) float64, and whether it was a single one.
-
-    Raises:
-        InvalidValueError: for another shape or something that is no number.
-    """
-    try:
-        batch = np.ascontiguousarray(observation, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
-    single = batch.ndim == 1
-    batch = batch.reshape(1, -1) if single else batch
-    if not batch.flags.writeable:  # compiled code would be compiled once more for it
-        batch = batch.copy()
-    if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:
-        raise InvalidValueError(
-            f"observation must have shape ({OBSERVATION_SIZE},) or (n, {OBSERVATION_SIZE}), "
-            f"got {np.shape(observation)}"
-        )
-    return batch, single
+ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
 
 
 class TwoStagePolicy:
@@ -118,30 +49,24 @@ class TwoStagePolicy:
             config: weights and margins; the preset `default` by default.
             adapt: False walks the nominal gait without reaction.
             name: for tables.
-            threads: that plan a batch of 512 observations or more in the default form; the actions do not
-                depend on them.
+            threads: that plan a batch of 512 observations or more, where stage 2's form allows it; the
+                actions do not depend on them.
         """
         announce_compilation()
         self.robot = RobotModel() if robot is None else robot
         self.limits = GaitLimits.of(self.robot) if limits is None else limits
         self.config = preset_config("default") if config is None else config
         self.name = name
-        self._adapt = adapt
-        self._constants = stage_1_constants(self.robot, self.limits, self.config)
-        self._low, self._high = self.limits.low, self.limits.high
-        self._cop_rule = make_cop_rule(self.robot, self.limits, self.config, threads)
-        self._compiled: CompiledTwoStage | None = None
-        if isinstance(self._cop_rule, CompiledRule):
-            planner = self._cop_rule.planner
-            self._compiled = CompiledTwoStage(self.robot, self.limits, self.config, adapt, planner)
-        self._statuses: Sequence[str] | Floats = ()  # or indices into STATUS
+        self._threads = RangeThreads(threads)
+        self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
+        self._stage_2 = make_regulator(self.robot, self.limits, self.config, threads)
+        self._bounds = self.limits.low, self.limits.high, self.config.double_support
+        self._indices: NDArray[np.float64] = np.zeros(0)  # into STATUS
 
     @property
     def statuses(self) -> tuple[str, ...]:
         """Of stage 2's solver for each observation of the last call, for reports; empty without a stage 2."""
-        if isinstance(self._statuses, np.ndarray):
-            self._statuses = [STATUS[int(index)] for index in self._statuses.tolist()]
-        return tuple(self._statuses)
+        return tuple(STATUS[int(index)] for index in self._indices.tolist())
 
     def predict(
         self,
@@ -159,15 +84,7 @@ class TwoStagePolicy:
             deterministic: ignored.
         """
         batch, single = as_batch(observation)
-        if self._compiled is not None:
-            planned = self._compiled(batch)
-            if planned is not None:
-                actions, self._statuses = planned[0], planned[1][:, 6]
-                return (actions[0] if single else actions), state
-        rows = self._rows(batch)
-        if self._cop_rule is not None:
-            self._regulate(batch, rows)
-        actions = scale_actions(rows, batch, self._low, self._high, self.config.double_support)
+        actions = self._decide(batch)[0]
         return (actions[0] if single else actions), state
 
     def plan(self, observation: ArrayLike) -> Plan:
@@ -175,93 +92,34 @@ class TwoStagePolicy:
         batch, single = as_batch(observation)
         if not single:
             raise InvalidValueError(f"plan takes one observation ({OBSERVATION_SIZE},), got {batch.shape}")
-        rows = self._rows(batch)
-        row = rows[0]
-        dcm_end, status = row[GAIT][:2] + row[OFFSET], self.name
-        if self._cop_rule is not None:
-            ends, statuses = self._regulate(batch, rows)
-            dcm_end, status = ends[0], statuses[0]
-        return Plan(
-            gait=row[GAIT],
-            offset=row[OFFSET],
-            nominal=NominalGait(*(float(value) for value in row[NOMINAL])),
-            dcm_target=row[TARGET],
-            dcm_end=dcm_end,
-            remaining=float(row[REMAINING]),
-            held=bool(row[HELD]),
-            status=status,
-        )
+        _, rows, results = self._decide(batch)
+        return plan_of_rows(rows[0], results[0], next(iter(self.statuses), self.name))
 
-    def _rows(self, batch: Floats) -> Floats:
-        rows, finite = stage_1_rows(batch, self._constants, self._low, self._high, self._adapt)
-        if not finite:
-            raise InvalidValueError("observation must be finite, got NaN or infinity")
-        return rows
+    def _decide(self, batch: Floats) -> tuple[Actions, Floats, Floats]:
+        """Actions (n, 7) of observations (n, 36), with the rows of stage 1 and the results of stage 2.
 
-    def _regulate(self, batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        """Stage 2: write CoP and trunk acceleration into the rows; returns the expected DCMs and statuses."""
-        assert self._cop_rule is not None  # noqa: S101
-        result, statuses = self._cop_rule(batch, rows)
-        self._statuses = statuses
-        uses = self.config.use_cop, self.config.use_trunk
-        for i in np.flatnonzero(rows[:, HELD]):
-            hold_inputs(batch[i], rows[i], self._low, self._high, *uses, result[i])
-        rows[:, 3:5] = result[:, 0:2]
-        if self.config.use_trunk:
-            rows[:, 5:7] = result[:, 2:4]
-        return result[:, 4:6], statuses
+        Raises:
+            InvalidValueError: an observation that is not finite, or for which no plan exists.
+        """
+        n = len(batch)
+        actions, rows, results = (
+            np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE)), np.empty((n, RESULT_SIZE))
+        )  # fmt: skip
 
+        def job(worker: int, first: int, end: int) -> None:
+            part = slice(first, end)
+            self._act(batch[part], actions[part], rows[part], results[part], worker)
 
-class RandomPolicy:
-    """Uniform actions, drawn from a hash of the observation so that equal episodes get equal actions."""
+        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
+            self._act(batch, actions, rows, results, 0)
+        else:
+            self._threads.run(job, n, ROWS_A_THREAD)
+        if self._stage_2.decides:
+            self._indices = results[:, RESULT_STATUS]
+        return actions, rows, results
 
-    def __init__(self, name: str = "random"):
-        self.name = name
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged."""
-        batch, single = as_batch(observation)
-        if not np.isfinite(batch).all():
-            raise InvalidValueError("observation must be finite, got NaN or infinity")
-        actions = np.empty((len(batch), GAIT_SIZE), dtype=np.float32)
-        for obs, action in zip(batch, actions, strict=True):
-            action[:] = np.random.default_rng(zlib.crc32(obs.tobytes())).uniform(-1.0, 1.0, GAIT_SIZE)
-        return (actions[0] if single else actions), state
-
-
-def make_policy(
-    name: str,
-    robot: RobotModel | None = None,
-    limits: GaitLimits | None = None,
-    preset: str = "default",
-) -> TwoStagePolicy | RandomPolicy:
-    """Build an analytic policy by name.
-
-    The arms differ in what they may use. Their weights are the preset's, except for arms with gains of their
-    own (`arms` of a preset), and the two `-paper` arms, which put the paper's Table II into it.
-
-    Args:
-        name: one of POLICY_NAMES.
-        robot: physical constants; the paper's by default.
-        limits: step box, CoP and trunk bounds; the paper's for the robot by default.
-        preset: by name or file.
-
-    Raises:
-        UnknownNameError: for a name that is not in POLICY_NAMES or an unknown preset; lists the valid ones.
-        InvalidValueError: a preset file that cannot be read.
-    """
-    if name not in POLICY_NAMES:
-        raise UnknownNameError("policy", name, POLICY_NAMES)
-    config = load_preset(preset).config(name)
-    if name == "random":
-        return RandomPolicy()
-    if name.endswith(PAPER_SUFFIX):
-        config = config.replace(**named_preset("paper").planner)
-    config = config.replace(**ARMS[name]._asdict())
-    return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)
+    def _act(self, batch: Floats, actions: Actions, rows: Floats, results: Floats, worker: int) -> None:
+        """The way from observations to actions; each thread goes it alone."""
+        self._stage_1.plan(batch, rows)
+        self._stage_2.regulate(batch, rows, results, worker)
+        scale_actions(rows, batch, *self._bounds, actions)

@@ -1,4 +1,4 @@
-"""Stage 1 as a general quadratic program, solved by OSQP or DAQP: slow, a second opinion on `step_planner`.
+"""Stage 1 as a general quadratic program: what `solvers.general_qp` solves as a second opinion, slowly.
 
 With x = (u_x, u_y, tau, b_x, b_y) and the rows of A in this order: u_x + b_x - a_x tau = 0,
 u_y + b_y - a_y tau = 0, bounds of u_x, u_y, tau. Weights are divided by the largest one.
@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import PushRecoveryError
-from ..solvers.general_qp import QuadraticProgram, SolverName, solve_qp
-from .step_problem import StepPlan, StepProblem
+from ..solvers.general_qp import QuadraticProgram
+from .step_problem import StepProblem
 
 
 def step_program(problem: StepProblem) -> QuadraticProgram:
@@ -33,16 +32,3 @@ def step_program(problem: StepProblem) -> QuadraticProgram:
         upper=np.array([0.0, 0.0, *problem.step_high, problem.tau_high]),
         soft_weight=np.zeros(5),
     )
-
-
-def solve_step_qp(problem: StepProblem, solver: SolverName = "osqp") -> StepPlan:
-    """The same problem as `solve_step`, by a general solver.
-
-    Raises:
-        PushRecoveryError: if the solver gives up.
-    """
-    solution = solve_qp(step_program(problem), solver)
-    if solution.status != "solved":
-        raise PushRecoveryError(f"{solver} ended with {solution.status!r} on {problem}")
-    x = [float(value) for value in solution.x]
-    return StepPlan((x[0], x[1]), x[2], (x[3], x[4]))

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
-from ..model.double_support import check_double_support, cop_range, transfer_mean, transfer_weight
-from ..model.gait_box import GAIT_SIZE, GaitLimits, unscaled
-from ..model.nominal_gait import check_pelvis, nominal_gait_kernel
+from ..errors import InvalidValueError
+from ..model.double_support import transfer_mean, transfer_weight
+from ..model.gait_box import GaitLimits, unscaled
+from ..model.nominal_gait import nominal_gait_kernel
 from ..model.observation import (
     COMMAND,
     DCM,
@@ -24,49 +25,79 @@ from ..model.observation import (
     PREVIOUS_ACTION,
     PUSH_ESTIMATE,
     SWING_POSITION,
-    SWING_VELOCITY,
     TRUNK_ANGLE,
     TRUNK_RATE,
 )
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
-from .step_problem import PROBLEM_SIZE, SOLUTION_SIZE, solve_step_kernel
+from .columns import (
+    ALPHA_DURATION,
+    ALPHA_OFFSET,
+    ALPHA_STEP,
+    COP,
+    DCM_AHEAD,
+    DURATION,
+    GAIN,
+    HELD,
+    NOMINAL,
+    NOMINAL_OFFSET,
+    OFFSET,
+    OFFSET_NOMINAL,
+    PROBLEM_SIZE,
+    REMAINING,
+    SHIFT,
+    SOLUTION_SIZE,
+    SOLVED_OFFSET,
+    SOLVED_STEP,
+    SOLVED_TAU,
+    STEP,
+    STEP_HIGH,
+    STEP_LOW,
+    STEP_NOMINAL,
+    TARGET,
+    TAU_HIGH,
+    TAU_LOW,
+    TAU_NOMINAL,
+    TRUNK,
+)
+from .constants import constants_of, pack_constants
+from .step_problem import solve_step_kernel
+from .swing_time import time_to_place
 
-# Columns of a stage 1 row (ROW_SIZE,)
-GAIT = slice(0, 7)  # L, W, T, CoP of the undisturbed step, trunk acceleration of the upright law
-OFFSET = slice(7, 9)  # b of the plan [m]
-NOMINAL = slice(9, 14)  # L, W, T, b_x, b_y
-TARGET = slice(14, 16)  # xi_des = u_T + b_nom (eq. 7), with double support + c (u_nom - u_T) [m]
-REMAINING = 16  # until the new foot carries load [s], >= 0
-HELD = 17  # 1 where the plan is the previous one
-DCM_AHEAD = slice(18, 20)  # measured DCM with what the push will still add [m]
-SHIFT = slice(20, 22)  # p kappa(t): what the CoP's transfer in double support takes off the DCM [m]
-ROW_SIZE = 22
-
-_T0, _T1 = ELAPSED, PREVIOUS_ACTION.start + 2
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
-_PREVIOUS, _PUSH = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start
-_SWING, _SPEED = SWING_POSITION.start, SWING_VELOCITY.start
+_PREVIOUS, _PUSH, _SWING = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start, SWING_POSITION.start
 SWING_ROUNDS = 3  # a later step lies elsewhere, so the time it needs is found in rounds
 
+Floats = NDArray[np.float64]
 
-def stage_1_constants(robot: RobotModel, limits: GaitLimits, config: PlannerConfig) -> NDArray[np.float64]:
-    """Pack what `stage_1_row` needs, (20,).
 
-    omega, l_p, weights, switches, margins, trunk laws, push, double support, control period, c,
-    acceleration of the swing foot.
-    """
-    check_pelvis(robot, limits)
-    check_double_support(config.double_support, limits)
-    return np.array(
-        [robot.omega, robot.pelvis_width, config.alpha_step, config.alpha_duration, config.alpha_offset,
-         float(config.adapt_step), float(config.adapt_duration), config.duration_margin, config.freeze,
-         config.touchdown_delay, config.upright_stiffness, config.upright_damping,
-         -math.expm1(-robot.omega * config.push_carry), robot.cmp_per_trunk_acceleration * config.trunk_debt,
-         limits.trunk_acceleration_max, config.push_threshold, config.double_support,
-         config.first_interval_min, transfer_weight(0.0, config.double_support, robot.omega),
-         config.swing_acceleration]
-    )  # fmt: skip
+class StepPlanner:
+    """Stage 1 of one robot, step box and configuration."""
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, adapt: bool = True):
+        """Pack the constants.
+
+        Args:
+            robot: physical constants.
+            limits: step box and bound of the trunk acceleration.
+            config: weights and margins.
+            adapt: False gives the nominal gait, whatever the DCM.
+
+        Raises:
+            InvalidValueError: a pelvis wider than the step box, or a double support longer than the shortest
+                step.
+        """
+        self._constants = pack_constants(robot, limits, config, adapt)
+        self._low, self._high = limits.low, limits.high
+
+    def plan(self, observations: Floats, rows: Floats) -> None:
+        """Write the plans of observations (n, 36) into rows (n, ROW_SIZE); see `columns`.
+
+        Raises:
+            InvalidValueError: an observation is not finite.
+        """
+        if not plan_steps(observations, rows, self._constants, self._low, self._high):
+            raise InvalidValueError("observation must be finite, got NaN or infinity")
 
 
 @njit(cache=True)
@@ -80,115 +111,118 @@ def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
 
 
 @njit(cache=True)
-def swing_time(distance, speed, acceleration):  # pragma: no cover
-    """Time [s] in which a foot with a speed [m/s] towards its target can come to rest there.
-
-    Accelerating and braking with a: (2 sqrt(a d + v^2 / 2) - v) / a. With a = 4 sqrt(3) / 10 of the bound
-    it is the time of the rest-to-rest quintic whose peak acceleration, 10 d / (sqrt(3) t^2), is that bound,
-    and half-way along it, too, to 0.1 %.
-    """
-    a = 0.4 * math.sqrt(3.0) * acceleration
-    return max((2.0 * math.sqrt(a * distance + 0.5 * speed * speed) - speed) / a, 0.0)
-
-
-@njit(cache=True)
-def time_to_place(obs, x, y, acceleration):  # pragma: no cover
-    """`swing_time` [s] of the observed swing foot to (x, y), canonical frame [m]."""
-    dx, dy = x - obs[_SWING], y - obs[_SWING + 1]
-    distance = math.hypot(dx, dy)
-    speed = (dx * obs[_SPEED] + dy * obs[_SPEED + 1]) / max(distance, 1e-9)
-    return swing_time(distance, speed, acceleration)
-
-
-@njit(cache=True)
 def _wait_for_swing(obs, c, reach, tau_high, problem, solution):  # pragma: no cover
     """Solve again with the T that the swing foot needs for the place found, until it has enough."""
     for _ in range(SWING_ROUNDS):
-        swing = time_to_place(obs, solution[0] / reach, solution[1] / reach, c[19])
-        needed = math.exp(c[0] * (obs[_T0] + swing))
-        if solution[2] >= min(needed, tau_high):
+        x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
+        swing = time_to_place(obs, x, y, c.swing_acceleration)
+        needed = math.exp(c.omega * (obs[ELAPSED] + swing))
+        if solution[SOLVED_TAU] >= min(needed, tau_high):
             return
-        problem[11] = min(needed, tau_high)
+        problem[TAU_LOW] = min(needed, tau_high)
         solve_step_kernel(problem, solution)
 
 
 @njit(cache=True)
-def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
-    """Solve stage 1 for one observation: gait and offset into `row`.
+def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cover
+    """The problem of one observation, see `step_problem`; returns its upper bound of tau.
 
     tau may not lie before the present: tau >= exp(omega (t + margin)), and where even T_max has passed the
     upper bound gives way.
     """
-    omega, elapsed, reach = c[0], obs[_T0], 1.0 - c[18]
-    problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
-    scale = math.exp(omega * (c[9] - elapsed))
-    tau_low = math.exp(omega * max(low[2], elapsed + c[7]))
-    tau_high = max(math.exp(omega * high[2]), tau_low)
-    problem[4] = math.exp(omega * nominal[2])
+    omega, elapsed, reach = c.omega, obs[ELAPSED], 1.0 - c.transfer
+    scale = math.exp(omega * (c.touchdown_delay - elapsed))
+    tau_low = math.exp(omega * max(low[DURATION], elapsed + c.duration_margin))
+    tau_high = max(math.exp(omega * high[DURATION]), tau_low)
+    problem[TAU_NOMINAL] = math.exp(omega * nominal[2])
     for axis in range(2):
-        debt = stopping_debt(obs[_RATE + axis], c[13], c[14], omega)
-        problem[axis] = (row[18 + axis] + debt - row[20 + axis]) * scale
-        problem[2 + axis] = reach * nominal[axis]
-        problem[5 + axis] = nominal[3 + axis] + c[18] * nominal[axis]
-        problem[7 + axis] = reach * (low[axis] if c[5] > 0.0 else nominal[axis])
-        problem[9 + axis] = reach * (high[axis] if c[5] > 0.0 else nominal[axis])
-    if c[6] == 0.0:
-        tau_low = min(max(problem[4], tau_low), tau_high)
+        debt = stopping_debt(obs[_RATE + axis], c.trunk_gain, c.trunk_acceleration_max, omega)
+        problem[GAIN + axis] = (row[DCM_AHEAD + axis] + debt - row[SHIFT + axis]) * scale
+        problem[STEP_NOMINAL + axis] = reach * nominal[axis]
+        problem[OFFSET_NOMINAL + axis] = row[NOMINAL_OFFSET + axis] + c.transfer * nominal[axis]
+        problem[STEP_LOW + axis] = reach * (low[axis] if c.adapt_step > 0.0 else nominal[axis])
+        problem[STEP_HIGH + axis] = reach * (high[axis] if c.adapt_step > 0.0 else nominal[axis])
+    if c.adapt_duration == 0.0:
+        tau_low = min(max(problem[TAU_NOMINAL], tau_low), tau_high)
         tau_high = tau_low
-    problem[11], problem[12] = tau_low, tau_high
-    problem[13], problem[14], problem[15] = c[2] / (reach * reach), c[3], c[4]
+    problem[TAU_LOW], problem[TAU_HIGH] = tau_low, tau_high
+    problem[ALPHA_STEP] = c.alpha_step / (reach * reach)
+    problem[ALPHA_DURATION], problem[ALPHA_OFFSET] = c.alpha_duration, c.alpha_offset
+    return tau_high
+
+
+@njit(cache=True)
+def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
+    """Solve stage 1 for one observation: place and time of the step and its offset into `row`."""
+    reach = 1.0 - c.transfer
+    problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
+    tau_high = _write_problem(obs, c, low, high, nominal, row, problem)
     solve_step_kernel(problem, solution)
-    if c[19] > 0.0:
+    if c.swing_acceleration > 0.0:
         _wait_for_swing(obs, c, reach, tau_high, problem, solution)
-    row[2] = max(math.log(solution[2]) / omega, low[2])
+    row[DURATION] = max(math.log(solution[SOLVED_TAU]) / c.omega, low[DURATION])
     for axis in range(2):
-        row[axis] = min(max(solution[axis] / reach, low[axis]), high[axis])
-        row[7 + axis] = solution[3 + axis] - c[18] * row[axis]
+        row[STEP + axis] = min(max(solution[SOLVED_STEP + axis] / reach, low[axis]), high[axis])
+        row[OFFSET + axis] = solution[SOLVED_OFFSET + axis] - c.transfer * row[STEP + axis]
+
+
+@njit(cache=True)
+def _previous_duration(obs, low, high):  # pragma: no cover
+    """T that the previous action asks for [s]."""
+    return unscaled(obs[_PREVIOUS + DURATION], low[DURATION], high[DURATION])
 
 
 @njit(cache=True)
 def _is_ending(obs, c, low, high):  # pragma: no cover
     """Whether too little of the previous action's step remains to plan it anew."""
-    return c[8] > 0.0 and unscaled(obs[_T1], low[2], high[2]) - obs[_T0] < c[8]
+    return c.freeze > 0.0 and _previous_duration(obs, low, high) - obs[ELAPSED] < c.freeze
 
 
 @njit(cache=True)
 def _hold(obs, c, low, high, row):  # pragma: no cover
     """Take place and time from the previous action."""
-    duration = unscaled(obs[_T1], low[2], high[2])
-    growth = math.exp(c[0] * (max(duration, obs[_T0]) + c[9] - obs[_T0]))
-    for i in range(3):
+    duration = _previous_duration(obs, low, high)
+    growth = math.exp(c.omega * (max(duration, obs[ELAPSED]) + c.touchdown_delay - obs[ELAPSED]))
+    for i in range(DURATION + 1):
         row[i] = unscaled(obs[_PREVIOUS + i], low[i], high[i])
     for axis in range(2):
-        row[7 + axis] = (row[18 + axis] - row[20 + axis]) * growth - row[axis]
+        row[OFFSET + axis] = (row[DCM_AHEAD + axis] - row[SHIFT + axis]) * growth - row[STEP + axis]
 
 
 @njit(cache=True)
-def stage_1_row(obs, c, low, high, adapt, row):  # pragma: no cover
-    """Plan of one observation (36,) into `row` (ROW_SIZE,); `adapt` False gives the nominal gait."""
-    carry = c[12] if math.hypot(obs[_PUSH], obs[_PUSH + 1]) >= c[15] else 0.0
-    shift, share = transfer_weight(obs[_T0], c[16], c[0]), transfer_mean(obs[_T0], c[17], c[16], c[0])
+def plan_step(obs, c, low, high, row):  # pragma: no cover
+    """Plan of one observation (36,) into `row` (ROW_SIZE,)."""
+    adapt, push = c.adapt > 0.0, math.hypot(obs[_PUSH], obs[_PUSH + 1])
+    carry = c.carry if push >= c.push_threshold else 0.0
+    shift = transfer_weight(obs[ELAPSED], c.double_support, c.omega)
+    share = transfer_mean(obs[ELAPSED], c.period, c.double_support, c.omega)
     for axis in range(2):
-        row[18 + axis] = obs[_DCM + axis] + carry * obs[_PUSH + axis]
-        row[20 + axis] = shift * obs[_SWING + axis] if shift > 0.0 else 0.0
-        row[3 + axis] = share * obs[_SWING + axis] if shift > 0.0 else 0.0
-    nominal = row[9:14]
-    nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[9], nominal, c[16])
+        row[DCM_AHEAD + axis] = obs[_DCM + axis] + carry * obs[_PUSH + axis]
+        row[SHIFT + axis] = shift * obs[_SWING + axis] if shift > 0.0 else 0.0
+        row[COP + axis] = share * obs[_SWING + axis] if shift > 0.0 else 0.0
+    nominal = row[NOMINAL : NOMINAL_OFFSET + 2]
+    nominal_gait_kernel(
+        obs[_COMMAND], obs[_COMMAND + 1], c.pelvis_width, low, high, c.omega, c.touchdown_delay, nominal,
+        c.double_support,
+    )  # fmt: skip
     held = adapt and _is_ending(obs, c, low, high)
     if not adapt:
-        row[0], row[1], row[2], row[7], row[8] = nominal[0], nominal[1], nominal[2], nominal[3], nominal[4]
+        row[STEP], row[STEP + 1], row[DURATION] = nominal[0], nominal[1], nominal[2]
+        row[OFFSET], row[OFFSET + 1] = row[NOMINAL_OFFSET], row[NOMINAL_OFFSET + 1]
     elif not held or carry > 0.0:
         _adapt(obs, c, low, high, nominal, row)
         # a push reopens an ending step for one that will not be held at once
-        held = held and row[2] - obs[_T0] < c[8] + 0.5 * c[17]
+        held = held and row[DURATION] - obs[ELAPSED] < c.freeze + 0.5 * c.period
     if held:
         _hold(obs, c, low, high, row)
-    row[17] = 1.0 if held else 0.0
-    row[16] = max(row[2] - obs[_T0], 0.0) + c[9]
+    row[HELD] = 1.0 if held else 0.0
+    row[REMAINING] = max(row[DURATION] - obs[ELAPSED], 0.0) + c.touchdown_delay
     for axis in range(2):
-        row[14 + axis] = row[axis] + nominal[3 + axis] + c[18] * (nominal[axis] - row[axis])
-        lean = -c[10] * obs[_ANGLE + axis] - c[11] * obs[_RATE + axis]
-        row[5 + axis] = min(max(lean, low[5 + axis]), high[5 + axis])
+        row[TARGET + axis] = (
+            row[STEP + axis] + row[NOMINAL_OFFSET + axis] + c.transfer * (nominal[axis] - row[STEP + axis])
+        )
+        lean = -c.upright_stiffness * obs[_ANGLE + axis] - c.upright_damping * obs[_RATE + axis]
+        row[TRUNK + axis] = min(max(lean, low[TRUNK + axis]), high[TRUNK + axis])
 
 
 @njit(cache=True)
@@ -201,35 +235,12 @@ def all_finite(observations):  # pragma: no cover
     return finite
 
 
-@njit(cache=True)
-def stage_1_rows(observations, c, low, high, adapt):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 36), and whether every observation is finite."""
-    rows = np.empty((observations.shape[0], ROW_SIZE))
-    finite = all_finite(observations)
-    if finite:
-        for i in range(observations.shape[0]):
-            stage_1_row(observations[i], c, low, high, adapt, rows[i])
-    return rows, finite
-
-
-@njit(cache=True)
-def scale_action(row, obs, low, high, double_support, action):  # pragma: no cover
-    """The gait columns of `row` as a float32 action (7,); the arithmetic of `GaitLimits.to_action`.
-
-    The CoP is scaled from what it may be at the observation, see `cop_range`.
-    """
-    for j in range(GAIT_SIZE):
-        bottom, top = low[j], high[j]
-        if j == 3 or j == 4:
-            bottom, top = cop_range(j - 3, obs, low, high, double_support)
-        scaled = 2.0 * (row[j] - bottom) / (top - bottom) - 1.0
-        action[j] = min(max(scaled, -1.0), 1.0)
-
-
-@njit(cache=True)
-def scale_actions(rows, observations, low, high, double_support):  # pragma: no cover
-    """`scale_action` of every row (n, ROW_SIZE), (n, 7)."""
-    actions = np.empty((rows.shape[0], GAIT_SIZE), dtype=np.float32)
-    for i in range(rows.shape[0]):
-        scale_action(rows[i], observations[i], low, high, double_support, actions[i])
-    return actions
+@njit(cache=True, nogil=True)
+def plan_steps(observations, rows, constants, low, high):  # pragma: no cover
+    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where one is not finite."""
+    if not all_finite(observations):
+        return False
+    c = constants_of(constants)
+    for i in range(observations.shape[0]):
+        plan_step(observations[i], c, low, high, rows[i])
+    return True

@@ -17,17 +17,29 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
+from .columns import (
+    ALPHA_DURATION,
+    ALPHA_OFFSET,
+    ALPHA_STEP,
+    GAIN,
+    OFFSET_NOMINAL,
+    SOLUTION_SIZE,
+    SOLVED_OFFSET,
+    SOLVED_STEP,
+    SOLVED_TAU,
+    STEP_HIGH,
+    STEP_LOW,
+    STEP_NOMINAL,
+    TAU_HIGH,
+    TAU_LOW,
+    TAU_NOMINAL,
+)
 
-# Layout of a packed problem (16,) and of its solution (5,)
-GAIN, STEP_NOMINAL, TAU_NOMINAL, OFFSET_NOMINAL = slice(0, 2), slice(2, 4), 4, slice(5, 7)
-STEP_LOW, STEP_HIGH, TAU_LOW, TAU_HIGH = slice(7, 9), slice(9, 11), 11, 12
-ALPHA_STEP, ALPHA_DURATION, ALPHA_OFFSET = 13, 14, 15
-PROBLEM_SIZE = 16
-SOLUTION_SIZE = 5  # u_x, u_y, tau, b_x, b_y
+KNOTS = 6  # both ends of the range of tau, and up to four places between
 
 
 @dataclass(frozen=True)
@@ -50,7 +62,7 @@ class StepProblem:
         values = self.pack()
         if not np.isfinite(values).all():
             raise InvalidValueError(f"every entry of a StepProblem must be finite, got {self}")
-        if not (values[STEP_LOW] <= values[STEP_HIGH]).all():
+        if not all(low <= high for low, high in zip(self.step_low, self.step_high, strict=True)):
             raise InvalidValueError(f"step_low must be <= step_high, got {self.step_low} > {self.step_high}")
         if not 0 < self.tau_low <= self.tau_high:
             raise InvalidValueError(f"need 0 < tau_low <= tau_high, got {self.tau_low}, {self.tau_high}")
@@ -60,7 +72,7 @@ class StepProblem:
             )
 
     def pack(self) -> NDArray[np.float64]:
-        """The problem as one vector (PROBLEM_SIZE,), the layout of `solve_step_batch`."""
+        """The problem as one vector (16,), see `columns`."""
         return np.array(
             [*self.gain, *self.step_nominal, self.tau_nominal, *self.offset_nominal, *self.step_low,
              *self.step_high, self.tau_low, self.tau_high, self.alpha_step, self.alpha_duration,
@@ -84,33 +96,37 @@ class StepPlan:
 @njit(cache=True)
 def _best_step(p, axis, tau):  # pragma: no cover
     """Foothold along one axis that is best for a given tau [m]."""
-    free = p[2 + axis]
-    if p[15] > 0.0:
-        free = (p[13] * free + p[15] * (p[axis] * tau - p[5 + axis])) / (p[13] + p[15])
-    return min(max(free, p[7 + axis]), p[9 + axis])
+    free, step_weight, offset_weight = p[STEP_NOMINAL + axis], p[ALPHA_STEP], p[ALPHA_OFFSET]
+    if offset_weight > 0.0:
+        exact = p[GAIN + axis] * tau - p[OFFSET_NOMINAL + axis]  # ends with the nominal offset
+        free = (step_weight * free + offset_weight * exact) / (step_weight + offset_weight)
+    return min(max(free, p[STEP_LOW + axis]), p[STEP_HIGH + axis])
 
 
 @njit(cache=True)
 def _half_slope(p, tau):  # pragma: no cover
     """Half the derivative of the reduced cost with respect to tau."""
-    slope = p[14] * (tau - p[4])
+    slope = p[ALPHA_DURATION] * (tau - p[TAU_NOMINAL])
     for axis in range(2):
-        slope += p[15] * p[axis] * (p[axis] * tau - _best_step(p, axis, tau) - p[5 + axis])
+        gain, nominal = p[GAIN + axis], p[OFFSET_NOMINAL + axis]
+        slope += p[ALPHA_OFFSET] * gain * (gain * tau - _best_step(p, axis, tau) - nominal)
     return slope
 
 
 @njit(cache=True)
 def _breakpoints(p, knots):  # pragma: no cover
     """Ends of the tau range and, sorted between, where a step coordinate meets a bound; returns the count."""
-    low, high = p[11], p[12]
+    low, high, step_weight, offset_weight = p[TAU_LOW], p[TAU_HIGH], p[ALPHA_STEP], p[ALPHA_OFFSET]
     knots[0] = low
     count = 1
     for axis in range(2):
-        if p[15] <= 0.0 or p[axis] == 0.0:
+        if offset_weight <= 0.0 or p[GAIN + axis] == 0.0:
             continue
+        pull = step_weight * p[STEP_NOMINAL + axis]
         for side in range(2):
-            bound = p[7 + 2 * side + axis]
-            knot = ((bound * (p[13] + p[15]) - p[13] * p[2 + axis]) / p[15] + p[5 + axis]) / p[axis]
+            bound = p[(STEP_LOW, STEP_HIGH)[side] + axis]
+            exact = (bound * (step_weight + offset_weight) - pull) / offset_weight
+            knot = (exact + p[OFFSET_NOMINAL + axis]) / p[GAIN + axis]
             if low < knot < high:
                 place = count
                 while knots[place - 1] > knot:
@@ -124,12 +140,12 @@ def _breakpoints(p, knots):  # pragma: no cover
 
 @njit(cache=True)
 def solve_step_kernel(p, out):  # pragma: no cover
-    """Exact solution of a packed problem `p` (PROBLEM_SIZE,) into `out` (SOLUTION_SIZE,)."""
-    knots = np.empty(6)
+    """Exact solution of a packed problem `p` (16,) into `out` (5,), see `columns`."""
+    knots = np.empty(KNOTS)
     count = _breakpoints(p, knots)
     left, slope_left = knots[0], _half_slope(p, knots[0])
     tau = left
-    if slope_left < 0.0 or (slope_left == 0.0 and p[4] > left):
+    if slope_left < 0.0 or (slope_left == 0.0 and p[TAU_NOMINAL] > left):
         tau = knots[count - 1]
         for k in range(1, count):
             right = knots[k]
@@ -138,36 +154,20 @@ def solve_step_kernel(p, out):  # pragma: no cover
                 tau = left + (right - left) * (-slope_left / (slope_right - slope_left))
                 break
             left, slope_left = right, slope_right
-            if slope_right == 0.0 and p[4] <= right:  # flat: the nominal time, if it is among the best
-                tau = right
+            if slope_right == 0.0 and p[TAU_NOMINAL] <= right:
+                tau = right  # flat: the nominal time, if it is among the best
                 break
     for axis in range(2):
-        out[axis] = _best_step(p, axis, tau)
-        out[3 + axis] = p[axis] * tau - out[axis]
-    out[2] = tau
-
-
-@njit(cache=True)
-def _solve_rows(problems, out):  # pragma: no cover
-    for row in range(problems.shape[0]):
-        solve_step_kernel(problems[row], out[row])
+        out[SOLVED_STEP + axis] = _best_step(p, axis, tau)
+        out[SOLVED_OFFSET + axis] = p[GAIN + axis] * tau - out[SOLVED_STEP + axis]
+    out[SOLVED_TAU] = tau
 
 
 def solve_step(problem: StepProblem) -> StepPlan:
     """Exact solution of one problem."""
     out = np.empty(SOLUTION_SIZE)
     solve_step_kernel(problem.pack(), out)
-    return StepPlan((float(out[0]), float(out[1])), float(out[2]), (float(out[3]), float(out[4])))
-
-
-def solve_step_batch(problems: ArrayLike) -> NDArray[np.float64]:
-    """Exact solutions (n, 5) = (u_x, u_y, tau, b_x, b_y) of packed problems (n, PROBLEM_SIZE).
-
-    The same arithmetic as `solve_step`, so row for row the same bits.
-    """
-    packed = np.ascontiguousarray(problems, dtype=np.float64)
-    if packed.ndim != 2 or packed.shape[1] != PROBLEM_SIZE:
-        raise InvalidValueError(f"problems must have shape (n, {PROBLEM_SIZE}), got {packed.shape}")
-    out = np.empty((packed.shape[0], SOLUTION_SIZE))
-    _solve_rows(packed, out)
-    return out
+    x = [float(value) for value in out]
+    return StepPlan(
+        (x[SOLVED_STEP], x[SOLVED_STEP + 1]), x[SOLVED_TAU], (x[SOLVED_OFFSET], x[SOLVED_OFFSET + 1])
+    )

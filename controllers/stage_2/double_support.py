@@ -26,9 +26,32 @@ from ..settings.planner_config import PlannerConfig
 from ..solvers.general_qp import solve_qp
 from ..solvers.least_distance import LeastDistance
 from .double_support_dense import JointProblem, joint_problem
-from .double_support_kernel import INPUTS, OUTPUTS, Constants, Memory, missing_solver, plan_joint_rows
+from .double_support_kernel import (
+    DCM,
+    DCM_TARGET,
+    INPUTS,
+    LEAN,
+    LEAN_RATE,
+    OTHER_FOOT,
+    SINCE,
+    UNTIL,
+    Constants,
+    Memory,
+    missing_solver,
+    plan_joint_rows,
+)
+from .interface import (
+    RESULT_COP,
+    RESULT_DCM_END,
+    RESULT_SIZE,
+    RESULT_STATUS,
+    RESULT_TRUNK,
+    STATUS,
+    CopPlan,
+    plan_of,
+)
 from .kernel import acceleration_interval
-from .planner import LONGEST_MARGIN, STATUS, CopPlan
+from .planner import LONGEST_MARGIN
 
 
 class DoubleSupportPlanner:
@@ -115,21 +138,23 @@ class DoubleSupportPlanner:
         """Plan from the present state to touchdown; arguments are the columns of `plan_batch`."""
         row = np.empty(INPUTS)
         try:
-            row[0], row[1], row[2:4], row[4:6] = remaining, elapsed, other_foot, dcm  # type: ignore[assignment]
-            row[6:8], row[8:10], row[10:12] = trunk_angle, trunk_rate, dcm_target
+            row[UNTIL], row[SINCE] = remaining, elapsed
+            for column, pair in (
+                (OTHER_FOOT, other_foot), (DCM, dcm), (LEAN, trunk_angle), (LEAN_RATE, trunk_rate),
+                (DCM_TARGET, dcm_target),
+            ):  # fmt: skip
+                row[column : column + 2] = pair
         except (ValueError, TypeError) as error:
             raise InvalidValueError(f"stage 2 takes two times and vectors of 2 numbers: {error}") from None
         result, statuses = self.plan_all(row[None])
-        out = result[0]
-        out.flags.writeable = False
-        return CopPlan(out[0:2], out[2:4], out[4:6], statuses[0])
+        return plan_of(result[0], statuses[0])
 
     def plan_all(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
         """Plans (n, 7) of rows (n, 12) by the configured solver, and a status for each."""
         result = self.plan_batch(rows)
         if self.config.solver == "osqp":
             return result, [self._solve_again(row, out) for row, out in zip(rows, result, strict=True)]
-        return result, [STATUS[int(index)] for index in result[:, 6]]
+        return result, [STATUS[int(index)] for index in result[:, RESULT_STATUS]]
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Plan n robots one after the other in one compiled loop.
@@ -148,14 +173,14 @@ class DoubleSupportPlanner:
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
         self._prepare(rows)
-        out = np.zeros((len(rows), OUTPUTS))
+        out = np.zeros((len(rows), RESULT_SIZE))
         if self.config.use_cop or self.config.use_trunk:
             plan_joint_rows(rows, out, self.constants, self.memory)
         return out
 
     def _prepare(self, rows: NDArray[np.float64]) -> None:
         """Check the rows, and set up the solvers they need."""
-        remaining, elapsed = rows[:, 0], rows[:, 1]
+        remaining, elapsed = rows[:, UNTIL], rows[:, SINCE]
         fine = np.isfinite(rows).all(axis=1) & (remaining <= self.longest) & (elapsed >= 0.0)
         fine &= self.config.double_support - elapsed > INSTANT
         if not fine.all():
@@ -170,10 +195,16 @@ class DoubleSupportPlanner:
         """The program of a row (12,) of `plan_batch`, written out."""
         c = self.constants
         bounds = np.array(
-            [acceleration_interval(angle, c.gravity, c.torque, c.acceleration) for angle in row[6:8]]
+            [
+                acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
+                for angle in row[LEAN:LEAN_RATE]
+            ]
         ).T
-        state = row[4:12].reshape(4, 2)
-        return joint_problem(self.robot, self.config, row[0], row[1], state, row[2:4], self.cop_max, bounds)
+        state = row[DCM:INPUTS].reshape(4, 2)
+        other = row[OTHER_FOOT : OTHER_FOOT + 2]
+        return joint_problem(
+            self.robot, self.config, row[UNTIL], row[SINCE], state, other, self.cop_max, bounds
+        )
 
     def _solve_again(self, row: NDArray[np.float64], out: NDArray[np.float64]) -> str:
         """The same plan by OSQP, a second opinion; DAQP's stays where OSQP gives up."""
@@ -182,6 +213,6 @@ class DoubleSupportPlanner:
         if solution.status != "solved":
             return "daqp"
         for i, (axis, x) in enumerate(zip(problem.axes, problem.split(solution.x), strict=True)):
-            out[i], out[2 + i] = axis.first(x)
-            out[4 + i] = axis.dcm_end(x)
+            out[RESULT_COP + i], out[RESULT_TRUNK + i] = axis.first(x)
+            out[RESULT_DCM_END + i] = axis.dcm_end(x)
         return "solved"

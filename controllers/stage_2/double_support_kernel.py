@@ -21,9 +21,18 @@ from ..compiled.kernels import njit
 from ..model.double_support import box_around, nearest_in_hull, strip, transfer_mean
 from ..solvers.least_distance import solve_least_distance
 from .dense import SHORTEST
-from .kernel import acceleration_interval
+from .interface import RESULT_COP, RESULT_DCM_END, RESULT_STATUS, RESULT_TRUNK
+from .kernel import CLIPPED, acceleration_interval
 
-INPUTS, OUTPUTS = 12, 7  # columns of the rows that `plan_joint_rows` reads and writes
+# Columns of an input row, `DoubleSupportPlanner.plan_batch`; of a pair (x, y) the first one
+UNTIL = 0  # touchdown [s]
+SINCE = 1  # the step began [s]
+OTHER_FOOT = 2  # pair, where it stands [m]
+DCM = 4  # pair [m]
+LEAN = 6  # pair [rad]
+LEAN_RATE = 8  # pair [rad/s]
+DCM_TARGET = 10  # pair [m]
+INPUTS = 12
 
 
 class Constants(NamedTuple):
@@ -94,7 +103,7 @@ def _intervals(remaining: float, elapsed: float, c: Constants) -> tuple[int, int
 def missing_solver(rows: Any, c: Constants, w: Memory) -> tuple[int, int]:
     """Intervals in double and in single support of the first row without a solver; zeros if there is none."""
     for i in range(rows.shape[0]):
-        double, single = _intervals(rows[i, 0], rows[i, 1], c)
+        double, single = _intervals(rows[i, UNTIL], rows[i, SINCE], c)
         if w.handles[double - 1, single, 0] == 0:
             return double, single
     return 0, 0
@@ -109,14 +118,14 @@ def plan_joint_rows(rows: Any, out: Any, c: Constants, memory: Memory) -> None:
 
 @njit(cache=True)
 def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
-    remaining, elapsed = row[0], row[1]
+    remaining, elapsed = row[UNTIL], row[SINCE]
     double, single = _intervals(remaining, elapsed, c)
     g = _lay_grid(remaining, elapsed, double, single, c, w)
     _factorise(g, c, w)
     inside = True
     for axis in range(2):
         inside = _optimum(axis, row, g, c, w) and inside
-    normal_x, normal_y, half = strip(row[2], row[3], c.cop_x, c.cop_y)
+    normal_x, normal_y, half = strip(row[OTHER_FOOT], row[OTHER_FOOT + 1], c.cop_x, c.cop_y)
     strips = double if c.use_cop else 0
     for k in range(strips):
         value = normal_x * w.optimum[k] + normal_y * w.optimum[g.rows + k]
@@ -124,7 +133,7 @@ def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
         w.optimum[i] = value
         w.lower[i], w.upper[i] = -half - value, half - value
         inside = inside and abs(value) <= half
-    out[6] = 0.0
+    out[RESULT_STATUS] = 0.0
     if not inside:
         _write_matrix(g, strips, normal_x, normal_y, c, w)
         if solve_least_distance(w.handles[double - 1, single]) > 0:
@@ -133,7 +142,7 @@ def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
                 for j in range(n):
                     w.optimum[i] += M[i * n + j] * v[j]
         else:
-            out[6] = 1.0
+            out[RESULT_STATUS] = CLIPPED
     _write_plan(row, out, g, c, w)
 
 
@@ -203,21 +212,21 @@ def _factorise(g: Grid, c: Constants, w: Memory) -> None:
 def _free(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> float:
     """DCM at touchdown with all inputs zero; with the CoP at its reference where it is no input."""
     horizon = w.ends[g.until - 1]
-    free = math.exp(c.omega * horizon) * row[4 + axis]
+    free = math.exp(c.omega * horizon) * row[DCM + axis]
     if not c.use_cop:
         for k in range(g.double):
             effect = math.exp(c.omega * (horizon - w.ends[k])) * math.expm1(c.omega * w.durations[k])
-            free -= effect * w.shares[k] * row[2 + axis]
+            free -= effect * w.shares[k] * row[OTHER_FOOT + axis]
     return free
 
 
 @njit(cache=True)
 def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
     """The unconstrained optimum of an axis in the rows of the constraints, and their bounds about it."""
-    n, L, at, other = g.inputs, w.factor, axis * g.rows, row[2 + axis]
-    angle, rate = row[6 + axis], row[8 + axis]
+    n, L, at, other = g.inputs, w.factor, axis * g.rows, row[OTHER_FOOT + axis]
+    angle, rate = row[LEAN + axis], row[LEAN_RATE + axis]
     y = w.optimum[at : at + g.rows]
-    error = c.beta_dcm * (_free(axis, row, g, c, w) - row[10 + axis])
+    error = c.beta_dcm * (_free(axis, row, g, c, w) - row[DCM_TARGET + axis])
     for i in range(n):
         y[i] = error * w.weights[i]
         if i < g.cops:
@@ -289,15 +298,17 @@ def _write_matrix(g: Grid, strips: int, normal_x: float, normal_y: float, c: Con
 @njit(cache=True)
 def _write_plan(row: Any, out: Any, g: Grid, c: Constants, w: Memory) -> None:
     """CoP, trunk acceleration and expected DCM at touchdown."""
-    cop_x, cop_y = w.shares[0] * row[2], w.shares[0] * row[3]
+    cop_x, cop_y = w.shares[0] * row[OTHER_FOOT], w.shares[0] * row[OTHER_FOOT + 1]
     if c.use_cop:
         cop_x, cop_y = w.optimum[0], w.optimum[g.rows]
-    out[0], out[1] = nearest_in_hull(cop_x, cop_y, row[2], row[3], c.cop_x, c.cop_y)
+    out[RESULT_COP], out[RESULT_COP + 1] = nearest_in_hull(
+        cop_x, cop_y, row[OTHER_FOOT], row[OTHER_FOOT + 1], c.cop_x, c.cop_y
+    )
     for axis in range(2):
-        out[2 + axis] = 0.0
+        out[RESULT_TRUNK + axis] = 0.0
         if c.use_trunk:
-            low, high = acceleration_interval(row[6 + axis], c.gravity, c.torque, c.acceleration)
-            out[2 + axis] = min(max(w.optimum[axis * g.rows + g.cops], low), high)
-        out[4 + axis] = _free(axis, row, g, c, w)
+            low, high = acceleration_interval(row[LEAN + axis], c.gravity, c.torque, c.acceleration)
+            out[RESULT_TRUNK + axis] = min(max(w.optimum[axis * g.rows + g.cops], low), high)
+        out[RESULT_DCM_END + axis] = _free(axis, row, g, c, w)
         for i in range(g.inputs):
-            out[4 + axis] -= w.weights[i] * w.optimum[axis * g.rows + i]
+            out[RESULT_DCM_END + axis] -= w.weights[i] * w.optimum[axis * g.rows + i]

@@ -1,158 +1,160 @@
-"""Stage 2 as the policies call it: from observations and stage 1 rows to CoP and trunk acceleration."""
+"""The forms of stage 2 behind one interface, `Regulator`, and the choice of one."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import njit
 from ..errors import InvalidValueError
-from ..model.gait_box import GaitLimits, unscaled
+from ..model.gait_box import GaitLimits
 from ..model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
-from ..stage_1.planner import DCM_AHEAD, HELD, REMAINING, TARGET
+from ..stage_1.columns import COP, DCM_AHEAD, REMAINING, TARGET, TRUNK
 from .double_support import DoubleSupportPlanner
-from .kernel import INPUTS
+from .interface import (
+    RESULT_COP,
+    RESULT_DCM_END,
+    RESULT_SIZE,
+    RESULT_STATUS,
+    RESULT_TRUNK,
+    STATUS,
+    CopPlan,
+    Regulator,
+    keep_stage_1,
+    take_over_all,
+)
+from .kernel import regulate_rows
 from .paper_form import JerkCopPlanner
-from .planner import STATUS, CopPlanner
-
-TRUNK_STATE = slice(TRUNK_ANGLE.start, TRUNK_RATE.stop)
-_TRUNK, _AHEAD, _TARGET = TRUNK_ANGLE.start, DCM_AHEAD.start, TARGET.start
-_PREVIOUS = PREVIOUS_ACTION.start
+from .planner import CopPlanner
 
 Floats = NDArray[np.float64]
-CopRule = Callable[[Floats, Floats], tuple[Floats, list[str]]]
 
 
-def make_cop_rule(
+def make_regulator(
     robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1
-) -> CopRule | None:
-    """Stage 2 over observations (n, 36) and stage 1 rows, or None where it has nothing to decide.
-
-    The rule gives CoP, trunk acceleration and expected DCM at touchdown, (n, 6), and a status for each. The
-    default form plans a large batch on `threads` threads.
+) -> Regulator:
+    """Stage 2 of a configuration; the default form may be called on `threads` threads.
 
     Raises:
         InvalidValueError: the paper's form is asked for double support, which it has no bounds for.
     """
     if not (config.use_cop or config.use_trunk):
-        return None
+        return NoStage2()
     if config.double_support > 0 and config.form == "jerk":
         raise InvalidValueError(
             f"stage 2 plans double support ({config.double_support} s) in form 'zoh' only, got form 'jerk'; "
             "set double_support to 0 or choose form 'zoh'"
         )
-    single = _single_rule(robot, limits, config, threads)
-    if config.double_support == 0:
-        return single
-    return _phased_rule(single, DoubleSupportPlanner(robot, limits, config))
+    if config.double_support > 0:
+        return WithDoubleSupport(robot, limits, config)
+    return _single_support(robot, limits, config, threads)
 
 
-def _single_rule(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> CopRule:
+def _single_support(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> Regulator:
     if config.form == "zoh" and config.solver == "daqp":
-        return CompiledRule(CopPlanner(robot, limits, config, threads))
-    if config.form == "zoh":
-        return _looped_rule(CopPlanner(robot, limits, config), None)
-    return _looped_rule(JerkCopPlanner(robot, limits, config), limits)
+        return DefaultForm(robot, limits, config, threads)
+    return OneByOne(robot, limits, config)
 
 
-def _phased_rule(single: CopRule, planner: DoubleSupportPlanner) -> CopRule:
+class NoStage2:
+    """CoP and trunk acceleration of stage 1 stay; the DCM at touchdown is the one that it expects."""
+
+    workers, decides = 1 << 16, False
+
+    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        keep_stage_1(rows, results)
+
+
+class DefaultForm:
+    """`CopPlanner`'s problem, solved by DAQP from compiled code."""
+
+    decides = True
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
+        self.planner, self.workers = CopPlanner(robot, limits, config, threads), threads
+        self._low, self._high = limits.low, limits.high
+
+    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        packed = self.planner.packed[worker]
+        if regulate_rows(observations, rows, results, self._low, self._high, *packed) > 0:
+            self.planner.refuse(observations, rows, results)
+
+
+class OneByOne:
+    """The paper's form, or the default one solved by OSQP as a second opinion: a call a row."""
+
+    workers, decides = 1, True
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
+        self._limits, self._config = limits, config
+        self._paper = JerkCopPlanner(robot, limits, config) if config.form == "jerk" else None
+        self._plain = CopPlanner(robot, limits, config) if config.form == "zoh" else None
+
+    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        for obs, row, result in zip(observations, rows, results, strict=True):
+            plan = self._plan(obs, row)
+            result[RESULT_COP : RESULT_COP + 2] = plan.cop
+            result[RESULT_TRUNK : RESULT_TRUNK + 2] = plan.trunk_acceleration
+            result[RESULT_DCM_END : RESULT_DCM_END + 2] = plan.dcm_end
+            result[RESULT_STATUS] = STATUS.index(plan.status)
+        _take_over(observations, rows, results, self._limits, self._config)
+
+    def _plan(self, obs: Floats, row: Floats) -> CopPlan:
+        ahead, target = row[DCM_AHEAD : DCM_AHEAD + 2], row[TARGET : TARGET + 2]
+        state = float(row[REMAINING]), ahead, obs[TRUNK_ANGLE], obs[TRUNK_RATE], target
+        if self._plain is not None:
+            return self._plain.plan(*state)
+        assert self._paper is not None  # noqa: S101
+        return self._paper.plan(*state, (0.0, 0.0), *self._previous(obs))
+
+    def _previous(self, obs: Floats) -> tuple[Floats, Floats]:
+        """CoP [m] and trunk acceleration [rad/s^2] in force; a new stance foot begins at the sole's centre.
+
+        The previous action was made in the frame of its own step: its roll turns its sign at touchdown.
+        """
+        gait = self._limits.from_action(obs[PREVIOUS_ACTION])
+        if obs[ELAPSED] < self._config.first_interval_min:
+            return np.zeros(2), np.array([gait[TRUNK], -gait[TRUNK + 1]])
+        return gait[COP : COP + 2], gait[TRUNK : TRUNK + 2]
+
+
+class WithDoubleSupport:
     """Both axes at once while both feet stand for most of the coming period, one by one from then on."""
-    last = planner.config.double_support - 0.5 * planner.config.first_interval_min
 
-    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        result, statuses = np.empty((len(batch), 7)), [""] * len(batch)
-        double = batch[:, ELAPSED] < last
-        for where, plan in ((np.flatnonzero(~double), single), (np.flatnonzero(double), both)):
-            if len(where):
-                ends, found = plan(batch[where], rows[where])
-                result[where, :6] = ends[:, :6]
-                for k, status in zip(where.tolist(), found, strict=True):
-                    statuses[k] = status
-        return result[:, :6], statuses
+    workers, decides = 1, True
 
-    def both(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
+        self._single = _single_support(robot, limits, config, 1)
+        self._both = DoubleSupportPlanner(robot, limits, config)
+        self._limits, self._config = limits, config
+        self._last = config.double_support - 0.5 * config.first_interval_min
+
+    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        double = observations[:, ELAPSED] < self._last
+        for where, regulate in ((~double, self._single.regulate), (double, self._regulate_both)):
+            if where.any():
+                part, result = rows[where], np.empty((int(where.sum()), RESULT_SIZE))
+                regulate(observations[where], part, result)
+                rows[where], results[where] = part, result
+
+    def _regulate_both(self, observations: Floats, rows: Floats, results: Floats) -> None:
         inputs = np.column_stack(
-            [rows[:, REMAINING], np.maximum(batch[:, ELAPSED], 0.0), batch[:, SWING_POSITION][:, :2],
-             rows[:, DCM_AHEAD], batch[:, TRUNK_STATE], rows[:, TARGET]]
+            [rows[:, REMAINING], np.maximum(observations[:, ELAPSED], 0.0),
+             observations[:, SWING_POSITION][:, :2], rows[:, DCM_AHEAD : DCM_AHEAD + 2],
+             observations[:, TRUNK_ANGLE], observations[:, TRUNK_RATE], rows[:, TARGET : TARGET + 2]]
         )  # fmt: skip
-        return planner.plan_all(inputs)
-
-    return rule
-
-
-@njit(cache=True)
-def write_input(obs, row, out):  # pragma: no cover
-    """A row (11,) of `CopPlanner.plan_batch`; the CoP's reference is the centre of the sole."""
-    out[0] = row[REMAINING]
-    for k in range(2):
-        out[1 + k] = row[_AHEAD + k]
-        out[3 + k], out[5 + k] = obs[_TRUNK + k], obs[_TRUNK + 2 + k]
-        out[7 + k] = row[_TARGET + k]
-        out[9 + k] = 0.0
+        results[:], statuses = self._both.plan_all(inputs)
+        results[:, RESULT_STATUS] = [STATUS.index(status) for status in statuses]
+        _take_over(observations, rows, results, self._limits, self._config)
 
 
-@njit(cache=True)
-def hold_inputs(obs, row, low, high, use_cop, use_trunk, result):  # pragma: no cover
-    """Where the step plan is held, so are CoP and trunk acceleration (`result` 0-3): the previous action's.
-
-    As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
-    """
-    if row[HELD] > 0.0:
-        for i in range(4):
-            if use_cop if i < 2 else use_trunk:
-                j = 3 + i
-                result[i] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
-
-
-@njit(cache=True)
-def _write_inputs(batch, rows, inputs):  # pragma: no cover
-    for i in range(batch.shape[0]):
-        write_input(batch[i], rows[i], inputs[i])
-
-
-class CompiledRule:
-    """The default form, solved by DAQP from compiled code."""
-
-    def __init__(self, planner: CopPlanner):
-        self.planner = planner
-
-    def __call__(self, batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        """See `make_cop_rule`."""
-        inputs = np.empty((len(batch), INPUTS))
-        _write_inputs(batch, rows, inputs)
-        result = self.planner.plan_batch(inputs)
-        return result, [STATUS[int(index)] for index in result[:, 6].tolist()]
-
-
-def _looped_rule(planner: CopPlanner | JerkCopPlanner, limits: GaitLimits | None) -> CopRule:
-    """One call a row; the jerk form also takes the previous CoP and acceleration out of the observation."""
-    period = planner.config.first_interval_min
-
-    def rule(batch: Floats, rows: Floats) -> tuple[Floats, list[str]]:
-        result, statuses = np.empty((len(batch), 6)), []
-        for obs, row, out in zip(batch, rows, result, strict=True):
-            state = (row[REMAINING], row[DCM_AHEAD], obs[TRUNK_ANGLE], obs[TRUNK_RATE], row[TARGET])
-            if limits is None:
-                plan = planner.plan(*state)
-            else:
-                plan = planner.plan(*state, (0.0, 0.0), *_previous(obs, limits, period))  # type: ignore[call-arg]
-            out[0:2], out[2:4], out[4:6] = plan.cop, plan.trunk_acceleration, plan.dcm_end
-            statuses.append(plan.status)
-        return result, statuses
-
-    return rule
-
-
-def _previous(obs: Floats, limits: GaitLimits, period: float) -> tuple[Floats, Floats]:
-    """CoP [m] and trunk acceleration [rad/s^2] in force now; a new stance foot begins at the sole's centre.
-
-    The previous action was made in the frame of its own step, so that its roll turns its sign at touchdown.
-    """
-    gait = limits.from_action(obs[PREVIOUS_ACTION])
-    if obs[ELAPSED] < period:
-        return np.zeros(2), np.array([gait[5], -gait[6]])
-    return gait[3:5], gait[5:7]
+def _take_over(
+    observations: Floats, rows: Floats, results: Floats, limits: GaitLimits, config: PlannerConfig
+) -> None:
+    uses = config.use_cop, config.use_trunk
+    take_over_all(observations, rows, results, limits.low, limits.high, *uses)

@@ -1,11 +1,4 @@
-"""The compiled loop of stage 2: one plan is one row in, one row out; see `cop_planner` for the problem.
-
-Numba unpacks every array of a call, about 0.25 us each, several times what a plan takes. So all constants and
-tables come as one array of numbers and one of counts, and the scratch memory as a third.
-"""
-
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
+"""The compiled loop of stage 2: one plan is one row in, one row out; see `planner` for the problem."""
 
 from __future__ import annotations
 
@@ -13,47 +6,56 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
-from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
+from ..model.observation import TRUNK_ANGLE, TRUNK_RATE
 from ..solvers.least_distance import solve_least_distance
+from ..stage_1.columns import DCM_AHEAD, REMAINING, TARGET
 from .dense import SHORTEST
-from .tables import Tables
+from .interface import RESULT_COP, RESULT_DCM_END, RESULT_STATUS, RESULT_TRUNK, STATUS, take_over
+from .packing import Constants, Memory, constants_of, memory_of, tables_of
+from .tables import ANGLE, RATE, REFERENCE, TERMINAL, Tables
 
-INPUTS, OUTPUTS = 11, 7  # columns of the rows that `plan_rows` reads and writes
-HANDLE = 6  # length of a solver's handle
-HEADER = 7  # counts before the tables of integers
+# Columns of an input row, `CopPlanner.plan_batch`; of a pair (x, y) the first one
+UNTIL = 0  # touchdown [s]
+DCM = 1  # pair [m]
+LEAN = 3  # pair [rad]
+LEAN_RATE = 5  # pair [rad/s]
+DCM_TARGET = 7  # pair [m]
+COP_REFERENCE = 9  # pair [m]
+INPUTS = 11
 
-
-class Constants(NamedTuple):
-    """Scalars of the compiled loop."""
-
-    omega: float
-    cmp_per_acceleration: float
-    cop_x: float  # bounds [m]
-    cop_y: float
-    acceleration: float  # [rad/s^2]
-    torque: float  # tau_max / j [rad/s^2]
-    gravity: float  # gravity torque per sin(lean) / j [rad/s^2]
-    angle: float  # [rad]
-    dt: float
-    first_min: float
-    beta_cop: float
-    beta_trunk: float
-    use_cop: bool
-    use_trunk: bool
+CLIPPED, INVALID = STATUS.index("clipped"), STATUS.index("invalid")
+_ANGLE, _RATE = TRUNK_ANGLE.start, TRUNK_RATE.start
 
 
-class Memory(NamedTuple):
-    """Scratch of the compiled loop; rewritten by every solve."""
+class AxisState(NamedTuple):
+    """What one axis starts from and is to reach."""
 
-    matrices: NDArray[np.float64]  # (E, rows * n)
-    handles: NDArray[np.int64]  # (E, 6)
-    lower: NDArray[np.float64]  # (rows,)
-    upper: NDArray[np.float64]
-    optimum: NDArray[np.float64]  # (rows,): A u of the unconstrained optimum u
-    solution: NDArray[np.float64]  # (n,)
+    dcm: float  # [m]
+    angle: float  # of the trunk [rad]
+    rate: float  # [rad/s]
+    target: float  # DCM wanted at touchdown [m]
+    reference: float  # of the CoP [m]
+    cop_max: float  # [m]
+    low: float  # bounds of the trunk acceleration [rad/s^2]
+    high: float
+    growth: float  # exp(omega remaining)
+    free: float  # DCM at touchdown with no input but a CoP that is given [m]
+
+
+class FirstInterval(NamedTuple):
+    """The first interval: the columns of its inputs along the directions T, S, O, and their optimum."""
+
+    span: float  # [s]
+    kz: tuple[float, float, float]  # of z_0
+    ka: tuple[float, float, float]  # of a_0
+    kr: tuple[float, float, float]  # of the right-hand side
+    uz: float  # unconstrained z_0 [m]
+    ua: float  # unconstrained a_0 [rad/s^2]
+    l11: float  # lower right corner of R
+    l12: float
+    l22: float
 
 
 @njit(cache=True)
@@ -71,184 +73,125 @@ def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
     return acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
 
 
-def packed_numbers(c: Constants, tables: Tables) -> NDArray[np.float64]:
-    """Constants and tables as one array."""
-    arrays = (tables.steps, tables.inputs, tables.angles, tables.weights, tables.gram)
-    return np.concatenate([np.array(c, dtype=np.float64), *(array.ravel() for array in arrays)])
-
-
-def packed_counts(tables: Tables, memory: Memory) -> NDArray[np.int64]:
-    """Sizes, integer tables and the handles of the memory's solvers as one array."""
-    sizes = [
-        len(tables.rest), tables.steps.shape[1], tables.inputs.shape[1], tables.angles.shape[1],
-        memory.matrices.shape[1], len(memory.lower), len(memory.solution),
-    ]  # fmt: skip
-    arrays = (tables.rest, tables.cops, tables.nodes, memory.handles)
-    return np.concatenate([np.array(sizes, dtype=np.int64), *(array.ravel() for array in arrays)])
+@njit(cache=True)
+def write_input(obs: Any, row: Any, out: Any) -> None:
+    """An input row (11,) of an observation and its stage 1 row; the CoP's reference is the sole's centre."""
+    out[UNTIL] = row[REMAINING]
+    for axis in range(2):
+        out[DCM + axis] = row[DCM_AHEAD + axis]
+        out[LEAN + axis], out[LEAN_RATE + axis] = obs[_ANGLE + axis], obs[_RATE + axis]
+        out[DCM_TARGET + axis] = row[TARGET + axis]
+        out[COP_REFERENCE + axis] = 0.0
 
 
 @njit(cache=True)
-def _constants_of(numbers: Any) -> Constants:
-    return Constants(*(to_fixed_tuple(numbers[:12], 12) + (numbers[12] != 0.0, numbers[13] != 0.0)))
+def write_inputs(observations: Any, rows: Any, inputs: Any) -> None:
+    """`write_input` of every row."""
+    for i in range(rows.shape[0]):
+        write_input(observations[i], rows[i], inputs[i])
 
 
-@njit(cache=True)
-def _tables_of(numbers: Any, counts: Any) -> Tables:
-    e, nodes, inputs, angles = counts[0], counts[1], counts[2], counts[3]
-    a = HEADER + e
-    b = 14 + e * nodes
-    c = b + e * inputs * 4
-    d = c + e * angles * 4
-    g = d + e * inputs
-    return Tables(
-        counts[HEADER:a], counts[a : a + e], counts[a + e : a + 2 * e], numbers[14:b].reshape((e, nodes)),
-        numbers[b:c].reshape((e, inputs, 4)), numbers[c:d].reshape((e, angles, 4)),
-        numbers[d:g].reshape((e, inputs)), numbers[g : g + e * 16].reshape((e, 4, 4)),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def _memory_of(counts: Any, scratch: Any) -> Memory:
-    e, size, rows, n = counts[0], counts[4], counts[5], counts[6]
-    a = HEADER + 3 * e
-    b = e * size
-    c = b + 3 * rows
-    return Memory(
-        scratch[:b].reshape((e, size)), counts[a : a + HANDLE * e].reshape((e, HANDLE)),
-        scratch[b : b + rows], scratch[b + rows : c - rows], scratch[c - rows : c], scratch[c : c + n],
-    )  # fmt: skip
-
-
-def new_memory(matrices: NDArray[np.float64], rows: int, n: int) -> tuple[Memory, NDArray[np.float64]]:
-    """Memory without solvers, and the one array whose parts all but the handles are."""
-    e, size = matrices.shape
-    scratch = np.zeros(e * size + 3 * rows + n)
-    own, *rest = np.split(scratch, e * size + rows * np.arange(4))
-    own[:] = matrices.ravel()
-    return Memory(own.reshape(e, size), np.zeros((e, HANDLE), dtype=np.int64), *rest), scratch
+@njit(cache=True, nogil=True)
+def regulate_rows(
+    observations: Any, rows: Any, results: Any, low: Any, high: Any, numbers: Any, counts: Any, scratch: Any
+) -> int:
+    """Stage 2 of stage 1 rows, in place; returns how many were invalid; see `Regulator.regulate`."""
+    c = constants_of(numbers)
+    inputs = np.empty((rows.shape[0], INPUTS))
+    write_inputs(observations, rows, inputs)
+    invalid = plan_rows(inputs, results, numbers, counts, scratch)
+    if invalid == 0:
+        for i in range(rows.shape[0]):
+            take_over(observations[i], rows[i], results[i], low, high, c.use_cop, c.use_trunk)
+    return invalid
 
 
 @njit(cache=True, nogil=True)
 def plan_rows(rows: Any, out: Any, numbers: Any, counts: Any, scratch: Any) -> int:
     """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`."""
-    c, tables, memory = _constants_of(numbers), _tables_of(numbers, counts), _memory_of(counts, scratch)
+    c, tables, memory = constants_of(numbers), tables_of(numbers, counts), memory_of(counts, scratch)
     invalid = 0
     for i in range(rows.shape[0]):
         row = rows[i]
         finite = True
         for k in range(row.shape[0]):
             finite = finite and math.isfinite(row[k])
-        remaining = max(row[0], SHORTEST)
+        remaining = max(row[UNTIL], SHORTEST)
         whole = int(max(math.floor((remaining - c.first_min) / c.dt + 1e-9), 0.0))
         if not finite or whole >= len(tables.rest):
-            out[i, 6] = 2
+            out[i, RESULT_STATUS] = INVALID
             invalid += 1
             continue
-        out[i, 6] = 0
-        first = remaining - whole * c.dt
+        out[i, RESULT_STATUS] = 0
         for axis in range(2):
-            cop, acceleration, end, status = _plan_axis(
-                whole, first, remaining, row[1 + axis], row[3 + axis], row[5 + axis], row[7 + axis],
-                row[9 + axis], c.cop_x if axis == 0 else c.cop_y, c, tables, memory,
-            )  # fmt: skip
-            out[i, axis], out[i, 2 + axis], out[i, 4 + axis] = cop, acceleration, end
-            out[i, 6] = max(out[i, 6], status)
+            _plan_axis(whole, remaining, row, axis, c, tables, memory, out[i])
     return invalid
 
 
 @njit(cache=True)
-def _plan_axis(
-    e: int, first: float, remaining: float, dcm: float, angle: float, rate: float, target: float,
-    reference: float, cop_max: float, c: Constants, tables: Tables, memory: Memory,
-) -> tuple[Any, Any, Any, int]:  # fmt: skip
-    """One axis: (CoP, trunk acceleration, DCM at touchdown, status)."""
-    rest, nodes, cops = tables.rest[e], tables.nodes[e], tables.cops[e]
-    n = rest + int(c.use_cop) + int(c.use_trunk)
-    rows = n + nodes
+def _axis_state(row: Any, axis: int, remaining: float, c: Constants) -> AxisState:
+    """State and bounds of one axis of an input row."""
+    dcm, angle, reference = row[DCM + axis], row[LEAN + axis], row[COP_REFERENCE + axis]
+    cop_max = c.cop_x if axis == 0 else c.cop_y
     growth = math.exp(c.omega * remaining)
     free = growth * dcm
     if not c.use_cop:
         reference = min(max(reference, -cop_max), cop_max)
         free -= (growth - 1.0) * reference
     low, high = acceleration_bounds(angle, c)
-    if n == 0:
-        return reference, 0.0, free, 0
-
-    # Coefficients of the columns of the first interval, and of the right-hand side, along T, S, O
-    share = first / c.dt
-    weight_z = growth * (1.0 - math.exp(-c.omega * first))
-    weight_a = c.cmp_per_acceleration * weight_z
-    kz = (weight_z, 0.0, 0.0)
-    ka = (weight_a, first, 0.5 * first * first)
-    kr = (free - target, -rate, -(angle + first * rate))
-    uz, ua, l11, l12, l22 = _first_interval(tables.gram[e], kz, ka, kr, reference, share, c)
-    k0 = kr[0] - kz[0] * uz - ka[0] * ua
-    k1 = kr[1] - ka[1] * ua
-    k2 = kr[2] - ka[2] * ua
-    k3 = reference if c.use_cop else 0.0
-
-    # Unconstrained optimum, in the rows of the constraints
-    U, V, steps, y = tables.inputs[e], tables.angles[e], tables.steps[e], memory.optimum
-    inside = True
-    for i in range(rest):
-        y[i] = k0 * U[i, 0] + k1 * U[i, 1] + k2 * U[i, 2] + k3 * U[i, 3]
-    if c.use_cop:
-        y[rest] = uz
-    if c.use_trunk:
-        y[n - 1] = ua
-    for k in range(nodes):
-        y[n + k] = (
-            k0 * V[k, 0] + k1 * V[k, 1] + k2 * V[k, 2] + k3 * V[k, 3]
-            + angle + (first + steps[k]) * rate + (ka[2] + first * steps[k]) * ua
-        )  # fmt: skip
-    for i in range(rows):
-        is_cop = i < cops or (i == rest and c.use_cop)
-        lower = -cop_max if is_cop else low if i < n else -c.angle
-        upper = cop_max if is_cop else high if i < n else c.angle
-        memory.lower[i], memory.upper[i] = lower - y[i], upper - y[i]
-        inside = inside and lower <= y[i] <= upper
-
-    status = 0
-    if not inside:
-        _write_first_columns(e, first, kz, ka, l11, l12, l22, c, tables, memory)
-        if solve_least_distance(memory.handles[e]) > 0:
-            M, v = memory.matrices[e], memory.solution
-            for i in range(n):
-                for j in range(n):
-                    y[i] += M[i * n + j] * v[j]
-        else:
-            status = 1
-    end = free
-    for i in range(rest):
-        end -= tables.weights[e, i] * y[i]
-    cop, acceleration = reference, 0.0
-    if c.use_cop:
-        cop = min(max(y[rest], -cop_max), cop_max)
-        end -= weight_z * cop
-    if c.use_trunk:
-        acceleration = min(max(y[n - 1], low), high)
-        end -= weight_a * acceleration
-    return cop, acceleration, end, status
+    rate, target = row[LEAN_RATE + axis], row[DCM_TARGET + axis]
+    return AxisState(dcm, angle, rate, target, reference, cop_max, low, high, growth, free)
 
 
 @njit(cache=True)
-def _first_interval(
-    gram: Any, kz: Any, ka: Any, kr: Any, reference: float, share: float, c: Constants
-) -> tuple[float, float, float, float, float]:
-    """Unconstrained z_0 and a_0, and the lower right corner of R.
+def _plan_axis(
+    e: int, remaining: float, row: Any, axis: int, c: Constants, tables: Tables, memory: Memory, out: Any
+) -> None:
+    """Plan one axis of an input row over horizon e: CoP, trunk acceleration, DCM at touchdown, status."""
+    state = _axis_state(row, axis, remaining, c)
+    cop, acceleration, end = state.reference, 0.0, state.free
+    rest = tables.rest[e]
+    n = rest + int(c.use_cop) + int(c.use_trunk)
+    if n > 0:
+        first = _first_interval(tables.gram[e], remaining - e * c.dt, state, c)
+        _write_optimum(e, first, state, c, tables, memory.optimum)
+        if not _write_room(e, state, c, tables, memory):
+            _write_first_columns(e, first, c, tables, memory)
+            if not _move_inside(e, n, memory):
+                out[RESULT_STATUS] = max(out[RESULT_STATUS], CLIPPED)
+        y = memory.optimum
+        for i in range(rest):
+            end -= tables.weights[e, i] * y[i]
+        if c.use_cop:
+            cop = min(max(y[rest], -state.cop_max), state.cop_max)
+            end -= first.kz[TERMINAL] * cop
+        if c.use_trunk:
+            acceleration = min(max(y[n - 1], state.low), state.high)
+            end -= first.ka[TERMINAL] * acceleration
+    out[RESULT_COP + axis], out[RESULT_TRUNK + axis], out[RESULT_DCM_END + axis] = cop, acceleration, end
+
+
+@njit(cache=True)
+def _first_interval(gram: Any, span: float, state: AxisState, c: Constants) -> FirstInterval:
+    """Columns of the first interval, its unconstrained z_0 and a_0, and the lower right corner of R.
 
     The Schur complement of the first interval's inputs in G'G, with the Gram matrix of what the other inputs
     leave of each direction: S_ij = own_i + k_i' gram k_j, S u = own reference + k' gram k_r.
     """
+    share = span / c.dt
+    weight_z = state.growth * (1.0 - math.exp(-c.omega * span))
+    kz = (weight_z, 0.0, 0.0)
+    ka = (c.cmp_per_acceleration * weight_z, span, 0.5 * span * span)
+    kr = (state.free - state.target, -state.rate, -(state.angle + span * state.rate))
     szz = saa = 1.0
     sza = bz = ba = 0.0
     if c.use_cop:
-        szz, bz = c.beta_cop * share, c.beta_cop * share * reference
+        szz, bz = c.beta_cop * share, c.beta_cop * share * state.reference
     if c.use_trunk:
         saa = c.beta_trunk * share
-    tail = reference if c.use_cop else 0.0
+    tail = state.reference if c.use_cop else 0.0
     for i in range(3):
-        along = gram[i, 3] * tail
+        along = gram[i, REFERENCE] * tail
         for j in range(3):
             along += gram[i, j] * kr[j]
             if c.use_cop:
@@ -264,30 +207,88 @@ def _first_interval(
     l22 = math.sqrt(saa - l12 * l12)
     ua = (ba - l12 * bz / l11) / (l22 * l22) if c.use_trunk else 0.0
     uz = (bz / l11 - l12 * ua) / l11 if c.use_cop else 0.0
-    return uz, ua, l11, l12, l22
+    return FirstInterval(span, kz, ka, kr, uz, ua, l11, l12, l22)
 
 
 @njit(cache=True)
-def _write_first_columns(
-    e: int, first: float, kz: Any, ka: Any, l11: float, l12: float, l22: float, c: Constants, tables: Tables,
-    memory: Memory,
-) -> None:  # fmt: skip
+def _write_optimum(
+    e: int, first: FirstInterval, state: AxisState, c: Constants, tables: Tables, y: Any
+) -> None:
+    """The unconstrained optimum into y: the inputs, then the trunk angles at the nodes."""
+    rest, nodes = tables.rest[e], tables.nodes[e]
+    n = rest + int(c.use_cop) + int(c.use_trunk)
+    U, V, steps, span, ka, kr = (
+        tables.inputs[e],
+        tables.angles[e],
+        tables.steps[e],
+        first.span,
+        first.ka,
+        first.kr,
+    )
+    k0 = kr[TERMINAL] - first.kz[TERMINAL] * first.uz - ka[TERMINAL] * first.ua
+    k1 = kr[RATE] - ka[RATE] * first.ua
+    k2 = kr[ANGLE] - ka[ANGLE] * first.ua
+    k3 = state.reference if c.use_cop else 0.0
+    for i in range(rest):
+        y[i] = k0 * U[i, TERMINAL] + k1 * U[i, RATE] + k2 * U[i, ANGLE] + k3 * U[i, REFERENCE]
+    if c.use_cop:
+        y[rest] = first.uz
+    if c.use_trunk:
+        y[n - 1] = first.ua
+    for k in range(nodes):
+        y[n + k] = (
+            k0 * V[k, TERMINAL] + k1 * V[k, RATE] + k2 * V[k, ANGLE] + k3 * V[k, REFERENCE]
+            + state.angle + (span + steps[k]) * state.rate + (ka[ANGLE] + span * steps[k]) * first.ua
+        )  # fmt: skip
+
+
+@njit(cache=True)
+def _write_room(e: int, state: AxisState, c: Constants, tables: Tables, memory: Memory) -> bool:
+    """How far the optimum may move down and up, by rows of the constraints; True where it may stay."""
+    rest, cops, y = tables.rest[e], tables.cops[e], memory.optimum
+    n = rest + int(c.use_cop) + int(c.use_trunk)
+    inside = True
+    for i in range(n + tables.nodes[e]):
+        is_cop = i < cops or (i == rest and c.use_cop)
+        lower = -state.cop_max if is_cop else state.low if i < n else -c.angle
+        upper = state.cop_max if is_cop else state.high if i < n else c.angle
+        memory.lower[i], memory.upper[i] = lower - y[i], upper - y[i]
+        inside = inside and lower <= y[i] <= upper
+    return inside
+
+
+@njit(cache=True)
+def _move_inside(e: int, n: int, memory: Memory) -> bool:
+    """Move the inputs of the optimum to the constrained one; False where the solver fails."""
+    if solve_least_distance(memory.handles[e]) <= 0:
+        return False
+    M, v, y = memory.matrices[e], memory.solution, memory.optimum
+    for i in range(n):
+        for j in range(n):
+            y[i] += M[i * n + j] * v[j]
+    return True
+
+
+@njit(cache=True)
+def _write_first_columns(e: int, first: FirstInterval, c: Constants, tables: Tables, memory: Memory) -> None:
     """The columns of M = A R^-1 that belong to the first interval: z_0, then a_0."""
     rest, nodes = tables.rest[e], tables.nodes[e]
     n = rest + int(c.use_cop) + int(c.use_trunk)
+    kz, ka = first.kz, first.ka
     U, V, steps, M = tables.inputs[e], tables.angles[e], tables.steps[e], memory.matrices[e]
     for i in range(n + nodes):
         t = s = o = 0.0
         if i < rest:
-            t, s, o = U[i, 0], U[i, 1], U[i, 2]
+            t, s, o = U[i, TERMINAL], U[i, RATE], U[i, ANGLE]
         elif i >= n:
-            t, s, o = V[i - n, 0], V[i - n, 1], V[i - n, 2]
+            t, s, o = V[i - n, TERMINAL], V[i - n, RATE], V[i - n, ANGLE]
         column = 0.0
         if c.use_cop:
-            column = ((1.0 if i == rest else 0.0) - kz[0] * t) / l11
+            column = ((1.0 if i == rest else 0.0) - kz[TERMINAL] * t) / first.l11
             M[i * n + rest] = column
         if c.use_trunk:
             own = 1.0 if i == n - 1 else 0.0
             if i >= n:
-                own = ka[2] + first * steps[i - n]
-            M[i * n + n - 1] = (own - ka[0] * t - ka[1] * s - ka[2] * o - column * l12) / l22
+                own = ka[ANGLE] + first.span * steps[i - n]
+            along = own - ka[TERMINAL] * t - ka[RATE] * s - ka[ANGLE] * o
+            M[i * n + n - 1] = (along - column * first.l12) / first.l22

@@ -31,9 +31,10 @@ from ..settings.planner_config import PlannerConfig
 from ..solvers.general_qp import QuadraticProgram, solve_qp
 from ..solvers.least_distance import LeastDistance, solve_least_distance
 from .dense import SHORTEST, grid
+from .interface import CopPlan
 from .kernel import acceleration_interval
 from .paper_form_kernel import Constants, Workspace, build, outputs, write_bounds
-from .planner import LONGEST_MARGIN, CopPlan
+from .planner import LONGEST_MARGIN
 
 COSTS = ("literal", "repaired")
 

@@ -20,13 +20,11 @@ known in closed form, violates a bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..compiled.threads import RangeThreads
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
@@ -34,50 +32,50 @@ from ..settings.planner_config import PlannerConfig
 from ..solvers.general_qp import solve_qp
 from ..solvers.least_distance import LeastDistance
 from .dense import explicit_problem
-from .kernel import (
-    INPUTS,
-    OUTPUTS,
-    Constants,
-    acceleration_bounds,
-    new_memory,
-    packed_counts,
-    packed_numbers,
-    plan_rows,
+from .interface import (
+    RESULT_COP,
+    RESULT_DCM_END,
+    RESULT_SIZE,
+    RESULT_STATUS,
+    RESULT_TRUNK,
+    STATUS,
+    CopPlan,
+    plan_of,
 )
+from .kernel import (
+    COP_REFERENCE,
+    DCM,
+    DCM_TARGET,
+    INPUTS,
+    INVALID,
+    LEAN,
+    LEAN_RATE,
+    UNTIL,
+    acceleration_bounds,
+    plan_rows,
+    write_inputs,
+)
+from .packing import Constants, new_memory, packed_counts, packed_numbers
 from .tables import build
 
-ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
 LONGEST_MARGIN = 0.3  # horizons reach this far beyond the longest step [s]
-STATUS = ("solved", "clipped", "invalid")
-
-
-@dataclass(frozen=True)
-class CopPlan:
-    """What to do now, in the canonical frame, relative to the stance sole's centre."""
-
-    cop: NDArray[np.float64]  # (2,) [m]
-    trunk_acceleration: NDArray[np.float64]  # (2,) towards +x, +y [rad/s^2]
-    dcm_end: NDArray[np.float64]  # (2,) predicted DCM at touchdown [m]
-    # "solved"; "clipped": the solver failed, the unconstrained optimum was clipped; "daqp": OSQP did not
-    # converge, DAQP's plan stands in; "relaxed": the paper's form gave up its hard trunk limit
-    status: str
 
 
 class CopPlanner:
     """Plans the CoP and the trunk acceleration for one robot and configuration.
 
-    A planner owns scratch memory, one for each of its own threads: of the caller's threads only one may use
-    it at a time. Pickling builds it anew.
+    A planner owns scratch memory, `packed`, for each of its workers: of the caller's threads only one may
+    use it, or one part of `packed`, at a time. Pickling builds it anew.
     """
 
-    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, workers: int = 1):
         """Build the tables of every horizon length.
 
         Args:
             robot: physical constants.
             limits: half sizes of the sole and bound of the trunk acceleration.
             config: weights and margins.
-            threads: that `plan_batch` may use; the plans do not depend on them.
+            workers: parts of `packed`; `plan` and `plan_batch` use the first.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
@@ -96,18 +94,17 @@ class CopPlanner:
             config.beta_trunk, config.use_cop, config.use_trunk,
         )  # fmt: skip
         self.tables, matrices = build(robot, config, self.longest)
-        self.threads = RangeThreads(threads)
         self._problems: list[LeastDistance] = []
         numbers = packed_numbers(self.constants, self.tables)
-        # what the compiled loop takes, for each thread: numbers, counts, scratch
-        self.packed = [(numbers, *self._allocate(matrices)) for _ in range(threads)]
-        self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, OUTPUTS))
+        # what the compiled loop takes, for each worker: numbers, counts, scratch
+        self.packed = [(numbers, *self._allocate(matrices)) for _ in range(workers)]
+        self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, RESULT_SIZE))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return CopPlanner, (self.robot, self.limits, self.config, self.threads.threads)
+        return CopPlanner, (self.robot, self.limits, self.config, len(self.packed))
 
     def _allocate(self, matrices: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Counts and scratch memory of one thread, with solvers of its own."""
+        """Counts and scratch memory of one worker, with solvers of its own."""
         first = int(self.config.use_cop) + int(self.config.use_trunk)
         sizes = [(int(r) + first, int(k)) for r, k in zip(self.tables.rest, self.tables.nodes, strict=True)]
         memory, scratch = new_memory(matrices, max(n + k for n, k in sizes), max(n for n, _ in sizes))
@@ -143,22 +140,25 @@ class CopPlanner:
         """
         row, out = self._row, self._out
         try:
-            row[0, 0] = remaining
-            row[0, 1:3], row[0, 3:5], row[0, 5:7] = dcm, trunk_angle, trunk_rate
-            row[0, 7:9], row[0, 9:11] = dcm_target, cop_reference
+            row[0, UNTIL] = remaining
+            for column, pair in (
+                (DCM, dcm), (LEAN, trunk_angle), (LEAN_RATE, trunk_rate), (DCM_TARGET, dcm_target),
+                (COP_REFERENCE, cop_reference),
+            ):  # fmt: skip
+                row[0, column : column + 2] = pair
         except (ValueError, TypeError) as error:
             raise InvalidValueError(f"stage 2 takes a time and vectors of 2 numbers: {error}") from None
         if self.config.solver == "osqp":
             return self._plan_explicit(row[0])
         plan_rows(row, out, *self.packed[0])
         result = out[0].copy()
-        status = int(result[6])
-        if status == 2:
+        status = int(result[RESULT_STATUS])
+        if status == INVALID:
             self._reject(row)
-        return _frozen(result, STATUS[status])
+        return plan_of(result, STATUS[status])
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Plan n robots by DAQP in one compiled loop on each thread.
+        """Plan n robots by DAQP in one compiled loop.
 
         Args:
             rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),
@@ -170,22 +170,18 @@ class CopPlanner:
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
-        out = np.zeros((rows.shape[0], OUTPUTS))
-        if self._plan_all(rows, out):
-            self._reject(rows[out[:, 6] == 2])
+        out = np.zeros((rows.shape[0], RESULT_SIZE))
+        if plan_rows(rows, out, *self.packed[0]):
+            self._reject(rows[out[:, RESULT_STATUS] == INVALID])
         return out
 
-    def _plan_all(self, rows: NDArray[np.float64], out: NDArray[np.float64]) -> int:
-        """Plan into `out`; returns how many rows were invalid."""
-        if self.threads.threads == 1 or len(rows) < 2 * ROWS_A_THREAD:
-            return plan_rows(rows, out, *self.packed[0])
-        invalid = [0] * self.threads.threads
-
-        def job(worker: int, first: int, end: int) -> None:
-            invalid[worker] = plan_rows(rows[first:end], out[first:end], *self.packed[worker])
-
-        self.threads.run(job, len(rows), ROWS_A_THREAD)
-        return sum(invalid)
+    def refuse(
+        self, observations: NDArray[np.float64], rows: NDArray[np.float64], results: NDArray[np.float64]
+    ) -> None:
+        """Raise InvalidValueError for the first stage 1 row whose result is invalid."""
+        inputs = np.empty((len(rows), INPUTS))
+        write_inputs(observations, rows, inputs)
+        self._reject(inputs[results[:, RESULT_STATUS] == INVALID])
 
     def bounds(self, axis: int, trunk_angle: float) -> tuple[float, float, float]:
         """CoP bound [m], and lower and upper bound of the trunk acceleration [rad/s^2] at a lean angle."""
@@ -196,29 +192,23 @@ class CopPlanner:
         """The same plan by OSQP, from the dense problem: slow, a second opinion."""
         exact = self.plan_batch(row[None])[0]
         if not (self.config.use_cop or self.config.use_trunk):
-            return _frozen(exact, "solved")
-        result = np.zeros((3, 2))
+            return plan_of(exact, "solved")
+        result = np.zeros(RESULT_SIZE)
         for axis in range(2):
-            bounds = self.bounds(axis, row[3 + axis])
-            dcm, angle, rate, target, reference = row[1 + axis :: 2]
+            bounds = self.bounds(axis, row[LEAN + axis])
+            dcm, angle, rate, target, reference = row[DCM + axis :: 2]
             problem = explicit_problem(
-                self.robot, self.config, row[0], dcm, angle, rate, target, reference, *bounds
+                self.robot, self.config, row[UNTIL], dcm, angle, rate, target, reference, *bounds
             )
             solution = solve_qp(problem.qp, "osqp")
             if solution.status != "solved":
-                return _frozen(exact, "daqp")
-            result[0, axis], result[1, axis] = problem.first(solution.x)
-            result[2, axis] = problem.dcm_end(solution.x)
-        return _frozen(result.ravel(), "solved")
+                return plan_of(exact, "daqp")
+            result[RESULT_COP + axis], result[RESULT_TRUNK + axis] = problem.first(solution.x)
+            result[RESULT_DCM_END + axis] = problem.dcm_end(solution.x)
+        return plan_of(result, "solved")
 
     def _reject(self, rows: NDArray[np.float64]) -> None:
         raise InvalidValueError(
             f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {rows[0].tolist()}"
             " (remaining, dcm, trunk angle, trunk rate, dcm target, cop reference)"
         )
-
-
-def _frozen(result: NDArray[np.float64], status: str) -> CopPlan:
-    """The plan of an output row, read-only."""
-    result.flags.writeable = False
-    return CopPlan(result[0:2], result[2:4], result[4:6], status)

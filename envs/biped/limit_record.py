@@ -15,7 +15,7 @@ from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
-from ...controllers.stage_1.planner import time_to_place
+from ...controllers.stage_1.swing_time import time_to_place
 from ...controllers.stage_2.kernel import acceleration_interval
 from ...controllers.whole_body.bounds_met import (
     COP,

@@ -10,10 +10,10 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.policies.arms import make_policy
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.residual import check_residual_scale, default_residual_scale
 from ...controllers.policies.residual_rule import ResidualRule
-from ...controllers.policies.two_stage import make_policy
 from ..episode.episodes import GaitEpisodes
 from ..episode.info import Info, put
 from ..episode.vector_env import Actions, GaitVectorEnv, Mask

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.policies.arms import make_policy
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.residual import check_residual_scale, default_residual_scale
 from ...controllers.policies.residual_rule import Correction, ResidualRule
-from ...controllers.policies.two_stage import make_policy
 from ...controllers.validation import require_kind
 from ..episode.env import check_action
 from .action_hold import ActionHold

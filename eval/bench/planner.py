@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.observation import DCM, OBSERVATION_SIZE, TRUNK_ANGLE, TRUNK_RATE
-from ...controllers.policies.two_stage import Plan, TwoStagePolicy
-from ...controllers.stage_1.planner import stage_1_constants, stage_1_rows
+from ...controllers.policies.plan import Plan
+from ...controllers.policies.two_stage import TwoStagePolicy
+from ...controllers.stage_1.columns import ROW_SIZE
+from ...controllers.stage_1.planner import StepPlanner
 from ...controllers.stage_2.planner import CopPlanner
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
@@ -95,12 +97,11 @@ class Stage2:
 def planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[str, Timing]:
     """Stage 1 (observation to step plan), stage 2 (both axes), a whole plan: one call each from Python."""
     batches = [np.ascontiguousarray(row, dtype=np.float64)[None] for row in observations]
-    constants = stage_1_constants(policy.robot, policy.limits, policy.config)
-    low, high = policy.limits.low, policy.limits.high
+    steps, row = StepPlanner(policy.robot, policy.limits, policy.config), np.empty((1, ROW_SIZE))
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
     problems = [Stage2(batch[0], policy.plan(batch[0])).arguments for batch in batches]
     return {
-        "stage_1_us": time_calls(lambda batch: stage_1_rows(batch, constants, low, high, True), batches),
+        "stage_1_us": time_calls(lambda batch: steps.plan(batch, row), batches),
         "stage_2_us": time_calls(lambda problem: planner.plan(*problem), problems),
         "plan_us": time_calls(policy.predict, list(observations)),
     }
@@ -108,12 +109,14 @@ def planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[
 
 def batch_planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[str, float]:
     """The same for all observations in one call on one thread, each; medians of REPEATS calls [us]."""
-    constants = stage_1_constants(policy.robot, policy.limits, policy.config)
-    low, high = policy.limits.low, policy.limits.high
-    planner = CopPlanner(policy.robot, policy.limits, policy.config)
+    steps = StepPlanner(policy.robot, policy.limits, policy.config)
+    planner, plans = (
+        CopPlanner(policy.robot, policy.limits, policy.config),
+        np.empty((len(observations), ROW_SIZE)),
+    )
     rows = np.array([Stage2(seen, policy.plan(seen)).row for seen in observations])
     calls: dict[str, Callable[[], object]] = {
-        "stage_1": lambda: stage_1_rows(observations, constants, low, high, True),
+        "stage_1": lambda: steps.plan(observations, plans),
         "stage_2": lambda: planner.plan_batch(rows),
         "plan": lambda: policy.predict(observations),
     }

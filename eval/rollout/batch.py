@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.network import NetworkPolicy
-from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
+from ...controllers.policies.random import RandomPolicy
+from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.episode.env import GaitEnv
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario

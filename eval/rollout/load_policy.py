@@ -48,7 +48,7 @@ def make_policy(name: str, env: Any) -> Policy:
         UnknownNameError: no such name; lists the valid ones.
         InvalidValueError: the environment has no gait, or takes residuals.
     """
-    from ...controllers.policies.two_stage import make_policy as make_analytic
+    from ...controllers.policies.arms import make_policy as make_analytic
 
     _refuse_archive(name)
     if name not in policy_names():
@@ -66,7 +66,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows."""
-    from ...controllers.policies.two_stage import POLICY_NAMES
+    from ...controllers.policies.arms import POLICY_NAMES
 
     return tuple(POLICY_NAMES)
 

@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
-from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
+from ...controllers.policies.random import RandomPolicy
+from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.episode.env import GaitEnv
 from ...envs.residual.action_hold import ActionHold
 from ...envs.residual.wrapper import ResidualAction

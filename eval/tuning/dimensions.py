@@ -7,7 +7,8 @@ implies (freeze, which is the gait machine's commit), hardware, numerical consta
 from __future__ import annotations
 
 from ...controllers.errors import UnknownNameError
-from ...controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from ...controllers.policies.arms import POLICY_NAMES, make_policy
+from ...controllers.policies.two_stage import TwoStagePolicy
 from ...controllers.settings.planner_config import PlannerConfig
 from .space import Dimension
 

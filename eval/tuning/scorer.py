@@ -12,7 +12,8 @@ from pathlib import Path
 from types import TracebackType
 
 from ...controllers.errors import UnknownNameError
-from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
+from ...controllers.policies.arms import make_policy
+from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes

@@ -198,7 +198,7 @@ def test_an_untrained_network_gives_zero(tmp_path, settings):
 
 
 def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, settings):
-    from push_recovery.controllers.policies.two_stage import make_policy
+    from push_recovery.controllers.policies.arms import make_policy
 
     result = train(dataclasses.replace(settings, kind="residual", timesteps=0, hold=2), tmp_path / "run")
     env = gym.make(settings.env_id)

@@ -10,8 +10,9 @@ from typing import Any
 from ....controllers.model.gait_box import GaitLimits
 from ....controllers.model.nominal_gait import NominalGait, nominal_gait
 from ....controllers.model.robot import RobotModel
+from ....controllers.policies.arms import make_policy
 from ....controllers.policies.interface import Policy
-from ....controllers.policies.two_stage import TwoStagePolicy, make_policy
+from ....controllers.policies.two_stage import TwoStagePolicy
 from ....controllers.settings.presets import preset_config
 from .batch import Plant
 from .sensor import Measurement

@@ -7,7 +7,7 @@ import pytest
 from push_recovery.controllers.estimation.self_model import DRIFT_KNOWN, GRIP_MIN, SLIDES, SLIDING, feel_grip
 from push_recovery.controllers.model.observation import COM, COM_HEIGHT_ERROR, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.model_errors import STEEPEST_SLOPE, ModelErrors

@@ -18,11 +18,12 @@ from push_recovery.controllers.model.observation import (
     TRUNK_RATE,
 )
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from push_recovery.controllers.policies.arms import POLICY_NAMES, make_policy
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_1.planner import swing_time
 from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
+from push_recovery.controllers.stage_1.swing_time import swing_time
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)

@@ -9,8 +9,8 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
 from push_recovery.controllers.stage_2.dense import grid
+from push_recovery.controllers.stage_2.interface import CopPlan
 from push_recovery.controllers.stage_2.paper_form import JerkCopPlanner
-from push_recovery.controllers.stage_2.planner import CopPlan
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 REPAIRED = PlannerConfig(form="jerk", beta_trunk=1e-2)

@@ -9,7 +9,9 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
 from push_recovery.controllers.stage_2.dense import explicit_problem
-from push_recovery.controllers.stage_2.planner import ROWS_A_THREAD, CopPlan, CopPlanner
+from push_recovery.controllers.stage_2.interface import RESULT_SIZE, CopPlan
+from push_recovery.controllers.stage_2.kernel import plan_rows
+from push_recovery.controllers.stage_2.planner import CopPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 CONFIG = PlannerConfig(beta_trunk_limit=1e4)
@@ -139,13 +141,16 @@ def test_a_plan_depends_on_its_arguments_alone():
         np.testing.assert_array_equal(np.concatenate([plan.cop, plan.trunk_acceleration]), together[k, :4])
 
 
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads_change_no_plan(threads):
-    states = rows(3 * ROWS_A_THREAD + 17, seed=9)
-    alone = PLANNER.plan_batch(states)
-    planner = CopPlanner(ROBOT, LIMITS, CONFIG, threads)
-    assert planner.plan_batch(states).tobytes() == alone.tobytes()
-    assert pickle.loads(pickle.dumps(planner)).threads.threads == threads  # noqa: S301
+def test_every_worker_has_scratch_of_its_own_and_gives_the_same_plans():
+    states = rows(100, seed=9)
+    alone, planner = PLANNER.plan_batch(states), CopPlanner(ROBOT, LIMITS, CONFIG, 3)
+    scratches = {packed[2].ctypes.data for packed in planner.packed}
+    assert len(scratches) == 3
+    for packed in planner.packed:
+        out = np.zeros((100, RESULT_SIZE))
+        assert plan_rows(states, out, *packed) == 0
+        assert out.tobytes() == alone.tobytes()
+    assert len(pickle.loads(pickle.dumps(planner)).packed) == 3  # noqa: S301
     states[-1, 1] = np.nan
     with pytest.raises(InvalidValueError, match="stage 2 needs finite states"):
         planner.plan_batch(states)

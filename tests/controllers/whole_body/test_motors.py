@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.motors import (
     FULL_TORQUE_SHARE,
     clip_torque,

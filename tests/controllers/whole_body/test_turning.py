@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import COMMAND
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
 from push_recovery.controllers.whole_body.turning import SIZE, exchange_soles, turn_references, turned_command
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
 from push_recovery.controllers.whole_body.mass_matrix import com_velocity

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.floor import AROUND, DEPTH, TILE, floor_height, tiled_model
 from push_recovery.envs.biped.model_errors import altered_model

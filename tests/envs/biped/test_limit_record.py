@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_1.planner import swing_time
+from push_recovery.controllers.stage_1.swing_time import swing_time
 from push_recovery.controllers.whole_body import bounds_met as bits
 from push_recovery.controllers.whole_body.bounds import bounds_met, make_bounds
 from push_recovery.controllers.whole_body.gait_machine import landing_limit

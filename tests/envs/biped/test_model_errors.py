@@ -6,7 +6,7 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, TRUNK
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity as omega_of
 from push_recovery.controllers.whole_body.mass_matrix import com_velocity

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.settings.presets import PresetFile
 from push_recovery.envs.biped.env import BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.biped.settings import SECTIONS, BipedSettings, biped_settings

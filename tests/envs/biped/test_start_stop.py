@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.scenario.command import Command, CommandChange
 from push_recovery.envs.scenario.scenario import Scenario

@@ -11,7 +11,7 @@ from push_recovery.controllers.model.double_support import transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.model.observation import COMMAND
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.episodes import GaitEpisodes
 from push_recovery.envs.pendulum.env import PendulumEpisodes

@@ -5,7 +5,8 @@ import sys
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.eval.bench import bipeds as bench_batch
 from push_recovery.eval.bench.bipeds import (

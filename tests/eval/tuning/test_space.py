@@ -3,7 +3,8 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.envs.biped.settings import SECTIONS, BipedSettings

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
-from push_recovery.controllers.policies.two_stage import POLICY_NAMES
+from push_recovery.controllers.policies.arms import POLICY_NAMES
 from push_recovery.eval.reproduction.figures import animation, cartoon, histories, paths, polar, style
 from push_recovery.eval.reproduction.pendulum.record import Record
 

@@ -9,7 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE, TRUNK_ANGLE
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.push_distribution import PushDistribution

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.eval.frontier.grid import FORCE_CAP
 from push_recovery.eval.frontier.scan import FrontierSettings
 from push_recovery.eval.frontier.scan import ScanJob as FrontierJob

@@ -1,0 +1,104 @@
+"""What every form of stage 2 has in common: what it is asked, what it gives, how a row takes it over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled.kernels import njit
+from ..model.gait_box import unscaled
+from ..model.observation import PREVIOUS_ACTION
+from ..stage_1.columns import COP, HELD, OFFSET, STEP, TRUNK
+
+Floats = NDArray[np.float64]
+
+# Columns of a result; of a pair the first one
+RESULT_COP = 0  # pair [m]
+RESULT_TRUNK = 2  # pair, trunk acceleration [rad/s^2]
+RESULT_DCM_END = 4  # pair, predicted DCM at touchdown [m]
+RESULT_STATUS = 6  # index into STATUS
+RESULT_SIZE = 7
+
+# "clipped": the solver failed, the unconstrained optimum was clipped; "invalid": an input is impossible;
+# "daqp": OSQP did not converge, DAQP's plan stands in; "relaxed": the paper's form gave up its hard limit of
+# the trunk
+STATUS = ("solved", "clipped", "invalid", "daqp", "relaxed")
+
+_PREVIOUS = PREVIOUS_ACTION.start
+
+
+@dataclass(frozen=True)
+class CopPlan:
+    """What to do now, in the canonical frame, relative to the stance sole's centre."""
+
+    cop: Floats  # (2,) [m]
+    trunk_acceleration: Floats  # (2,) towards +x, +y [rad/s^2]
+    dcm_end: Floats  # (2,) predicted DCM at touchdown [m]
+    status: str  # one of STATUS
+
+
+def plan_of(result: Floats, status: str) -> CopPlan:
+    """The plan of a result (RESULT_SIZE,) or of its first six columns; read-only from here on."""
+    result.flags.writeable = False
+    cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
+    return CopPlan(cop, trunk, result[RESULT_DCM_END : RESULT_DCM_END + 2], status)
+
+
+class Regulator(Protocol):
+    """Stage 2: CoP and trunk acceleration for the steps that stage 1 has planned."""
+
+    workers: int  # so many threads may call `regulate` at a time, each under a number of its own
+    decides: bool  # False where CoP and trunk stay those of stage 1
+
+    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+        """Write results (n, RESULT_SIZE), and CoP and trunk acceleration into stage 1 rows (n, ROW_SIZE).
+
+        Args:
+            observations: (n, 36).
+            rows: of `StepPlanner.plan`, changed in place.
+            results: written.
+            worker: 0 to `workers` - 1.
+
+        Raises:
+            InvalidValueError: a state that no plan exists for.
+        """
+        ...
+
+
+@njit(cache=True, nogil=True)
+def keep_stage_1(rows, results):  # pragma: no cover
+    """Results (n, RESULT_SIZE) of stage 1 rows whose CoP and trunk stay; the DCM ends at u_T + b."""
+    for i in range(rows.shape[0]):
+        for axis in range(2):
+            results[i, RESULT_COP + axis] = rows[i, COP + axis]
+            results[i, RESULT_TRUNK + axis] = rows[i, TRUNK + axis]
+            results[i, RESULT_DCM_END + axis] = rows[i, STEP + axis] + rows[i, OFFSET + axis]
+        results[i, RESULT_STATUS] = 0
+
+
+@njit(cache=True)
+def take_over(obs, row, result, low, high, use_cop, use_trunk):  # pragma: no cover
+    """A result's CoP and trunk acceleration into a row; where the step plan is held, the previous action's.
+
+    As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
+    """
+    for axis in range(2):
+        if use_cop and row[HELD] > 0.0:
+            j = COP + axis
+            result[RESULT_COP + axis] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
+        row[COP + axis] = result[RESULT_COP + axis]
+        if use_trunk:
+            j = TRUNK + axis
+            if row[HELD] > 0.0:
+                result[RESULT_TRUNK + axis] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
+            row[j] = result[RESULT_TRUNK + axis]
+
+
+@njit(cache=True)
+def take_over_all(observations, rows, results, low, high, use_cop, use_trunk):  # pragma: no cover
+    """`take_over` of every row."""
+    for i in range(rows.shape[0]):
+        take_over(observations[i], rows[i], results[i], low, high, use_cop, use_trunk)
