@@ -1,6 +1,6 @@
 """Stage 2 while both feet stand: one convex program over both axes, which the hull of the soles couples.
 
-Costs, trunk and tail are those of `cop_planner`; new are the CoP's bounds in double support, the hull of both
+Costs, trunk and tail are those of `planner`; new are the CoP's bounds in double support, the hull of both
 soles (`double_support`), its reference, the transfer from foot to foot, and the grid:
 
     control period | rest of double support | what is left over | whole sampling intervals | braking tail
