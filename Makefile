@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test lint format same mutants clean
+.PHONY: run test test-newest test-oldest lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -21,6 +21,17 @@ run: $(VENV)/run.stamp
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests
+
+# The rows of the headline table and the tests of control and environments with a plain `pip install`, in an
+# environment of its own: with the newest versions that pip finds, and with the oldest that pyproject.toml states.
+INSTALLED := $(VENV)-$(if $(filter test-oldest,$(MAKECMDGOALS)),oldest,newest)
+test-newest test-oldest:
+	rm -rf $(INSTALLED) build
+	$(PYTHON) -m venv $(INSTALLED)
+	$(INSTALLED)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  $(if $(filter test-oldest,$@),-c constraints-oldest.txt) . pytest pytest-xdist typing_extensions
+	$(INSTALLED)/bin/push-recovery evaluate --suite quick --policies two-stage --out runs/$@
+	$(INSTALLED)/bin/python -m pytest -n 2 tests/controllers tests/envs
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
@@ -41,4 +52,4 @@ format: $(VENV)/dev.stamp
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) build runs *.egg-info
+	rm -rf $(VENV) $(VENV)-newest $(VENV)-oldest build runs *.egg-info

@@ -133,6 +133,23 @@ def run_bench(args: argparse.Namespace) -> int:
     return 0
 
 
+def run_warmup(args: argparse.Namespace) -> int:
+    """Compile all kernels, with a bar over the environments that are run for it."""
+    from ...controllers.compiled.cache_place import cache_root
+    from ..bench.warmup import names, warm_up
+    from ..output.progress import progress_bars
+
+    with progress_bars(("kernels",), len(names())) as bars:
+        for done, name in enumerate(warm_up()):
+            bars.set("kernels", done, name)
+        bars.set("kernels", len(names()))
+    if args.json:
+        _print_json({"cache": str(cache_root())})
+    else:
+        print(f"kernels: {cache_root()}")
+    return 0
+
+
 def run_list(args: argparse.Namespace) -> int:
     """Names that the other commands take."""
     from ..rollout.environments import env_ids

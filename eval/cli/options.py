@@ -157,6 +157,7 @@ def add_commands(commands: Subparsers) -> None:
         _add_tune,
         _add_bench,
         _add_list,
+        _add_warmup,
         _add_play,
         add_train_parser,
     ):
@@ -284,6 +285,11 @@ def _add_bench(commands: Subparsers) -> None:
 
 def _add_list(commands: Subparsers) -> None:
     _add_json(_command(commands, "list", "List environments, policies and suites."))
+
+
+def _add_warmup(commands: Subparsers) -> None:
+    text = "Compile all kernels now, for every later process of this user: minutes once, then seconds."
+    _add_json(_command(commands, "warmup", text))
 
 
 def _add_play(commands: Subparsers) -> None:

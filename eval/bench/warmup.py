@@ -1,0 +1,62 @@
+"""Compile all kernels ahead of their first use, by a short run of everything that calls one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from ...controllers.settings.arms import ARMS
+from ...envs.scenario.command import CommandChange
+from ...envs.scenario.model_errors import ModelErrors
+from ...envs.scenario.push import Push
+from ...envs.scenario.scenario import Command, Scenario
+from ..rollout.batch import rollout_all
+from ..rollout.environments import env_ids, make_env
+from ..rollout.load_policy import acts_on_residual, make_policy
+from ..rollout.one import rollout
+
+ROBOTS = 2  # side by side: what runs in batches
+WALK = Scenario(
+    "warm-up", (Push((30.0, 10.0, 0.0), 0.1, 0.2),), Command(0.1), duration=1.0,
+    changes=(CommandChange(0.4, Command()),),
+)  # fmt: skip
+ERRORS = {  # those that each kind of robot knows
+    "Pendulum": ModelErrors(mass=0.05, slope_forward=0.01, delay=0.004, dcm_noise=0.001),
+    "Biped": ModelErrors(
+        mass=0.05, payload=1.0, friction=0.8, slope_left=0.01, delay=0.004, dcm_noise=0.001,
+        joint_noise=0.0005, floor_step=0.005,
+    ),
+}  # fmt: skip
+
+
+def warm_up() -> Iterator[str]:
+    """Run every environment, preset form and arm for a second; yields what comes next, for a display.
+
+    What was compiled is kept for every process of this user until its sources change. Where all of it is
+    there, this takes seconds.
+    """
+    for name in names():
+        yield name
+        _run(name)
+
+
+def names() -> list[str]:
+    """Environments that `warm_up` runs; double support is the pendulum's alone."""
+    return [*env_ids(), "PushRecovery/Pendulum-v0@double-support"]
+
+
+def _run(name: str) -> None:
+    env = make_env(name)
+    try:
+        if acts_on_residual(env):
+            policy = make_policy("random", env)
+            rollout(env, policy, WALK, "random")
+            rollout_all(env, policy, [WALK] * ROBOTS, "random", ROBOTS)
+            return
+        errors = next(value for kind, value in ERRORS.items() if kind in name)
+        for arm in ARMS:
+            policy = make_policy(arm, env)
+            rollout(env, policy, WALK, arm)
+            rollout_all(env, policy, [WALK, replace(WALK, errors=errors)], arm, ROBOTS)
+    finally:
+        env.close()

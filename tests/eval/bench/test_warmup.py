@@ -1,0 +1,47 @@
+"""What is run to compile all kernels, and the command that does it."""
+
+import json
+
+import pytest
+from push_recovery.controllers.settings.arms import ARMS
+from push_recovery.eval.bench import warmup
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout.environments import make_env
+
+
+def test_every_environment_and_double_support_are_run():
+    for name in warmup.names():
+        make_env(name).close()
+    assert {name.partition("@")[0] for name in warmup.names()} == set(warmup.env_ids())
+    assert "PushRecovery/Pendulum-v0@double-support" in warmup.names()
+
+
+def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monkeypatch):
+    runs = []
+    monkeypatch.setattr(warmup, "rollout", lambda env, policy, scenario, name: runs.append((name, 1)))
+
+    def batch(env, policy, scenarios, name, slots):
+        runs.append((name, len(scenarios)))
+        assert scenarios[1].errors == warmup.ERRORS["Pendulum"]
+
+    monkeypatch.setattr(warmup, "rollout_all", batch)
+    warmup._run("PushRecovery/Pendulum-v0")
+    assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
+
+
+def test_the_command_runs_each_once_and_names_the_place(monkeypatch, capsys, tmp_path):
+    ran = []
+    monkeypatch.setattr(warmup, "_run", ran.append)
+    assert main(["warmup", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert list(json.loads(out)) == ["cache"]
+    assert ran == warmup.names()
+    assert f"{len(ran)}/{len(ran)}" in err
+
+
+@pytest.mark.parametrize("kind", warmup.ERRORS)
+def test_two_stage_walks_on_through_its_push_so_that_all_is_reached(kind):
+    env = make_env(f"PushRecovery/{kind}-v0")
+    outcome = warmup.rollout(env, warmup.make_policy("two-stage", env), warmup.WALK, "two-stage")
+    assert outcome.survived
+    env.close()
