@@ -24,6 +24,7 @@ from .closed_form import DirectionLimits, direction_limits
 from .grid import BEYOND, FORCE_CAP, NOMINAL_STEPS, Scanned, directions_deg, multiples, scan_upwards
 
 FORMAT = 2  # of the rows
+FOUND = ("survived_N", "largest_survived_N", "failed_N", "falls")  # fields that a report is made of
 IN_PLACE = Command()
 
 
@@ -155,7 +156,7 @@ def frontier(
     config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
     directory = directory or default_directory(label, config | own_directory(sources, digests))
-    store = RowFile(directory, config, ("policy", "psi_deg"), overwrite)
+    store = RowFile(directory, config, ("policy", "psi_deg"), overwrite, FOUND)
     store.check_policies(digests)
     refuse_unknown_objects(store, sources, digests)
     jobs = [

@@ -39,13 +39,19 @@ class RowFile:
         config: JSON object that must equal that of the directory.
         key: fields that identify a row.
         overwrite: start over where the directory already holds rows.
+        fields: that each row must have besides those of the key.
     """
 
     def __init__(
-        self, directory: Path, config: dict[str, Any], key: tuple[str, ...], overwrite: bool = False
+        self,
+        directory: Path,
+        config: dict[str, Any],
+        key: tuple[str, ...],
+        overwrite: bool = False,
+        fields: tuple[str, ...] = (),
     ):
         self.path = directory / "outcomes.jsonl"
-        self.key = key
+        self.key, self._fields = key, fields
         config_path = directory / "config.json"
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -85,6 +91,8 @@ class RowFile:
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
                 row = parse_json("it", line)
+                if lacks := [name for name in (*self.key, *self._fields) if name not in row]:
+                    raise ValueError(f"it lacks {', '.join(lacks)}")
                 rows.setdefault(tuple(row[name] for name in self.key), row)
             except (ValueError, KeyError, TypeError) as error:
                 raise InvalidValueError(f"{str(self.path)!r} line {number} is no outcome: {error}") from error
@@ -111,6 +119,7 @@ class RowFile:
             self._file = self.path.open("a", encoding="utf-8")
         self._file.write(json.dumps(row, allow_nan=False) + "\n")
         self._file.flush()
+        os.fsync(self._file.fileno())
         self.rows[key] = row
 
     def close(self) -> None:

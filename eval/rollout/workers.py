@@ -91,12 +91,24 @@ class Runner:
         self.env.close()
 
 
+def spawn_pool(workers: int, start: Callable[..., None], *arguments: Any) -> ProcessPoolExecutor:
+    """Spawned processes of one thread each, which `start` sets up; it must call `ignore_interrupts`."""
+    for name in THREAD_VARIABLES:  # read by the children's libraries
+        os.environ.setdefault(name, "1")
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), start, arguments)
+
+
+def ignore_interrupts() -> None:
+    """In a worker: the parent decides on Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 _runner: Runner | None = None
 
 
 def _start_worker(env_id: str, sources: Sources) -> None:
     global _runner
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
+    ignore_interrupts()
     _runner = Runner(env_id, sources)
 
 
@@ -142,10 +154,7 @@ def parallel(
         finally:
             runner.close()
         return
-    for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
-        os.environ.setdefault(name, "1")
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (env_id, dict(sources)))
+    pool = spawn_pool(min(workers, len(jobs)), _start_worker, env_id, dict(sources))
     try:
         yield from _in_window(pool, task, jobs, 4 * workers)
     except BrokenProcessPool as error:

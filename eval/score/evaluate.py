@@ -23,6 +23,7 @@ from .limits_met import limit_summary
 from .suites import Suite
 
 FORMAT = 2  # of the rows
+SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
 CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
@@ -97,7 +98,7 @@ def evaluate(
     label = f"{suite.name}-{env_label(env_id)}"
     digests = {name: source.digest() for name, source in sources.items()}
     directory = directory or default_directory(label, config | own_directory(sources, digests))
-    store = RowFile(directory, config, ("policy", "scenario_id"), overwrite)
+    store = RowFile(directory, config, ("policy", "scenario_id"), overwrite, SCORED)
     store.check_policies(digests)
     refuse_unknown_objects(store, sources, digests)
     began = time.perf_counter()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
@@ -20,7 +17,7 @@ from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..rollout.batch import rollout_batch
 from ..rollout.outcome import Outcome
-from ..rollout.workers import SLOTS, THREAD_VARIABLES
+from ..rollout.workers import SLOTS, ignore_interrupts, spawn_pool
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
 TUNED_ENVS = (BIPED, PENDULUM)
@@ -70,10 +67,6 @@ def run_scenarios(
     return {out.scenario_id: worth(out) for out in rollout_batch(episodes, arm, scenarios, policy)}
 
 
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides on Ctrl-C
-
-
 class Scorer:
     """Runs one arm of one environment under preset files; a context manager.
 
@@ -89,10 +82,7 @@ class Scorer:
 
     def __enter__(self) -> Scorer:
         if self.workers > 1:
-            for name in THREAD_VARIABLES:  # read by the children's libraries: one thread each
-                os.environ.setdefault(name, "1")
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self.workers, context, _start_worker)
+            self._pool = spawn_pool(self.workers, ignore_interrupts)
         return self
 
     def __exit__(

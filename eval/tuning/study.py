@@ -20,7 +20,7 @@ from .search import Search
 from .settings import TuningSettings
 from .space import Space
 from .suite import HELD_OUT, TUNING, tuning_suite
-from .trials import KEY, START, Row, Trials, best_of
+from .trials import FIELDS, KEY, START, Row, Trials, best_of
 
 FORMAT = 1
 OnTrial = Callable[[Row, Row], None]
@@ -78,7 +78,7 @@ def tune(
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
-    store = RowFile(directory, config, KEY, overwrite)
+    store = RowFile(directory, config, KEY, overwrite, FIELDS)
     with Scorer(settings.env_id, settings.policy, workers) as scorer:
         runs = Trials(settings, space, store, scorer, directory)
         try:

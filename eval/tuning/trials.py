@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,14 @@ from .settings import TuningSettings
 from .space import Space
 
 START = 0  # number of the trial that is the start itself
-CANDIDATE = "candidate.json"  # the preset that is being run
 KEY = ("suite", "trial")
+FIELDS = ("score", "stopped", "scenarios", "settings", "point", "values")
 Row = dict[str, Any]
+
+
+def candidate_path(directory: Path) -> Path:
+    """The preset that is being run; of this process alone, since another may search in the same directory."""
+    return directory / f"candidate-{os.getpid()}.json"
 
 
 def best_of(rows: Sequence[Row]) -> Row:
@@ -44,7 +50,7 @@ class Trials:
         self, settings: TuningSettings, space: Space, store: RowFile, scorer: Scorer, directory: Path
     ):
         self._settings, self._space, self._store = settings, space, store
-        self._scorer, self._path = scorer, directory / CANDIDATE
+        self._scorer, self._path = scorer, candidate_path(directory)
 
     def run(self, number: int, point: NDArray[np.float64], suite: Suite, best: Row | None) -> Row:
         """The row of a point; stopped early where it is clearly worse than the best one so far.

@@ -1,4 +1,5 @@
 import json
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -11,6 +12,7 @@ from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_pol
 from push_recovery.eval.tuning.settings import TuningSettings
 from push_recovery.eval.tuning.study import tune
 from push_recovery.eval.tuning.suite import TUNING, tuning_suite
+from push_recovery.eval.tuning.trials import candidate_path
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 SETTINGS = TuningSettings(
@@ -42,11 +44,11 @@ def test_a_killed_study_goes_on_to_the_same_end(study, tmp_path, kept):
     lines = (study.directory / "outcomes.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "outcomes.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:40])
     (tmp_path / "config.json").write_bytes((study.directory / "config.json").read_bytes())
-    (tmp_path / "candidate.json").write_text("{")
+    candidate_path(tmp_path).write_text("{")
     tune(SETTINGS, TRIALS, directory=tmp_path)
     assert rows(tmp_path) == rows(study.directory)
     assert (tmp_path / "preset.json").read_bytes() == study.path.read_bytes()
-    assert not (tmp_path / "candidate.json").exists()
+    assert not candidate_path(tmp_path).exists()
 
 
 def test_more_trials_go_on_where_fewer_ended(study, tmp_path):
@@ -142,3 +144,11 @@ def test_command_prints_one_object(tmp_path, capsys):
     assert "held out" in capsys.readouterr().out
     assert main(["tune", "--policy", "random"]) == 2
     assert "unknown policy to tune 'random'" in capsys.readouterr().err
+
+
+def test_two_searches_in_one_directory_run_presets_of_their_own(tmp_path, monkeypatch):
+    """One shared file let either score what the other had written."""
+    mine = candidate_path(tmp_path)
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    assert candidate_path(tmp_path) != mine
+    assert candidate_path(tmp_path).parent == mine.parent == tmp_path
