@@ -49,7 +49,21 @@ class Holes:
         self.forces.append(round(force, 6))
         ok = bool(self.survives(force))
         limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
-        base = scenario.id, policy, ok, ok, None, None if ok else "low", 1.0, 1, 0.0, force / 10, 0.0, 1
+        recovered = ok and force < 100.0  # the largest force survived counts, settled or not
+        base = (
+            scenario.id,
+            policy,
+            ok,
+            recovered,
+            None,
+            None if ok else "low",
+            1.0,
+            1,
+            0.0,
+            force / 10,
+            0.0,
+            1,
+        )
         return Outcome(*base, (0.0, 0.0), *limits)
 
 

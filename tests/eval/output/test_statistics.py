@@ -25,10 +25,10 @@ def test_mcnemar_is_the_two_sided_sign_test():
 
 
 def test_paired_counts():
-    a = np.array([1, 1, 1, 0, 0], dtype=bool)
-    b = np.array([1, 0, 0, 1, 0], dtype=bool)
+    a = np.array([1, 1, 1, 0, 0, 1, 1, 0, 1, 1], dtype=bool)
+    b = np.array([1, 0, 0, 1, 0, 1, 1, 1, 1, 0], dtype=bool)
     counts = PairedCounts.of(a, b)
-    assert counts == PairedCounts(both=1, only_a=2, only_b=1, neither=1)
+    assert counts == PairedCounts(both=4, only_a=3, only_b=2, neither=1)
     assert counts.rate_difference == pytest.approx(a.mean() - b.mean())
     with pytest.raises(InvalidValueError, match="equal lengths"):
         PairedCounts.of(a, b[:3])
