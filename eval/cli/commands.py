@@ -153,14 +153,14 @@ def run_warmup(args: argparse.Namespace) -> int:
 def run_list(args: argparse.Namespace) -> int:
     """Names that the other commands take."""
     from ..rollout.environments import env_ids
-    from ..rollout.load_policy import policy_names
+    from ..rollout.load_policy import FORMS, policy_names
 
     suites = {name: make().summary() for name, make in SUITES.items()}
     if args.json:
         _print_json({"envs": env_ids(), "policies": list(policy_names()), "suites": list(suites.values())})
         return 0
     print("environments:", *env_ids(), sep="\n  ")
-    print("policies:", *policy_names(), "FILE.safetensors", sep="\n  ")
+    print("policies:", *policy_names(), *FORMS, sep="\n  ")
     print("suites:")
     for name, suite in suites.items():
         print(f"  {name} v{suite['version']}: {suite['scenarios']} pushes, sha256 {suite['sha256']}")

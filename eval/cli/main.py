@@ -37,6 +37,8 @@ def make_parser() -> argparse.ArgumentParser:
         description="Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.",
         epilog="Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).",
     )
+    version = sys.modules[__name__.partition(".")[0]].__version__
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
     from .options import add_commands  # slow to load: inside of what turns Ctrl-C into an exit code
 
     add_commands(parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser))

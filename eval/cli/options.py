@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bench.keys import EPILOG as BENCH_KEYS
-from ..rollout.names import DEFAULT_ENV, TABLE_ARMS, default_workers
-from ..score.suites import SUITES
+from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, TABLE_ARMS, default_workers
 
 REPRODUCED = ("all", "scenario-1", "scenario-2", "ablations", "limits")  # sections of `reproduce`
 Subparsers = Any  # argparse's own type is private
@@ -103,7 +102,7 @@ def _add_env(parser: argparse.ArgumentParser) -> None:
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--suite", metavar="NAME|FILE", default="quick", help=f"{', '.join(SUITES)}, or a JSON file"
+        "--suite", metavar="NAME|FILE", default="quick", help=f"{', '.join(SUITE_NAMES)}, or a JSON file"
     )
 
 
@@ -172,7 +171,7 @@ def _add_evaluate(commands: Subparsers) -> None:
         metavar="NAME|FILE",
         nargs="+",
         default=list(TABLE_ARMS),
-        help="names (see list) or policy files",
+        help="names (see list), policy files, or MODULE:ATTRIBUTE",
     )
     _add_suite(parser)
     _add_errors(parser)
@@ -183,8 +182,8 @@ def _add_compare(commands: Subparsers) -> None:
     parser = _command(
         commands, "compare", "Compare two policies on the same pushes: exact McNemar, score interval."
     )
-    parser.add_argument("a", metavar="A", help="policy name or file")
-    parser.add_argument("b", metavar="B", help="policy name or file")
+    parser.add_argument("a", metavar="A", help="policy: name, file, or MODULE:ATTRIBUTE")
+    parser.add_argument("b", metavar="B", help="policy: name, file, or MODULE:ATTRIBUTE")
     _add_env(parser)
     _add_suite(parser)
     _add_errors(parser)
@@ -199,7 +198,7 @@ def _add_frontier(commands: Subparsers) -> None:
     _add_env(parser)
     parser.add_argument(
         "--policy", "--policies", dest="policies", metavar="NAME|FILE", nargs="+", default=["two-stage"],
-        help="names or policy files, all in one picture",
+        help="names, policy files, or MODULE:ATTRIBUTE, all in one picture",
     )  # fmt: skip
     parser.add_argument(
         "--directions",
@@ -295,7 +294,9 @@ def _add_warmup(commands: Subparsers) -> None:
 def _add_play(commands: Subparsers) -> None:
     parser = _command(commands, "play", "Show one push: in a window, or written to a video or picture.")
     _add_env(parser)
-    parser.add_argument("--policy", metavar="NAME|FILE", default="two-stage", help="name or policy file")
+    parser.add_argument(
+        "--policy", metavar="NAME|FILE", default="two-stage", help="name, policy file, or MODULE:ATTRIBUTE"
+    )
     parser.add_argument("--force", type=number(0, 10_000), default=200.0, help="of the push [N]")
     parser.add_argument(
         "--psi", type=number(-360, 360), default=0.0, help="direction, counter-clockwise from forward [deg]"

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.rollout.names import SUITE_NAMES
+from push_recovery.eval.score.suites import SUITES, Suite, quick_suite
+
+import push_recovery
 
 
 @pytest.fixture
@@ -136,6 +139,24 @@ def test_every_command_has_help(capsys):
         assert name in overview
         assert main([name, "--help"]) == 0
         assert "usage: push-recovery " + name in capsys.readouterr().out
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"push-recovery {push_recovery.__version__}\n"
+
+
+def test_the_overview_loads_no_planner():
+    """What is slow to load waits for a command that needs it."""
+    code = (
+        "import sys; from push_recovery.eval.cli.main import main; main(['--help'])\n"
+        "print([name for name in ('numba', 'scipy', 'mujoco', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.endswith("[]\n")
+    assert tuple(SUITES) == SUITE_NAMES
 
 
 def test_failures_inside_are_exit_1_without_traceback(monkeypatch, capsys):
