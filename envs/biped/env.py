@@ -20,7 +20,7 @@ LOADED = 1.0  # a foot carries load from here on [N]
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
 
-class BipedEpisodes(GaitEpisodes):
+class BipedEpisodes(GaitEpisodes[BipedCore]):
     """Episodes of n bipeds with the settings of a preset, by name or file.
 
     `threads` share their physics and change nothing else.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ...controllers.model.robot import RobotModel
 from ...controllers.settings.presets import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind
 from ..scenario.scenario import Scenario
+from .core import Core
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
 from .recovery import GaitMonitor, uphill_dcm
 from .reward import REWARD_TERMS, Reward
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+C = TypeVar("C", bound=Core)
 MOST_ROBOTS = 100_000
 
 
@@ -46,20 +48,15 @@ class Period(NamedTuple):
     truncated: Mask  # (n,)
 
 
-class GaitEpisodes(ABC):
-    """Episodes of n robots of one kind; none depends on the others. A subclass brings the physics as `core`.
-
-    The core offers arrays of length n: `observation`, `truth` (the same without noise), `command`,
-    `previous_action`, `margin` and `pushes`; `reset(k, scenario, start, gait, action)`;
-    `step(gaits, actions)`; and what the abstract methods ask for.
-    """
+class GaitEpisodes(ABC, Generic[C]):
+    """Episodes of n robots of one kind, whose physics is `core`; none depends on the others."""
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
     has_double_support: ClassVar[bool] = False  # whether the physics knows it
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
     turns: ClassVar[bool] = True  # whether it can be told to turn
     name: ClassVar[str]  # of the environment, for errors
-    core: Any
+    core: C
 
     def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float):
         """Set up all but the core.

@@ -17,6 +17,7 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
+from .core import Core
 from .env import check_action, check_push_distribution, check_scenario, gait_spaces
 from .episodes import GaitEpisodes
 from .held_action import Held, check_hold, hold_action
@@ -88,7 +89,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
         self.push_distribution = check_push_distribution(push_distribution)
         self.episodes, self.num_envs = episodes, episodes.n
-        self.core: Any = episodes.core
+        self.core: Core = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
         self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
         spaces = self.single_observation_space, self.single_action_space = gait_spaces()

@@ -19,7 +19,7 @@ from .core import PendulumCore
 from .dynamics import FAILURES
 
 
-class PendulumEpisodes(GaitEpisodes):
+class PendulumEpisodes(GaitEpisodes[PendulumCore]):
     """Episodes of n pendulums."""
 
     failures = FAILURES
