@@ -9,7 +9,8 @@ from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.model.robot import RobotModel
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
-from ..score.suites import BLOCK, Suite, stratified_scenario, stratified_uniforms
+from ..score.stratified import BLOCK, stratified_scenario, stratified_uniforms
+from ..score.suites import Suite
 
 VERSION = "1"
 TUNING, HELD_OUT = "tuning", "tuning-held-out"

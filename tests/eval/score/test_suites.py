@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array, stratified_uniforms
 from push_recovery.eval.score.suites import (
     Suite,
     get_suite,
-    gf16_multiply,
     hard_suite,
     load_suite,
-    orthogonal_array,
     quick_suite,
     standard_suite,
-    stratified_uniforms,
     with_errors,
 )
 
