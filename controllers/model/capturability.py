@@ -184,6 +184,10 @@ def max_recoverable_force(
 ) -> float:
     """F*(psi): the largest push at the start of a left stance that any controller can recover from [N].
 
+    It is reached where the narrowest step w_min is below c, the widest DCM that a step may start with, as
+    with the paper's limits (docs/limits.md). Where w_min > c it is an upper bound only: in one such box it is
+    216 N while the linear program of `trajectory_program` finds 177 N.
+
     Args:
         robot: physical constants.
         psi: direction, counter-clockwise from forward [rad].

@@ -12,6 +12,11 @@ With double support of d seconds (`double_support.py`) and c = kappa(0), the CoP
     b_y = v_y P (1 - lambda c) / (lambda - 1) - l_p (1 + lambda c) / (lambda + 1).
 
 All of it is in the canonical frame: a velocity towards the swing side widens this step and narrows the next.
+
+Sideways the range of P ends at min(W_max - l_p, l_p - W_min) / |v_y|, not at the published W_max / |v_y|: of
+two steps one is l_p + v_y P wide and the other l_p - v_y P, and both have to lie in the box. With the paper's
+limits (0.1 to 0.4 m, l_p = 0.2 m) and v_y = 0.2 m/s that gives T = 0.40 s with steps of 0.28 and 0.12 m; the
+published rule gives 0.65 s, whose narrow step, 0.07 m, the box forbids.
 """
 
 from __future__ import annotations
