@@ -1,0 +1,41 @@
+"""The undisturbed walk starts where it comes back to: the pendulum integrated over a step, numerically."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.controllers.model.robot import RobotModel
+from scipy.integrate import solve_ivp
+
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+
+
+@pytest.mark.parametrize("double_support", [0.0, 0.1])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.4, 0.1), (-0.2, -0.15)])
+def test_after_a_step_the_com_is_where_the_next_one_starts(velocity, double_support):
+    """x'' = omega^2 (x - z), z from the old foot to the new one in double support, then there."""
+    this, following = (
+        nominal_gait(ROBOT, LIMITS, (velocity[0], sign * velocity[1]), 0.0, double_support)
+        for sign in (1.0, -1.0)
+    )
+    start, after = (
+        nominal_start(gait, ROBOT.pelvis_width, ROBOT.omega, 0.0, double_support)
+        for gait in (this, following)
+    )
+    np.testing.assert_allclose(start.swing, [-this.length, following.width])
+
+    def motion(time, state):
+        share = max(1.0 - time / double_support, 0.0) if double_support else 0.0
+        return np.concatenate([state[2:], ROBOT.omega**2 * (state[:2] - share * start.swing)])
+
+    state, ends = np.concatenate([start.com, start.com_velocity]), (0.0, double_support, this.duration)
+    for begin, end in pairwise(ends):
+        if end > begin:
+            state = solve_ivp(motion, (begin, end), state, rtol=1e-11, atol=1e-13).y[:, -1]
+    # the next frame lies at the new sole, its y mirrored
+    np.testing.assert_allclose((state[:2] - [this.length, this.width]) * [1.0, -1.0], after.com, atol=1e-8)
+    np.testing.assert_allclose(state[2:] * [1.0, -1.0], after.com_velocity, atol=1e-8)
