@@ -30,6 +30,7 @@ ROOMS = (
     "envs.pendulum",
     "envs.biped.robots",
     "envs.biped.robots.biped",
+    "envs.biped.robots.variants",
     "envs.biped",
     "envs.residual",
     "eval",

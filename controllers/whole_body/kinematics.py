@@ -24,6 +24,8 @@ LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 WAIST_JOINT, WAIST_DOF = 1, 6
 PELVIS, TRUNK = 1, 2  # bodies
 FOOT_BODY = (5, 8)
+MEETING_AXES, ANY_AXES = 1, 0  # hip axes meet in a point, the ankle's too, and hip pitch, knee, ankle pitch
+# are parallel, in the order yaw, roll, pitch, knee, pitch, roll: see `leg_inverse`
 Heading = tuple[float, float]  # cosine and sine of a heading
 
 
@@ -45,6 +47,7 @@ class Physics(NamedTuple):
     soles: Array  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
     ankle_height: Array  # (1,) ankle above a flat sole [m]
     mirror: Array  # (14,) sign of each joint's coordinate in the mirrored robot
+    leg_form: Ints  # (1,) MEETING_AXES or ANY_AXES
 
 
 class SoleMotion(NamedTuple):
@@ -77,13 +80,12 @@ def sole_motion(phys: Physics, k: int, leg: int, omega: Vector) -> SoleMotion:
     A point d further along: velocity += omega x d, acceleration += alpha x d + omega x (omega x d); a joint:
     alpha += omega x axis rate, omega += axis rate.
     """
-    joint, dof = LEG_JOINT[leg], LEG_DOF[leg]
+    joint, dof, meeting = LEG_JOINT[leg], LEG_DOF[leg], phys.leg_form[0] == MEETING_AXES
     point, sole = vector_at(phys.xpos, k, PELVIS), sole_position(phys, k, leg)
     velocity, drift, alpha = (phys.qvel[k, 0], phys.qvel[k, 1], phys.qvel[k, 2]), ZERO, ZERO
     for j in range(7):
-        if (
-            j == 0 or j == 3 or j == 4 or j == 6
-        ):  # the three hip axes meet in a point, the two of the ankle too
+        # where the three hip axes meet in a point, and the two of the ankle, four places are enough
+        if not meeting or j == 0 or j == 3 or j == 4 or j == 6:
             end = vector_at(phys.xanchor, k, joint + j) if j < 6 else sole
             d = subtract(end, point)
             turn = cross(omega, d)

@@ -50,6 +50,7 @@ from .robots.control_fields import inputs, outputs
 from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
+TRUNK_ACCELERATION = (5, 6)  # pitch and roll among the gait variables
 
 
 class BipedCore:
@@ -89,11 +90,17 @@ class BipedCore:
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
+        self._missing = [TRUNK_ACCELERATION[i] for i, name in enumerate(self.body.plan.waist) if name is None]
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
         arrays = self.simulations.arrays
         live = [arrays[field.name] for field in (*found[:-1], *given)]
-        constant = self.body.soles, np.array([self.body.ankle_height]), self.body.mirror
+        constant = (
+            self.body.soles,
+            np.array([self.body.ankle_height]),
+            self.body.mirror,
+            np.array([self.body.leg_form]),
+        )
         self.physics = Physics._make([*live, *constant])
         self.gait = Gait(
             stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
@@ -207,7 +214,13 @@ class BipedCore:
         return report_limits(self.limit_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
 
     def step(self, gaits: Array, actions: Array) -> None:
-        """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
+        """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7).
+
+        The trunk's acceleration about an axis that the waist does not have is left out.
+        """
+        if self._missing:
+            gaits = gaits.copy()
+            gaits[:, self._missing] = 0.0
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return

@@ -14,6 +14,8 @@ from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
 from .core import BipedCore
+from .robots.compiled_robot import compiled_robot
+from .robots.description import RobotDescription, robot_description
 from .settings import BIPED, BIPED_LIMITS, biped_settings
 
 LOADED = 1.0  # a foot carries load from here on [N]
@@ -21,17 +23,27 @@ __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vec
 
 
 class BipedEpisodes(GaitEpisodes[BipedCore]):
-    """Episodes of n bipeds with the settings of a preset, by name or file.
+    """Episodes of n robots with the settings of a preset, by name or file.
 
-    `threads` share their physics and change nothing else.
+    `threads` share their physics and change nothing else. The robot is the biped, or another one by the
+    place of its RobotDescription (`module:attribute`) or by the description itself.
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
 
-    def __init__(self, n: int, preset: str = "biped", control_hz: float = 100.0, threads: int = 1):
-        settings = biped_settings(preset)
-        super().__init__(n, BIPED, settings.limits, preset, control_hz)
-        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads)
+    def __init__(
+        self,
+        n: int,
+        preset: str = "biped",
+        control_hz: float = 100.0,
+        threads: int = 1,
+        robot: str | RobotDescription = "biped",
+    ):
+        self.description = robot_description(robot)
+        body = compiled_robot(self.description)
+        settings = biped_settings(preset).of_robot(body.robot)
+        super().__init__(n, body.robot, settings.limits, preset, control_hz)
+        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
@@ -70,6 +82,7 @@ class BipedEnv(GaitEnv):
         control_hz: float = 100.0,
         preset: str = "biped",
         push_distribution: dict[str, Any] | PushDistribution | None = None,
+        robot: str | RobotDescription = "biped",
     ):
         """Build one biped.
 
@@ -79,8 +92,9 @@ class BipedEnv(GaitEnv):
             preset: of the planner that belongs to this environment, and of the robot's settings; by name or
                 file.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
+            robot: another one than the biped: see `BipedEpisodes`.
         """
-        super().__init__(BipedEpisodes(1, preset, control_hz), render_mode, push_distribution)
+        super().__init__(BipedEpisodes(1, preset, control_hz, robot=robot), render_mode, push_distribution)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
@@ -102,11 +116,12 @@ def make_biped_vector(
     control_hz: float = 100.0,
     preset: str = "biped",
     push_distribution: dict[str, Any] | PushDistribution | None = None,
+    robot: str | RobotDescription = "biped",
 ) -> GaitVectorEnv:
     """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 
     `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
     those of `BipedEnv`.
     """
-    episodes = BipedEpisodes(num_envs, preset, control_hz, threads)
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot)
     return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

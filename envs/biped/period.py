@@ -84,7 +84,7 @@ def physics_of(t: Ints) -> Physics:
         floats_2(t[r]), floats_2(t[r + 1]), floats_3(t[r + 2]), floats_3(t[r + 3]), floats_3(t[r + 4]),
         floats_3(t[r + 5]), floats_3(t[r + 6]), floats_2(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
         floats_2(t[r + 10]), floats_3(t[r + 11]), floats_2(t[r + 12]), floats_1(t[r + 13]),
-        floats_1(t[r + 14]),
+        floats_1(t[r + 14]), ints_1(t[r + 15]),
     )  # fmt: skip
 
 

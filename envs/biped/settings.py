@@ -65,6 +65,11 @@ class BipedSettings:
             self.bounds._replace(**changes.get("bounds", {})),
         )
 
+    def of_robot(self, robot: RobotModel) -> BipedSettings:
+        """These settings for a robot of another mass, CoM height or trunk."""
+        own = robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass
+        return replace(self, gait=self.gait._replace(**dict(zip(OF_ROBOT, own, strict=True))))
+
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Section -> field -> value, all that `changed` takes."""
         sections = {"limits": asdict(self.limits), "gait": self.gait._asdict(), "gains": self.gains._asdict(),

@@ -104,6 +104,7 @@ def make_biped_residual_vector(
     control_hz: float = 100.0,
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     render_mode: str | None = None,
+    robot: Any = "biped",
 ) -> ResidualVectorEnv:
     """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
 
@@ -113,6 +114,7 @@ def make_biped_residual_vector(
     from ..biped.env import BipedEpisodes
 
     return ResidualVectorEnv(
-        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads), policy, scale, preset, hold, gate,
+        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, robot=robot),
+        policy, scale, preset, hold, gate,
         push_distribution=push_distribution, autoreset_mode=autoreset_mode, render_mode=render_mode,
     )  # fmt: skip

@@ -13,11 +13,13 @@ from ....controllers.errors import InvalidValueError
 from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.whole_body.bounds import NEVER
-from ....controllers.whole_body.kinematics import Array
+from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array
 from ...physics.stepping import PHYSICS_DT
 from .description import RobotDescription
 from .indices import MISSING, TILT, Indices, find_indices
 from .robot_model import robot_model
+
+SAME = 1e-9  # largest difference of points [m] and axes that count as one
 
 
 class CompiledRobot:
@@ -94,6 +96,18 @@ class CompiledRobot:
         data = self._in_reference_posture()
         height = data.xanchor[self.indices.legs[0][-2], 2] - data.site_xpos[self.indices.soles[0], 2]
         return round(float(height), 12)  # free of the rounding of the chain of bodies
+
+    @cached_property
+    def leg_form(self) -> int:
+        """MEETING_AXES where the closed form of `leg_inverse` holds for both legs."""
+        data = self._in_reference_posture()
+        for joints in self.indices.legs:
+            anchors, axes = data.xanchor[list(joints)], data.xaxis[list(joints)]
+            apart = [anchors[1] - anchors[0], anchors[2] - anchors[0], anchors[5] - anchors[4]]
+            skew = axes[3:5] - axes[2]
+            if max(np.abs(apart).max(), np.abs(skew).max()) > SAME:
+                return ANY_AXES
+        return MEETING_AXES
 
     @cached_property
     def mirror(self) -> Array:

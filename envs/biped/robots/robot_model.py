@@ -49,11 +49,10 @@ def trunk_inertia(model: mujoco.MjModel, data: mujoco.MjData, indices: Indices) 
     joint = next(joint for joint in indices.joints[1:3] if joint != MISSING)
     axis, anchor, total = data.xaxis[joint], data.xanchor[joint], 0.0
     for body in range(model.nbody):
-        above, top = body, 0
-        while above and above != indices.trunk:
+        above = body
+        while above not in {0, indices.trunk}:
             above = int(model.body_parentid[above])
-        top = above
-        if not top:
+        if above == 0:
             continue
         arm = data.xipos[body] - anchor
         own = data.ximat[body].reshape(3, 3).T @ axis
