@@ -48,7 +48,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
-        return BipedEpisodes(n, self.preset, self.control_hz, threads)
+        return BipedEpisodes(n, self.preset, self.control_hz, threads, self.description)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

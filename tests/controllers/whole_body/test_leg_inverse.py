@@ -1,16 +1,27 @@
-"""The closed-form inverse of a leg against MuJoCo's Jacobian."""
+"""The inverse of a leg, in closed form and from all its columns, against MuJoCo's Jacobian."""
 
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.kinematics import LEG_DOF, LEG_QPOS, NU, sole_position
+from push_recovery.controllers.whole_body.kinematics import (
+    LEG_DOF,
+    LEG_QPOS,
+    NU,
+    base_angular_velocity,
+    sole_motion,
+    sole_position,
+)
 from push_recovery.controllers.whole_body.leg_inverse import (
     KNEE,
     LegInverses,
     subtract_leg_torques,
+    write_inverse_of_any_axes,
     write_leg_inverse,
 )
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.envs.biped.robots.variants.robots import VARIANTS
 
 MODEL = biped_model()
 
@@ -22,10 +33,10 @@ def leg_jacobian(data: mujoco.MjData, leg: int) -> np.ndarray:
     return J[:, LEG_DOF[leg] : LEG_DOF[leg] + 6]
 
 
-def leg_inverse(core, leg: int, damping: float) -> np.ndarray:
+def leg_inverse(core, leg: int, damping: float, write=write_leg_inverse) -> np.ndarray:
     """J^-1 (6, 6) of a leg; nothing of the other leg's is written."""
     inverses = LegInverses(np.full((2, 6, 3), np.nan), np.full((2, 6, 3), np.nan))
-    write_leg_inverse(core.physics, 0, leg, sole_position(core.physics, 0, leg), damping, inverses)
+    write(core.physics, 0, leg, sole_position(core.physics, 0, leg), damping, inverses)
     assert np.isnan(inverses.velocity[1 - leg]).all()
     return np.hstack([inverses.velocity[leg], inverses.omega[leg]])
 
@@ -38,6 +49,45 @@ def test_it_is_the_inverse_of_mujocos_jacobian(random_state, robot_in, leg):
         J = leg_jacobian(data, leg)
         error = leg_inverse(core, leg, 0.0) @ J - np.eye(6)
         assert np.abs(error).max() < 1e-13 * np.linalg.cond(J)
+
+
+@pytest.mark.parametrize("leg", [0, 1])
+@pytest.mark.parametrize("damping", [0.0, 1e-4])
+def test_all_columns_give_what_the_closed_form_gives(random_state, robot_in, leg, damping):
+    rng = np.random.default_rng(20 + leg)
+    for _ in range(30):
+        core, data = robot_in(*random_state(rng, 0.3))
+        closed = leg_inverse(core, leg, damping)
+        columns = leg_inverse(core, leg, damping, write_inverse_of_any_axes)
+        scale = np.linalg.cond(leg_jacobian(data, leg)) * np.abs(closed).max()
+        assert np.abs(columns - closed).max() < 1e-13 * scale
+
+
+def test_rates_of_a_singular_leg_stay_finite(robot_in, random_state):
+    qpos, qvel = random_state(np.random.default_rng(3), 0.0)
+    qpos[LEG_QPOS[0] + KNEE] = 0.0
+    inverse = leg_inverse(robot_in(qpos, qvel)[0], 0, 1e-6, write_inverse_of_any_axes)
+    assert np.isfinite(inverse).all()
+    assert np.linalg.norm(inverse[KNEE, :3]) <= 500.0 + 1e-9
+
+
+@pytest.mark.parametrize("description", VARIANTS, ids=lambda description: description.name)
+def test_it_is_the_inverse_for_legs_of_other_axes(description):
+    episodes, rng = BipedEpisodes(1, robot=description), np.random.default_rng(5)
+    core, model = episodes.core, episodes.core.body.model
+    for _ in range(10):
+        soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]) + rng.uniform(-0.05, 0.05, (2, 3)) * [1, 1, 0]
+        qpos, qvel = posture(core.body, np.array([0.0, 0.0, 0.76]), rng.normal(0.0, 0.3, 3), soles)
+        mujoco.mj_integratePos(model, qpos, rng.normal(0.0, 0.2, model.nv), 1.0)
+        core.put(0, qpos, qvel)
+        data, J = core.simulations.data[0], np.zeros((6, model.nv))
+        for leg in range(2):
+            mujoco.mj_jacSite(model, data, J[:3], J[3:], core.body.indices.soles[leg])
+            own = J[:, list(core.body.indices.dof[LEG_DOF[leg] : LEG_DOF[leg] + 6])]
+            error = leg_inverse(core, leg, 0.0) @ own - np.eye(6)
+            assert np.abs(error).max() < 1e-12 * np.linalg.cond(own)
+            foot = sole_motion(core.physics, 0, leg, base_angular_velocity(core.physics, 0))
+            np.testing.assert_allclose([*foot.velocity, *foot.omega], J @ data.qvel, atol=1e-12)
 
 
 @pytest.mark.parametrize("knee", [0.0, 1e-6, 1e-3])

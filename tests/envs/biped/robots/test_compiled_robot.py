@@ -1,0 +1,168 @@
+"""What is read of a robot's model, beside what its MJCF says."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.model.body_plan import BodyPlan
+from push_recovery.controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES
+from push_recovery.controllers.whole_body.mass_matrix import ROW, columns
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.leg_kinematics import leg_geometry
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.biped.robots.biped.robot import PLAN, ROBOT, biped, spec
+from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.biped.robots.indices import MISSING
+from push_recovery.envs.biped.robots.robot_model import robot_model
+from push_recovery.envs.biped.robots.variants.robots import (
+    ANKLE_ROLL_FIRST,
+    HIPS_PITCH_ROLL_YAW,
+    NO_WAIST_ROLL,
+    VARIANTS,
+)
+from push_recovery.envs.scenario.scenario import Scenario
+
+SOLES = np.array([[0.05, 0.11, 0.0], [-0.03, -0.09, 0.0]])
+
+
+def test_the_bipeds_model_has_table_ii():
+    model = robot_model(biped().model, biped().indices, 0.8)
+    assert model.mass == pytest.approx(60.0, abs=1e-12)
+    assert model.trunk_inertia == pytest.approx(7.0 + 30.0 * 0.18**2, abs=1e-12)  # Table II has 8
+    assert (model.trunk_torque_max, model.pelvis_width) == (150.0, 0.2)
+    assert model.trunk_angle_max == pytest.approx(np.pi / 3, abs=1e-12)
+    assert (model.foot_length, model.foot_width) == (0.2, 0.1)
+
+
+def test_motors_are_found_by_their_joints_whatever_their_order():
+    torque, speed = compiled_robot(HIPS_PITCH_ROLL_YAW).motors
+    for leg in (torque[2:8], torque[8:]):
+        np.testing.assert_array_equal(leg, [220, 200, 100, 300, 150, 100])  # pitch, roll, yaw hips
+    for leg in (speed[2:8], speed[8:]):
+        np.testing.assert_array_equal(leg, [23, 23, 23, 14, 9, 9])
+    torque, _ = compiled_robot(ANKLE_ROLL_FIRST).motors
+    for leg in (torque[2:8], torque[8:]):
+        np.testing.assert_array_equal(leg, [100, 200, 220, 300, 100, 150])
+
+
+def test_mirror_signs_follow_the_axes():
+    roll_or_yaw, pitch = -1, 1
+    expected = [pitch, roll_or_yaw, roll_or_yaw, pitch, pitch, roll_or_yaw]
+    signs = compiled_robot(HIPS_PITCH_ROLL_YAW).mirror
+    np.testing.assert_array_equal(signs, [1, -1, *expected, *expected])
+
+
+def test_the_closed_forms_are_kept_where_they_hold():
+    forms = [compiled_robot(robot).leg_form for robot in (ROBOT, *VARIANTS)]
+    assert forms == [MEETING_AXES, ANY_AXES, ANY_AXES, MEETING_AXES]
+    robots = [compiled_robot(robot) for robot in (ROBOT, *VARIANTS)]
+    held = [leg_geometry(robot.model, robot.indices) for robot in robots]
+    assert [geometry is None for geometry in held] == [False, True, True, False]
+
+
+@pytest.mark.parametrize("description", [ROBOT, *VARIANTS], ids=lambda description: description.name)
+def test_a_posture_has_its_com_and_soles_where_asked(description):
+    robot = compiled_robot(description)
+    com, velocity = np.array([0.01, 0.02, 0.75]), np.array([0.2, -0.1, 0.05])
+    data = mujoco.MjData(robot.model)
+    data.qpos[:], data.qvel[:] = posture(robot, com, velocity, SOLES)
+    mujoco.mj_forward(robot.model, data)
+    mujoco.mj_subtreeVel(robot.model, data)
+    np.testing.assert_allclose(data.subtree_com[0], com, atol=1e-9)
+    np.testing.assert_allclose(data.subtree_linvel[0], velocity, atol=1e-9)
+    for side, sole in zip(("left", "right"), SOLES, strict=True):
+        site = data.site(f"{side}_sole")
+        np.testing.assert_allclose(site.xpos, sole, atol=1e-9)
+        np.testing.assert_allclose(site.xmat.reshape(3, 3), np.eye(3), atol=1e-9)
+        assert data.joint(f"{side}_knee").qpos[0] > 0.1
+
+
+@pytest.mark.parametrize("description", VARIANTS, ids=lambda description: description.name)
+def test_control_reads_mujocos_own_mass_matrix_and_axes(description):
+    core = BipedEpisodes(1, robot=description).core
+    model, data, indices = core.body.model, mujoco.MjData(core.body.model), core.body.indices
+    data.qpos[:], data.qvel[:] = posture(core.body, np.array([0.0, 0.0, 0.75]), np.ones(3), SOLES)
+    data.qvel[6:] += 0.3
+    core.put(0, data.qpos, data.qvel)
+    mujoco.mj_forward(model, data)
+    dense, phys = np.zeros((model.nv, model.nv)), core.physics
+    mujoco.mj_fullM(model, data, dense)
+    for j, own in enumerate(indices.dof):
+        if own == MISSING:
+            assert phys.qvel[0, j] == phys.bias[0, j] == 0.0
+        else:
+            assert (phys.qvel[0, j], phys.bias[0, j]) == (data.qvel[own], data.qfrc_bias[own])
+    places = {j: own for j, own in enumerate(indices.dof) if own != MISSING}
+    for j in range(len(indices.dof)):
+        for place, i in enumerate(columns(j)):
+            entry = phys.mass_matrix[0, ROW[j] + place]
+            if j in places and i in places:
+                assert entry == dense[places[j], places[i]]
+            else:
+                assert entry == (1.0 if i == j else 0.0)
+    for joint, own in enumerate(indices.joints):
+        if own != MISSING:
+            np.testing.assert_array_equal(phys.xaxis[0, joint], data.xaxis[own])
+            np.testing.assert_array_equal(phys.xanchor[0, joint], data.xanchor[own])
+
+
+def test_a_missing_waist_axis_gets_no_motor_and_no_acceleration():
+    robot = compiled_robot(NO_WAIST_ROLL)
+    assert robot.indices.motors[:2] == (0, MISSING)
+    assert robot.indices.dof[6:8] == (6, MISSING)
+    episodes = BipedEpisodes(1, robot=NO_WAIST_ROLL)
+    episodes.begin(0, Scenario("a"))
+    nominal = np.array([0.0, 0.2, 0.4, 0.0, 0.0, 3.0, 5.0])[None]
+    episodes.core.step(nominal, np.zeros((1, 7)))
+    np.testing.assert_array_equal(episodes.core.gait.plan[0, 5:], [3.0, 0.0])
+    assert nominal[0, 6] == 5.0  # the caller's array stays
+
+
+def plan_with(**changes) -> BodyPlan:
+    return replace(PLAN, **changes)
+
+
+def test_names_that_do_not_exist_are_told_with_those_that_do():
+    with pytest.raises(UnknownNameError, match=r"body.*'plevis'.*pelvis"):
+        CompiledRobot(replace(ROBOT, plan=plan_with(pelvis="plevis")))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"legs": (PLAN.legs[0][::-1], PLAN.legs[1])}, "left leg must be a chain"),
+        ({"pelvis": "trunk", "trunk": "pelvis"}, "free joint"),
+        ({"waist": ("waist_roll", "waist_pitch")}, "waist"),
+        ({"legs": (PLAN.legs[0], PLAN.legs[1][:-1] + ("left_knee",))}, "twice"),
+        ({"bend": (0.0,)}, "6 angles"),
+        ({"trunk": "pelvis"}, "two bodies"),
+    ],
+)
+def test_a_plan_that_does_not_fit_the_model_is_refused(changes, said):
+    with pytest.raises(InvalidValueError, match=said):
+        CompiledRobot(replace(ROBOT, plan=plan_with(**changes)))
+
+
+def test_a_motor_that_does_not_give_the_torque_it_is_told_is_refused():
+    def geared() -> mujoco.MjSpec:
+        model = spec()
+        model.actuator("left_knee").gear[0] = 50.0
+        return model
+
+    with pytest.raises(InvalidValueError, match="gear 50"):
+        CompiledRobot(replace(ROBOT, spec=geared))
+
+
+def test_a_robot_is_loaded_by_name_or_place():
+    assert robot_description("biped") is ROBOT
+    place = "push_recovery.envs.biped.robots.variants.robots:NO_WAIST_ROLL"
+    assert robot_description(place) is NO_WAIST_ROLL
+    with pytest.raises(UnknownNameError, match="biped"):
+        robot_description("bipde")
+    with pytest.raises(InvalidValueError, match="cannot load"):
+        robot_description("push_recovery.nowhere:ROBOT")
+    with pytest.raises(InvalidValueError, match="RobotDescription"):
+        robot_description("math:pi")
