@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.robots.variants.robots import VARIANTS
 from push_recovery.envs.scenario.push import Push
