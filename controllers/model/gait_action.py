@@ -24,7 +24,7 @@ def scale_action(gait, obs, low, high, double_support, action):  # pragma: no co
 
 
 @njit(cache=True, nogil=True)
-def scale_actions(gaits, observations, low, high, double_support, actions):  # pragma: no cover
+def scale_actions(gaits, observations, box, double_support, actions):  # pragma: no cover
     """`scale_action` of every row, whose first seven columns are gait variables, into actions (n, 7)."""
     for i in range(gaits.shape[0]):
-        scale_action(gaits[i], observations[i], low, high, double_support, actions[i])
+        scale_action(gaits[i], observations[i], box[0], box[1], double_support, actions[i])

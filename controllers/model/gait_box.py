@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -84,6 +85,11 @@ class GaitLimits:
              self.trunk_acceleration_max, self.trunk_acceleration_max]
         )  # fmt: skip
 
+    @cached_property
+    def box(self) -> NDArray[np.float64]:
+        """Lower and upper bounds, (2, 7); read-only."""
+        return _frozen([self.low, self.high])
+
     def to_action(self, gait: ArrayLike) -> NDArray[np.float32]:
         """Gait variables (..., 7) -> actions in [-1, 1], clipped, float32."""
         scaled = 2.0 * (np.asarray(gait, dtype=np.float64) - self.low) / (self.high - self.low) - 1.0
@@ -117,7 +123,7 @@ def _scale(actions, low, high):  # pragma: no cover
             actions[i, j] = unscaled(clipped, low[j], high[j])
 
 
-def _frozen(values: list[float]) -> NDArray[np.float64]:
+def _frozen(values: Sequence[ArrayLike]) -> NDArray[np.float64]:
     array = np.array(values)
     array.flags.writeable = False
     return array

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ..model.gait_box import GAIT_SIZE
 from ..model.nominal_gait import NominalGait
-from ..stage_1.columns import COP, DURATION, HELD, NOMINAL, OFFSET, REMAINING, STEP, TARGET, TRUNK
-from ..stage_2.interface import RESULT_DCM_END
+from ..stage_1.columns import COP, DCM_END, DURATION, HELD, NOMINAL, OFFSET, REMAINING, STEP, TARGET, TRUNK
 
 Floats = NDArray[np.float64]
 NOMINAL_SIZE = 5
@@ -50,14 +49,14 @@ class Plan:
         return self.gait[TRUNK : TRUNK + 2]
 
 
-def plan_of_rows(row: Floats, result: Floats, status: str) -> Plan:
-    """The plan in a row of stage 1 (ROW_SIZE,), with CoP and trunk of stage 2, and its result."""
+def plan_of_row(row: Floats, status: str) -> Plan:
+    """The plan in a row (ROW_SIZE,) that both stages have written."""
     return Plan(
         gait=row[:GAIT_SIZE],
         offset=row[OFFSET : OFFSET + 2],
         nominal=NominalGait(*(float(value) for value in row[NOMINAL : NOMINAL + NOMINAL_SIZE])),
         dcm_target=row[TARGET : TARGET + 2],
-        dcm_end=result[RESULT_DCM_END : RESULT_DCM_END + 2],
+        dcm_end=row[DCM_END : DCM_END + 2],
         remaining=float(row[REMAINING]),
         held=bool(row[HELD]),
         status=status,

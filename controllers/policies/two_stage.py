@@ -17,10 +17,11 @@ from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
 from ..settings.presets import preset_config
 from ..stage_1.columns import ROW_SIZE
+from ..stage_1.columns import STATUS as STATUS_COLUMN
 from ..stage_1.planner import StepPlanner
 from ..stage_2.forms import make_regulator
-from ..stage_2.interface import RESULT_SIZE, RESULT_STATUS, STATUS
-from .plan import Plan, plan_of_rows
+from ..stage_2.interface import STATUS
+from .plan import Plan, plan_of_row
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
@@ -60,13 +61,14 @@ class TwoStagePolicy:
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
         self._stage_2 = make_regulator(self.robot, self.limits, self.config, threads)
-        self._bounds = self.limits.low, self.limits.high, self.config.double_support
-        self._indices: NDArray[np.float64] = np.zeros(0)  # into STATUS
+        self._bounds = self.limits.box, self.config.double_support
+        self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 
     @property
     def statuses(self) -> tuple[str, ...]:
         """Of stage 2's solver for each observation of the last call, for reports; empty without a stage 2."""
-        return tuple(STATUS[int(index)] for index in self._indices.tolist())
+        rows = self._rows if self._stage_2.decides else self._rows[:0]
+        return tuple(STATUS[int(index)] for index in rows[:, STATUS_COLUMN].tolist())
 
     def predict(
         self,
@@ -92,34 +94,35 @@ class TwoStagePolicy:
         batch, single = as_batch(observation)
         if not single:
             raise InvalidValueError(f"plan takes one observation ({OBSERVATION_SIZE},), got {batch.shape}")
-        _, rows, results = self._decide(batch)
-        return plan_of_rows(rows[0], results[0], next(iter(self.statuses), self.name))
+        _, rows = self._decide(batch)
+        return plan_of_row(rows[0], next(iter(self.statuses), self.name))
 
-    def _decide(self, batch: Floats) -> tuple[Actions, Floats, Floats]:
-        """Actions (n, 7) of observations (n, 36), with the rows of stage 1 and the results of stage 2.
+    def _decide(self, batch: Floats) -> tuple[Actions, Floats]:
+        """Actions (n, 7) of observations (n, 36), and the rows (n, ROW_SIZE) that both stages have written.
 
         Raises:
             InvalidValueError: an observation that is not finite, or for which no plan exists.
         """
         n = len(batch)
-        actions, rows, results = (
-            np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE)), np.empty((n, RESULT_SIZE))
-        )  # fmt: skip
+        actions, rows = np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE))
+        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
+            self._act(batch, actions, rows, 0)
+        else:
+            self._share(batch, actions, rows)
+        self._rows = rows
+        return actions, rows
+
+    def _share(self, batch: Floats, actions: Actions, rows: Floats) -> None:
+        """The way of `_act`, its observations shared by threads."""
 
         def job(worker: int, first: int, end: int) -> None:
             part = slice(first, end)
-            self._act(batch[part], actions[part], rows[part], results[part], worker)
+            self._act(batch[part], actions[part], rows[part], worker)
 
-        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
-            self._act(batch, actions, rows, results, 0)
-        else:
-            self._threads.run(job, n, ROWS_A_THREAD)
-        if self._stage_2.decides:
-            self._indices = results[:, RESULT_STATUS]
-        return actions, rows, results
+        self._threads.run(job, len(batch), ROWS_A_THREAD)
 
-    def _act(self, batch: Floats, actions: Actions, rows: Floats, results: Floats, worker: int) -> None:
-        """The way from observations to actions; each thread goes it alone."""
+    def _act(self, batch: Floats, actions: Actions, rows: Floats, worker: int) -> None:
+        """The way from observations to actions."""
         self._stage_1.plan(batch, rows)
-        self._stage_2.regulate(batch, rows, results, worker)
+        self._stage_2.regulate(batch, rows, worker)
         scale_actions(rows, batch, *self._bounds, actions)

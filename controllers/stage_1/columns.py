@@ -35,4 +35,7 @@ REMAINING = 16  # until the new foot carries load [s], >= 0
 HELD = 17  # 1 where the plan is the previous one
 DCM_AHEAD = 18  # pair, measured DCM with what the push will still add [m]
 SHIFT = 20  # pair, p kappa(t): what the CoP's transfer in double support takes off the DCM [m]
-ROW_SIZE = 22
+RESULT = 22  # from here on what stage 2 gives, `stage_2/interface.py`: CoP and trunk acceleration, then
+DCM_END = 26  # pair, DCM at touchdown; of stage 1 u_T + b [m]
+STATUS = 28  # of stage 2's solver
+ROW_SIZE = 29

@@ -36,6 +36,7 @@ from .columns import (
     ALPHA_STEP,
     COP,
     DCM_AHEAD,
+    DCM_END,
     DURATION,
     GAIN,
     HELD,
@@ -50,6 +51,7 @@ from .columns import (
     SOLVED_OFFSET,
     SOLVED_STEP,
     SOLVED_TAU,
+    STATUS,
     STEP,
     STEP_HIGH,
     STEP_LOW,
@@ -88,7 +90,7 @@ class StepPlanner:
                 step.
         """
         self._constants = pack_constants(robot, limits, config, adapt)
-        self._low, self._high = limits.low, limits.high
+        self._box = limits.box
 
     def plan(self, observations: Floats, rows: Floats) -> None:
         """Write the plans of observations (n, 36) into rows (n, ROW_SIZE); see `columns`.
@@ -96,7 +98,7 @@ class StepPlanner:
         Raises:
             InvalidValueError: an observation is not finite.
         """
-        if not plan_steps(observations, rows, self._constants, self._low, self._high):
+        if not plan_steps(observations, rows, self._constants, self._box):
             raise InvalidValueError("observation must be finite, got NaN or infinity")
 
 
@@ -215,12 +217,13 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
         held = held and row[DURATION] - obs[ELAPSED] < c.freeze + 0.5 * c.period
     if held:
         _hold(obs, c, low, high, row)
-    row[HELD] = 1.0 if held else 0.0
+    row[HELD], row[STATUS] = (1.0 if held else 0.0), 0.0
     row[REMAINING] = max(row[DURATION] - obs[ELAPSED], 0.0) + c.touchdown_delay
     for axis in range(2):
         row[TARGET + axis] = (
             row[STEP + axis] + row[NOMINAL_OFFSET + axis] + c.transfer * (nominal[axis] - row[STEP + axis])
         )
+        row[DCM_END + axis] = row[STEP + axis] + row[OFFSET + axis]
         lean = -c.upright_stiffness * obs[_ANGLE + axis] - c.upright_damping * obs[_RATE + axis]
         row[TRUNK + axis] = min(max(lean, low[TRUNK + axis]), high[TRUNK + axis])
 
@@ -236,11 +239,11 @@ def all_finite(observations):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def plan_steps(observations, rows, constants, low, high):  # pragma: no cover
+def plan_steps(observations, rows, constants, box):  # pragma: no cover
     """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where one is not finite."""
     if not all_finite(observations):
         return False
-    c = constants_of(constants)
+    c, low, high = constants_of(constants), box[0], box[1]
     for i in range(observations.shape[0]):
         plan_step(observations[i], c, low, high, rows[i])
     return True

@@ -10,18 +10,17 @@ from ..model.gait_box import GaitLimits
 from ..model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
-from ..stage_1.columns import COP, DCM_AHEAD, REMAINING, TARGET, TRUNK
+from ..stage_1.columns import COP, DCM_AHEAD, REMAINING, RESULT, TARGET, TRUNK
+from ..stage_1.columns import STATUS as STATUS_COLUMN
 from .double_support import DoubleSupportPlanner
 from .interface import (
     RESULT_COP,
     RESULT_DCM_END,
-    RESULT_SIZE,
     RESULT_STATUS,
     RESULT_TRUNK,
     STATUS,
     CopPlan,
     Regulator,
-    keep_stage_1,
     take_over_all,
 )
 from .kernel import regulate_rows
@@ -62,9 +61,8 @@ class NoStage2:
 
     workers, decides = 1 << 16, False
 
-    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
-        keep_stage_1(rows, results)
 
 
 class DefaultForm:
@@ -74,13 +72,13 @@ class DefaultForm:
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
         self.planner, self.workers = CopPlanner(robot, limits, config, threads), threads
-        self._low, self._high = limits.low, limits.high
+        self._box = limits.box
 
-    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
         packed = self.planner.packed[worker]
-        if regulate_rows(observations, rows, results, self._low, self._high, *packed) > 0:
-            self.planner.refuse(observations, rows, results)
+        if regulate_rows(observations, rows, self._box, *packed) > 0:
+            self.planner.refuse(observations, rows)
 
 
 class OneByOne:
@@ -93,15 +91,15 @@ class OneByOne:
         self._paper = JerkCopPlanner(robot, limits, config) if config.form == "jerk" else None
         self._plain = CopPlanner(robot, limits, config) if config.form == "zoh" else None
 
-    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
-        for obs, row, result in zip(observations, rows, results, strict=True):
-            plan = self._plan(obs, row)
+        for obs, row in zip(observations, rows, strict=True):
+            plan, result = self._plan(obs, row), row[RESULT:]
             result[RESULT_COP : RESULT_COP + 2] = plan.cop
             result[RESULT_TRUNK : RESULT_TRUNK + 2] = plan.trunk_acceleration
             result[RESULT_DCM_END : RESULT_DCM_END + 2] = plan.dcm_end
             result[RESULT_STATUS] = STATUS.index(plan.status)
-        _take_over(observations, rows, results, self._limits, self._config)
+        _take_over(observations, rows, self._limits, self._config)
 
     def _plan(self, obs: Floats, row: Floats) -> CopPlan:
         ahead, target = row[DCM_AHEAD : DCM_AHEAD + 2], row[TARGET : TARGET + 2]
@@ -133,28 +131,25 @@ class WithDoubleSupport:
         self._limits, self._config = limits, config
         self._last = config.double_support - 0.5 * config.first_interval_min
 
-    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
         double = observations[:, ELAPSED] < self._last
         for where, regulate in ((~double, self._single.regulate), (double, self._regulate_both)):
             if where.any():
-                part, result = rows[where], np.empty((int(where.sum()), RESULT_SIZE))
-                regulate(observations[where], part, result)
-                rows[where], results[where] = part, result
+                part = rows[where]
+                regulate(observations[where], part)
+                rows[where] = part
 
-    def _regulate_both(self, observations: Floats, rows: Floats, results: Floats) -> None:
+    def _regulate_both(self, observations: Floats, rows: Floats) -> None:
         inputs = np.column_stack(
             [rows[:, REMAINING], np.maximum(observations[:, ELAPSED], 0.0),
              observations[:, SWING_POSITION][:, :2], rows[:, DCM_AHEAD : DCM_AHEAD + 2],
              observations[:, TRUNK_ANGLE], observations[:, TRUNK_RATE], rows[:, TARGET : TARGET + 2]]
         )  # fmt: skip
-        results[:], statuses = self._both.plan_all(inputs)
-        results[:, RESULT_STATUS] = [STATUS.index(status) for status in statuses]
-        _take_over(observations, rows, results, self._limits, self._config)
+        rows[:, RESULT:], statuses = self._both.plan_all(inputs)
+        rows[:, STATUS_COLUMN] = [STATUS.index(status) for status in statuses]
+        _take_over(observations, rows, self._limits, self._config)
 
 
-def _take_over(
-    observations: Floats, rows: Floats, results: Floats, limits: GaitLimits, config: PlannerConfig
-) -> None:
-    uses = config.use_cop, config.use_trunk
-    take_over_all(observations, rows, results, limits.low, limits.high, *uses)
+def _take_over(observations: Floats, rows: Floats, limits: GaitLimits, config: PlannerConfig) -> None:
+    take_over_all(observations, rows, limits.box, config.use_cop, config.use_trunk)

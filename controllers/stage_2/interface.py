@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ..compiled.kernels import njit
 from ..model.gait_box import unscaled
 from ..model.observation import PREVIOUS_ACTION
-from ..stage_1.columns import COP, HELD, OFFSET, STEP, TRUNK
+from ..stage_1.columns import COP, HELD, RESULT, TRUNK
 
 Floats = NDArray[np.float64]
 
-# Columns of a result; of a pair the first one
+# Columns of a result, which lies in a stage 1 row from RESULT on; of a pair the first one
 RESULT_COP = 0  # pair [m]
 RESULT_TRUNK = 2  # pair, trunk acceleration [rad/s^2]
 RESULT_DCM_END = 4  # pair, predicted DCM at touchdown [m]
@@ -53,13 +53,12 @@ class Regulator(Protocol):
     workers: int  # so many threads may call `regulate` at a time, each under a number of its own
     decides: bool  # False where CoP and trunk stay those of stage 1
 
-    def regulate(self, observations: Floats, rows: Floats, results: Floats, worker: int = 0) -> None:
-        """Write results (n, RESULT_SIZE), and CoP and trunk acceleration into stage 1 rows (n, ROW_SIZE).
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """Write CoP, trunk acceleration and the columns from RESULT on into stage 1 rows (n, ROW_SIZE).
 
         Args:
             observations: (n, 36).
             rows: of `StepPlanner.plan`, changed in place.
-            results: written.
             worker: 0 to `workers` - 1.
 
         Raises:
@@ -68,37 +67,26 @@ class Regulator(Protocol):
         ...
 
 
-@njit(cache=True, nogil=True)
-def keep_stage_1(rows, results):  # pragma: no cover
-    """Results (n, RESULT_SIZE) of stage 1 rows whose CoP and trunk stay; the DCM ends at u_T + b."""
-    for i in range(rows.shape[0]):
-        for axis in range(2):
-            results[i, RESULT_COP + axis] = rows[i, COP + axis]
-            results[i, RESULT_TRUNK + axis] = rows[i, TRUNK + axis]
-            results[i, RESULT_DCM_END + axis] = rows[i, STEP + axis] + rows[i, OFFSET + axis]
-        results[i, RESULT_STATUS] = 0
-
-
-@njit(cache=True)
-def take_over(obs, row, result, low, high, use_cop, use_trunk):  # pragma: no cover
-    """A result's CoP and trunk acceleration into a row; where the step plan is held, the previous action's.
+@njit(cache=True, forceinline=True)
+def take_over(obs, row, box, use_cop, use_trunk):  # pragma: no cover
+    """A row's own result into its CoP and trunk acceleration; the previous action's where its step is held.
 
     As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
     """
     for axis in range(2):
         if use_cop and row[HELD] > 0.0:
             j = COP + axis
-            result[RESULT_COP + axis] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
-        row[COP + axis] = result[RESULT_COP + axis]
+            row[RESULT + RESULT_COP + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
+        row[COP + axis] = row[RESULT + RESULT_COP + axis]
         if use_trunk:
             j = TRUNK + axis
             if row[HELD] > 0.0:
-                result[RESULT_TRUNK + axis] = unscaled(obs[_PREVIOUS + j], low[j], high[j])
-            row[j] = result[RESULT_TRUNK + axis]
+                row[RESULT + RESULT_TRUNK + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
+            row[j] = row[RESULT + RESULT_TRUNK + axis]
 
 
 @njit(cache=True)
-def take_over_all(observations, rows, results, low, high, use_cop, use_trunk):  # pragma: no cover
+def take_over_all(observations, rows, box, use_cop, use_trunk):  # pragma: no cover
     """`take_over` of every row."""
     for i in range(rows.shape[0]):
-        take_over(observations[i], rows[i], results[i], low, high, use_cop, use_trunk)
+        take_over(observations[i], rows[i], box, use_cop, use_trunk)

@@ -10,7 +10,7 @@ import numpy as np
 from ..compiled.kernels import njit
 from ..model.observation import TRUNK_ANGLE, TRUNK_RATE
 from ..solvers.least_distance import solve_least_distance
-from ..stage_1.columns import DCM_AHEAD, REMAINING, TARGET
+from ..stage_1.columns import DCM_AHEAD, REMAINING, RESULT, TARGET
 from .dense import SHORTEST
 from .interface import RESULT_COP, RESULT_DCM_END, RESULT_STATUS, RESULT_TRUNK, STATUS, take_over
 from .packing import Constants, Memory, constants_of, memory_of, tables_of
@@ -73,7 +73,7 @@ def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
     return acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def write_input(obs: Any, row: Any, out: Any) -> None:
     """An input row (11,) of an observation and its stage 1 row; the CoP's reference is the sole's centre."""
     out[UNTIL] = row[REMAINING]
@@ -92,17 +92,14 @@ def write_inputs(observations: Any, rows: Any, inputs: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def regulate_rows(
-    observations: Any, rows: Any, results: Any, low: Any, high: Any, numbers: Any, counts: Any, scratch: Any
-) -> int:
+def regulate_rows(observations: Any, rows: Any, box: Any, numbers: Any, counts: Any, scratch: Any) -> int:
     """Stage 2 of stage 1 rows, in place; returns how many were invalid; see `Regulator.regulate`."""
-    c = constants_of(numbers)
-    inputs = np.empty((rows.shape[0], INPUTS))
+    c, results, inputs = constants_of(numbers), rows[:, RESULT:], np.empty((rows.shape[0], INPUTS))
     write_inputs(observations, rows, inputs)
     invalid = plan_rows(inputs, results, numbers, counts, scratch)
     if invalid == 0:
         for i in range(rows.shape[0]):
-            take_over(observations[i], rows[i], results[i], low, high, c.use_cop, c.use_trunk)
+            take_over(observations[i], rows[i], box, c.use_cop, c.use_trunk)
     return invalid
 
 
@@ -128,7 +125,7 @@ def plan_rows(rows: Any, out: Any, numbers: Any, counts: Any, scratch: Any) -> i
     return invalid
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _axis_state(row: Any, axis: int, remaining: float, c: Constants) -> AxisState:
     """State and bounds of one axis of an input row."""
     dcm, angle, reference = row[DCM + axis], row[LEAN + axis], row[COP_REFERENCE + axis]
@@ -143,7 +140,7 @@ def _axis_state(row: Any, axis: int, remaining: float, c: Constants) -> AxisStat
     return AxisState(dcm, angle, rate, target, reference, cop_max, low, high, growth, free)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _plan_axis(
     e: int, remaining: float, row: Any, axis: int, c: Constants, tables: Tables, memory: Memory, out: Any
 ) -> None:
@@ -171,7 +168,7 @@ def _plan_axis(
     out[RESULT_COP + axis], out[RESULT_TRUNK + axis], out[RESULT_DCM_END + axis] = cop, acceleration, end
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _first_interval(gram: Any, span: float, state: AxisState, c: Constants) -> FirstInterval:
     """Columns of the first interval, its unconstrained z_0 and a_0, and the lower right corner of R.
 
@@ -210,7 +207,7 @@ def _first_interval(gram: Any, span: float, state: AxisState, c: Constants) -> F
     return FirstInterval(span, kz, ka, kr, uz, ua, l11, l12, l22)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _write_optimum(
     e: int, first: FirstInterval, state: AxisState, c: Constants, tables: Tables, y: Any
 ) -> None:
@@ -242,7 +239,7 @@ def _write_optimum(
         )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _write_room(e: int, state: AxisState, c: Constants, tables: Tables, memory: Memory) -> bool:
     """How far the optimum may move down and up, by rows of the constraints; True where it may stay."""
     rest, cops, y = tables.rest[e], tables.cops[e], memory.optimum
@@ -257,7 +254,7 @@ def _write_room(e: int, state: AxisState, c: Constants, tables: Tables, memory: 
     return inside
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _move_inside(e: int, n: int, memory: Memory) -> bool:
     """Move the inputs of the optimum to the constrained one; False where the solver fails."""
     if solve_least_distance(memory.handles[e]) <= 0:
@@ -269,7 +266,7 @@ def _move_inside(e: int, n: int, memory: Memory) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _write_first_columns(e: int, first: FirstInterval, c: Constants, tables: Tables, memory: Memory) -> None:
     """The columns of M = A R^-1 that belong to the first interval: z_0, then a_0."""
     rest, nodes = tables.rest[e], tables.nodes[e]

@@ -31,6 +31,7 @@ from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
 from ..solvers.general_qp import solve_qp
 from ..solvers.least_distance import LeastDistance
+from ..stage_1.columns import STATUS as STATUS_COLUMN
 from .dense import explicit_problem
 from .interface import (
     RESULT_COP,
@@ -175,13 +176,11 @@ class CopPlanner:
             self._reject(rows[out[:, RESULT_STATUS] == INVALID])
         return out
 
-    def refuse(
-        self, observations: NDArray[np.float64], rows: NDArray[np.float64], results: NDArray[np.float64]
-    ) -> None:
+    def refuse(self, observations: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
         """Raise InvalidValueError for the first stage 1 row whose result is invalid."""
         inputs = np.empty((len(rows), INPUTS))
         write_inputs(observations, rows, inputs)
-        self._reject(inputs[results[:, RESULT_STATUS] == INVALID])
+        self._reject(inputs[rows[:, STATUS_COLUMN] == INVALID])
 
     def bounds(self, axis: int, trunk_angle: float) -> tuple[float, float, float]:
         """CoP bound [m], and lower and upper bound of the trunk acceleration [rad/s^2] at a lean angle."""
