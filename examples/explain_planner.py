@@ -9,13 +9,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Ellipse, Rectangle
-from push_recovery.controllers.model.capturability import (
-    max_recoverable_force,
-    recoverable_offset,
-    step_start_dcm,
-)
+from push_recovery.controllers.model.capturability import max_recoverable_force, recoverable_offset
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import step_start_dcm
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.solvers.general_qp import solve_qp

@@ -28,9 +28,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
-from .double_support import transfer_weight
 from .gait_box import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait
+from .nominal_start import step_start_dcm
 from .robot import RobotModel
 
 
@@ -154,21 +154,6 @@ def capture_margin(
     constants = capture_constants(robot, limits, foot, flywheel)
     angle, rate = _pair("trunk_angle", trunk_angle), _pair("trunk_rate", trunk_rate)
     return float(capture_margin_kernel(elapsed, _pair("dcm", dcm), angle, rate, constants))
-
-
-def step_start_dcm(
-    gait: NominalGait, pelvis_width: float, omega: float, delay: float = 0.0, double_support: float = 0.0
-) -> tuple[float, float]:
-    """DCM at the start of a step of the nominal gait, canonical frame (2,) [m].
-
-    It is the offset of the step before, whose sway has the other sign, seen from this step's mirrored frame:
-    xi_0 = (b_x, (W - l_p) / (lambda - 1) + l_p / (lambda + 1)), and with double support of d seconds, where
-    c = kappa(0), (b_x, (W - l_p) (1 - lambda c) / (lambda - 1) + l_p (1 + lambda c) / (lambda + 1)).
-    """
-    growth = math.exp(omega * (gait.duration + delay))
-    carried = growth * transfer_weight(0.0, double_support, omega)
-    sway = (gait.width - pelvis_width) * (1.0 - carried)
-    return gait.offset_x, sway / (growth - 1.0) + pelvis_width * (1.0 + carried) / (growth + 1.0)
 
 
 def max_recoverable_force(

@@ -21,6 +21,7 @@ published rule gives 0.65 s, whose narrow step, 0.07 m, the box forbids.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -32,6 +33,11 @@ from ..errors import InvalidValueError
 from .double_support import check_double_support, transfer_weight
 from .gait_box import GaitLimits
 from .robot import RobotModel
+
+# Columns of a nominal gait (5,); of a pair (x, y) the first one
+NOMINAL_STEP = 0  # pair, L, W [m]
+NOMINAL_DURATION = 2  # T [s]
+NOMINAL_DCM_OFFSET = 3  # pair, b_x, b_y [m]
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,11 @@ class NominalGait:
     def offset(self) -> NDArray[np.float64]:
         """DCM at touchdown less the foothold, (2,) [m]."""
         return np.array([self.offset_x, self.offset_y])
+
+    @property
+    def row(self) -> NDArray[np.float64]:
+        """The same as kernels take it, (5,)."""
+        return np.array(dataclasses.astuple(self), dtype=np.float64)
 
 
 @njit(cache=True)
@@ -72,15 +83,15 @@ def nominal_gait_kernel(
     room = min(high[1] - pelvis_width, pelvis_width - low[1])
     sway = min(max(velocity_y * period, -room), room)
     growth = math.exp(omega * period)
-    nominal[0] = length
-    nominal[1] = pelvis_width + sway
-    nominal[2] = duration
-    nominal[3] = length / (growth - 1.0)
-    nominal[4] = sway / (growth - 1.0) - pelvis_width / (growth + 1.0)
+    offset_x = length / (growth - 1.0)
+    offset_y = sway / (growth - 1.0) - pelvis_width / (growth + 1.0)
     if double_support > 0.0:
         carried = growth * transfer_weight(0.0, double_support, omega)
-        nominal[3] *= 1.0 - carried
-        nominal[4] = sway * (1.0 - carried) / (growth - 1.0) - pelvis_width * (1.0 + carried) / (growth + 1.0)
+        offset_x *= 1.0 - carried
+        offset_y = sway * (1.0 - carried) / (growth - 1.0) - pelvis_width * (1.0 + carried) / (growth + 1.0)
+    nominal[NOMINAL_STEP], nominal[NOMINAL_STEP + 1] = length, pelvis_width + sway
+    nominal[NOMINAL_DURATION] = duration
+    nominal[NOMINAL_DCM_OFFSET], nominal[NOMINAL_DCM_OFFSET + 1] = offset_x, offset_y
 
 
 def nominal_gait(

@@ -36,6 +36,7 @@ from scipy.optimize import linprog
 from ..errors import InvalidValueError, PushRecoveryError, is_finite_number
 from .gait_box import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait
+from .nominal_start import drifting_dcm_kernel
 from .robot import RobotModel
 
 Array = NDArray[np.float64]
@@ -259,8 +260,7 @@ def _nominal_dcm(robot: RobotModel, gait: NominalGait, steps: int) -> tuple[floa
     """
     if steps % 2 == 1:
         return gait.offset_x, gait.offset_y
-    decay = math.exp(-robot.omega * gait.duration)
-    return (gait.length + gait.offset_x) * decay, (gait.width + gait.offset_y) * decay
+    return drifting_dcm_kernel(gait.row, robot.omega, 0.0)
 
 
 def _axis_bounds(problem: TrajectoryProblem, grid: _Grid, axis: int) -> Array:

@@ -11,6 +11,7 @@ from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.nominal_gait import check_pelvis, nominal_gait_kernel
+from ..model.nominal_start import step_start_dcm_kernel
 from ..model.observation import COMMAND, DCM, ELAPSED
 from ..model.robot import RobotModel
 
@@ -50,7 +51,7 @@ class ResidualGate:
     def __init__(self, robot: RobotModel, limits: GaitLimits, delay: float, band: ArrayLike):
         check_pelvis(robot, limits)
         self.band = check_gate(band)
-        self._constants = np.array([robot.omega, robot.pelvis_width, delay, *self.band])
+        self._constants = tuple(map(float, (robot.omega, robot.pelvis_width, delay, *self.band)))
         self._low, self._high = limits.low, limits.high
 
     def __call__(self, observations: ArrayLike) -> NDArray[np.float32]:
@@ -60,17 +61,17 @@ class ResidualGate:
 
 
 @njit(cache=True)
-def _openings(observations, c, low, high):  # pragma: no cover - compiled
+def _openings(observations, constants, low, high):  # pragma: no cover - compiled
+    omega, pelvis_width, delay, shut, opened = constants
     out = np.empty((observations.shape[0], 1), dtype=np.float32)
     nominal = np.empty(5)
     for i in range(observations.shape[0]):
         obs = observations[i]
-        nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], c[1], low, high, c[0], c[2], nominal)
-        growth = math.exp(c[0] * (nominal[2] + c[2]))
-        start_y = (nominal[1] - c[1]) / (growth - 1.0) + c[1] / (growth + 1.0)
-        back = math.exp(-c[0] * obs[_ELAPSED])
-        error = math.hypot(obs[_DCM] * back - nominal[3], obs[_DCM + 1] * back - start_y)
-        out[i, 0] = min(max((error - c[3]) / (c[4] - c[3]), 0.0), 1.0)
+        nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], pelvis_width, low, high, omega, delay, nominal)
+        start_x, start_y = step_start_dcm_kernel(nominal, pelvis_width, omega, delay, 0.0)
+        back = math.exp(-omega * obs[_ELAPSED])
+        error = math.hypot(obs[_DCM] * back - start_x, obs[_DCM + 1] * back - start_y)
+        out[i, 0] = min(max((error - shut) / (opened - shut), 0.0), 1.0)
     return out
 
 

@@ -17,7 +17,7 @@ from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.double_support import transfer_mean, transfer_weight
 from ..model.gait_box import GaitLimits, unscaled
-from ..model.nominal_gait import nominal_gait_kernel
+from ..model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, nominal_gait_kernel
 from ..model.observation import (
     COMMAND,
     DCM,
@@ -136,14 +136,18 @@ def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cove
     scale = math.exp(omega * (c.touchdown_delay - elapsed))
     tau_low = math.exp(omega * max(low[DURATION], elapsed + c.duration_margin))
     tau_high = max(math.exp(omega * high[DURATION]), tau_low)
-    problem[TAU_NOMINAL] = math.exp(omega * nominal[2])
+    problem[TAU_NOMINAL] = math.exp(omega * nominal[NOMINAL_DURATION])
     for axis in range(2):
         debt = stopping_debt(obs[_RATE + axis], c.trunk_gain, c.trunk_acceleration_max, omega)
         problem[GAIN + axis] = (row[DCM_AHEAD + axis] + debt - row[SHIFT + axis]) * scale
-        problem[STEP_NOMINAL + axis] = reach * nominal[axis]
-        problem[OFFSET_NOMINAL + axis] = row[NOMINAL_OFFSET + axis] + c.transfer * nominal[axis]
-        problem[STEP_LOW + axis] = reach * (low[axis] if c.adapt_step > 0.0 else nominal[axis])
-        problem[STEP_HIGH + axis] = reach * (high[axis] if c.adapt_step > 0.0 else nominal[axis])
+        problem[STEP_NOMINAL + axis] = reach * nominal[NOMINAL_STEP + axis]
+        problem[OFFSET_NOMINAL + axis] = (
+            row[NOMINAL_OFFSET + axis] + c.transfer * nominal[NOMINAL_STEP + axis]
+        )
+        problem[STEP_LOW + axis] = reach * (low[axis] if c.adapt_step > 0.0 else nominal[NOMINAL_STEP + axis])
+        problem[STEP_HIGH + axis] = reach * (
+            high[axis] if c.adapt_step > 0.0 else nominal[NOMINAL_STEP + axis]
+        )
     if c.adapt_duration == 0.0:
         tau_low = min(max(problem[TAU_NOMINAL], tau_low), tau_high)
         tau_high = tau_low
@@ -209,7 +213,8 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
     )  # fmt: skip
     held = adapt and _is_ending(obs, c, low, high)
     if not adapt:
-        row[STEP], row[STEP + 1], row[DURATION] = nominal[0], nominal[1], nominal[2]
+        row[STEP], row[STEP + 1] = nominal[NOMINAL_STEP], nominal[NOMINAL_STEP + 1]
+        row[DURATION] = nominal[NOMINAL_DURATION]
         row[OFFSET], row[OFFSET + 1] = row[NOMINAL_OFFSET], row[NOMINAL_OFFSET + 1]
     elif not held or carry > 0.0:
         _adapt(obs, c, low, high, nominal, row)
@@ -221,7 +226,9 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
     row[REMAINING] = max(row[DURATION] - obs[ELAPSED], 0.0) + c.touchdown_delay
     for axis in range(2):
         row[TARGET + axis] = (
-            row[STEP + axis] + row[NOMINAL_OFFSET + axis] + c.transfer * (nominal[axis] - row[STEP + axis])
+            row[STEP + axis]
+            + row[NOMINAL_OFFSET + axis]
+            + c.transfer * (nominal[NOMINAL_STEP + axis] - row[STEP + axis])
         )
         row[DCM_END + axis] = row[STEP + axis] + row[OFFSET + axis]
         lean = -c.upright_stiffness * obs[_ANGLE + axis] - c.upright_damping * obs[_RATE + axis]

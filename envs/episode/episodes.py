@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.compile_notice import announce_compilation
 from ...controllers.errors import InvalidValueError, shown
+from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
 from ...controllers.model.nominal_start import nominal_start
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.presets import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind
+from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
 from .core import Core
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
@@ -129,7 +131,7 @@ class GaitEpisodes(ABC, Generic[C]):
             InvalidValueError: a command to turn for a robot that does not.
         """
         self._check_turns(scenario)
-        sign = -1.0 if scenario.stance_side == "left" else 1.0
+        sign = side_sign(SIDES.index(scenario.stance_side))
         gait = self.nominal(scenario.command.vx, sign * scenario.command.vy)
         start = nominal_start(
             gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support

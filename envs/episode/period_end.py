@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
 from ...controllers.compiled.kernels import njit
+from ...controllers.model.frame import canonical, canonical_frame
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_gait import nominal_gait_kernel
+from ...controllers.model.nominal_gait import NOMINAL_DURATION, nominal_gait_kernel
 from ...controllers.model.observation import COMMAND
 from ...controllers.model.robot import RobotModel
-from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel, to_canonical
+from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
 from .reward import write_reward
 
 Array = NDArray[np.float64]
@@ -142,7 +143,8 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
         nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
         nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
-        to_canonical(episodes.uphill[k], robots.heading[k], robots.side[k], uphill)
+        frame = canonical_frame(robots.heading[k], robots.side[k])
+        uphill[0], uphill[1] = canonical(frame, episodes.uphill[k, 0], episodes.uphill[k, 1])
         started_dcm_kernel(obs, uphill, double_support, omega, started)
         event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
         if robots.steps[k] != monitor.steps[k]:
@@ -157,6 +159,6 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         episodes.planned[k] = gaits[k, 2]
         episodes.total[k] = write_reward(
             obs, episodes.before[k], episodes.planned[k], robots.margin[k], ends[0, k], started, start,
-            nominal[2], episodes.terms[k],
+            nominal[NOMINAL_DURATION], episodes.terms[k],
         )  # fmt: skip
         episodes.before[k] = robots.action[k]

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import transfer_weight
+from ...controllers.model.frame import canonical, heading_frame
+from ...controllers.model.nominal_start import drifting_dcm_kernel, step_start_dcm_kernel
 from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION
 
 Array = NDArray[np.float64]
@@ -44,17 +46,11 @@ class MonitorState(NamedTuple):
 
 @njit(cache=True)
 def nominal_dcm_kernel(nominal, width, omega, delay, double_support, out):  # pragma: no cover
-    """Write the DCM at the start of a nominal step (5,), canonical frame, (2,) [m].
-
-    With double support less its transfer: (u_T + b_nom) / lambda.
-    """
+    """Write the DCM (2,) that a step of a nominal gait (5,) starts with, less its transfer to come [m]."""
     if double_support > 0.0:
-        decay = math.exp(-omega * nominal[2])
-        out[0], out[1] = (nominal[0] + nominal[3]) * decay, (nominal[1] + nominal[4]) * decay
-        return
-    growth = math.exp(omega * (nominal[2] + delay))
-    out[0] = nominal[3]
-    out[1] = (nominal[1] - width) / (growth - 1.0) + width / (growth + 1.0)
+        out[0], out[1] = drifting_dcm_kernel(nominal, omega, delay)
+    else:
+        out[0], out[1] = step_start_dcm_kernel(nominal, width, omega, delay, double_support)
 
 
 def uphill_dcm(com_height: float, slope_forward: float, slope_left: float) -> tuple[float, float]:
@@ -63,15 +59,6 @@ def uphill_dcm(com_height: float, slope_forward: float, slope_left: float) -> tu
     x'' = omega^2 (x - p) - g tan(slope) = omega^2 (x - (p + h tan(slope))) with omega^2 = g / h.
     """
     return com_height * math.tan(slope_forward), com_height * math.tan(slope_left)
-
-
-@njit(cache=True)
-def to_canonical(world, heading, side, out):  # pragma: no cover
-    """Turn a vector (2,) of the world into the canonical frame of a heading [rad] and stance side."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    sign = -1.0 if side == 0 else 1.0
-    out[0] = cos * world[0] + sin * world[1]
-    out[1] = sign * (cos * world[1] - sin * world[0])
 
 
 @njit(cache=True)
@@ -118,8 +105,7 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
         dx = (state.com[k, 0, 0] - state.com[k, 2, 0]) / span
         dy = (state.com[k, 0, 1] - state.com[k, 2, 1]) / span
         mean = 0.5 * (state.heading[k, 1] + state.heading[k, 2])  # of the two steps that are over
-        cos, sin = math.cos(mean), math.sin(mean)
-        vx, vy = cos * dx + sin * dy, cos * dy - sin * dx
+        vx, vy = canonical(heading_frame(mean), dx, dy)
         state.speed_error[k] = math.hypot(vx - command[0], vy - command[1])
         good = (
             state.time[k, 1] >= event

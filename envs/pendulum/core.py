@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.double_support import check_double_support, gaits_of_actions
+from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE
@@ -66,7 +67,7 @@ class PendulumCore:
         for field in s:
             field[k] = 0
         s.side[k] = SIDES.index(scenario.stance_side)
-        sign = -1.0 if s.side[k] == 0 else 1.0
+        sign = side_sign(s.side[k])
         s.com[k] = start.com[0], sign * start.com[1]
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import both_stand
+from ...controllers.model.frame import side_sign
 from ..scenario.push_force import resolve_starts
 from .model_errors import acting, begin_cycle
 from .support import supported_cop, transferred_cop
@@ -122,7 +123,7 @@ def advance_axis(s, k, axis, cop, acceleration, force, span, p):  # pragma: no c
 @njit(cache=True)
 def touch_down(s, k):  # pragma: no cover
     """The swing foot becomes the stance foot, exactly where the plan wants it."""
-    sign = -1.0 if s.side[k] == 0 else 1.0
+    sign = side_sign(s.side[k])
     old_x, old_y = s.stance[k, 0], s.stance[k, 1]
     s.stance[k, 0] = old_x + s.plan[k, 0]
     s.stance[k, 1] = old_y + sign * s.plan[k, 1]

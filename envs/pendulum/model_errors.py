@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
+from ...controllers.model.frame import side_sign
 from ...controllers.model.robot import GRAVITY
 from ..scenario.model_errors import BOUNDS
 from ..scenario.noise import counter_seed
@@ -94,7 +95,7 @@ def begin_cycle(s, e, k, dt, p):  # pragma: no cover
 
     The acceleration is the one that the torque for the asked one gives the true trunk.
     """
-    sign = -1.0 if s.side[k] == 0 else 1.0
+    sign = side_sign(s.side[k])
     pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max) / e.weight[k]
     roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max) / e.weight[k]
     if e.lag[k] == 0 and e.rest[k] == 0.0:

@@ -9,6 +9,7 @@ import numpy as np
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.capturability import offset_bounds_kernel
 from ...controllers.model.double_support import both_stand
+from ...controllers.model.frame import side_sign
 
 BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
 APEX = 0.06  # height of the swing foot in mid-step [m]
@@ -30,7 +31,7 @@ def observe(s, command, previous, p, out, first, end):  # pragma: no cover
         pace = 30.0 * (phase * (1.0 - phase)) ** 2 / swing
         o[0] = elapsed
         for axis in range(2):
-            sign = -1.0 if axis == 1 and s.side[k] == 0 else 1.0
+            sign = side_sign(s.side[k]) if axis == 1 else 1.0
             o[3 + axis] = sign * (s.com[k, axis] - s.stance[k, axis])
             o[5 + axis] = sign * s.velocity[k, axis]
             o[1 + axis] = o[3 + axis] + o[5 + axis] / p.omega

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from ...controllers.model.frame import side_sign
 from ...controllers.model.robot import RobotModel
 from ..physics.offscreen import window_opens
 from .dynamics import Pendulums
@@ -48,7 +49,7 @@ class PendulumView:
         axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
         com, stance = state.com[0], state.stance[0]
         dcm = com + state.velocity[0] / robot.omega
-        sign = -1.0 if state.side[0] == 0 else 1.0
+        sign = side_sign(int(state.side[0]))
         target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
         colour = FOOT_COLOURS[int(state.side[0])]
         soles = [(stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
+from ...controllers.model.frame import heading_frame, in_world
 
 
 @njit(cache=True)
@@ -49,8 +48,7 @@ def turn_forces(
     for i in range(start.shape[0]):
         if frame[i] == 0 or start[i] >= t1:
             continue
-        cos, sin, x, y = math.cos(heading), math.sin(heading), force[i, 0], force[i, 1]
-        force[i, 0], force[i, 1] = cos * x - sin * y, sin * x + cos * y
+        force[i, 0], force[i, 1] = in_world(heading_frame(heading), force[i, 0], force[i, 1])
         frame[i] = 0
 
 

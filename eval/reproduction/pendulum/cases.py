@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ....controllers.model.frame import side_sign
 from ....controllers.model.nominal_gait import NominalGait
 from .record import Record
 from .recording import record
@@ -41,7 +42,7 @@ def case_numbers(episode: Record, gait: NominalGait) -> dict[str, Any]:
     nominal = np.array([gait.length, gait.width])
     steps = np.stack([strides[:, 0], np.abs(strides[:, 1])], axis=1)
     inside = episode.step == pushed
-    outward = -1.0 if episode.foothold_side[pushed] == 0 else 1.0
+    outward = side_sign(episode.foothold_side[pushed])
     inner = outward * (episode.cop[inside, 1] - episode.foothold[pushed, 1])
     lean = np.abs(episode.trunk_angle).max(axis=1)
     swaying = (episode.time >= episode.push_start) & (episode.time <= episode.push_start + SWAY_TIME)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ....controllers.model.frame import side_sign
 from ....controllers.model.observation import SWING_POSITION
 from ....envs.pendulum.core import PendulumCore
 from ...rollout.slots import Slots
@@ -27,7 +28,7 @@ class _Recorder:
         """Take one sample."""
         core: PendulumCore = slots.episodes.core
         s, seen = core.state, core.observation[0]
-        outward = np.array([1.0, -1.0 if s.side[0] == 0 else 1.0, 1.0])
+        outward = np.array([1.0, side_sign(s.side[0]), 1.0])
         self.push_start = float(core.pushes.start[0, 0])
         row = {
             "time": s.time[0],

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....controllers.errors import InvalidValueError, is_finite_number
+from ....controllers.model.frame import side_sign
 from ....controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from ....envs.pendulum.core import PendulumCore
 from ....envs.scenario.scenario import Scenario
@@ -72,7 +73,7 @@ class PendulumSensor:
         self._period += 1
         com, velocity, push = self._past[0]  # of reset, while no older one is known
         state = self._core.state
-        sign = np.stack([np.ones(len(state.side)), np.where(state.side == 0, -1.0, 1.0)], axis=1)
+        sign = np.stack([np.ones(len(state.side)), side_sign(state.side)], axis=1)
         seen = self._core.observation.copy()
         seen[:, COM] = sign * (com - state.stance)
         seen[:, COM_VELOCITY] = sign * velocity

@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.capturability import step_start_dcm
 from push_recovery.controllers.model.double_support import (
     box_around,
     gaits_of_actions,
@@ -14,6 +13,7 @@ from push_recovery.controllers.model.double_support import (
 )
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import step_start_dcm
 from push_recovery.controllers.model.observation import ELAPSED, OBSERVATION_SIZE, SWING_POSITION
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.arms import make_policy

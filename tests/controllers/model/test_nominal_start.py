@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.controllers.model.nominal_start import drifting_dcm_kernel, nominal_start, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
 from scipy.integrate import solve_ivp
 
@@ -39,3 +40,14 @@ def test_after_a_step_the_com_is_where_the_next_one_starts(velocity, double_supp
     # the next frame lies at the new sole, its y mirrored
     np.testing.assert_allclose((state[:2] - [this.length, this.width]) * [1.0, -1.0], after.com, atol=1e-8)
     np.testing.assert_allclose(state[2:] * [1.0, -1.0], after.com_velocity, atol=1e-8)
+
+
+@pytest.mark.parametrize(("delay", "double_support"), [(0.0, 0.0), (0.03, 0.0), (0.0, 0.1)])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.4, 0.1), (-0.2, -0.15)])
+def test_less_its_transfer_the_dcm_is_what_drifts_to_the_end_of_the_step(velocity, delay, double_support):
+    """From the old foot at p: xi_0 - p kappa(0) = (u_T + b) exp(-omega (T + delay))."""
+    gait = nominal_gait(ROBOT, LIMITS, velocity, delay, double_support)
+    dcm = np.array(step_start_dcm(gait, ROBOT.pelvis_width, ROBOT.omega, delay, double_support))
+    old_foot = np.array([-gait.length, 2 * ROBOT.pelvis_width - gait.width])
+    left = dcm - old_foot * transfer_weight(0.0, double_support, ROBOT.omega)
+    np.testing.assert_allclose(drifting_dcm_kernel(gait.row, ROBOT.omega, delay), left, atol=1e-14)

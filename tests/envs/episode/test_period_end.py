@@ -7,10 +7,10 @@ from operator import add
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.capturability import step_start_dcm
 from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.episode.period_end import Episodes, Robots, end_period, period_constants, period_table
 from push_recovery.envs.episode.recovery import GaitMonitor, uphill_dcm

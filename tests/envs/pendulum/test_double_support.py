@@ -6,9 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.capturability import capture_margin, step_start_dcm
+from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.controllers.model.double_support import strip, transfer_mean
-from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.controllers.model.nominal_start import nominal_start, step_start_dcm
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.pendulum.env import PendulumEnv

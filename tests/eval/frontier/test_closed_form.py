@@ -3,9 +3,10 @@
 import math
 
 import pytest
-from push_recovery.controllers.model.capturability import recoverable_offset, step_start_dcm
+from push_recovery.controllers.model.capturability import recoverable_offset
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.frontier.closed_form import limit_force, own_limit_force
