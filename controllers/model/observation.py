@@ -7,6 +7,8 @@ are of the world, in the same axes. Lean angles [rad] are positive towards +x (p
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -45,16 +47,42 @@ OBSERVATION_NAMES = (
 )  # fmt: skip
 
 
+_DOUBLE = np.dtype(np.float64)
+
+
+def as_doubles(observation: ArrayLike) -> NDArray[np.float64]:
+    """Observations of any shape as contiguous float64.
+
+    Raises:
+        InvalidValueError: for something that is no array of real numbers that a float can hold.
+    """
+    try:
+        values = np.ascontiguousarray(observation)
+    except (TypeError, ValueError) as error:  # ragged
+        raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
+    return values if values.dtype is _DOUBLE else _converted(values)
+
+
+def _converted(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Numbers of another type as float64."""
+    if values.dtype.kind not in "biufO":
+        raise InvalidValueError(f"observation is not an array of real numbers: it holds {values.dtype}")
+    try:
+        with np.errstate(over="ignore"):  # infinity is refused where it matters, with NaN
+            return values.astype(np.float64)
+    except OverflowError:
+        raise InvalidValueError("observation holds an integer that is larger than any float") from None
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"observation is not an array of real numbers: {error}") from None
+
+
 def as_batch(observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     """Observations as (n, 36) float64, and whether it was a single one.
 
     Raises:
-        InvalidValueError: for another shape or something that is no number.
+        InvalidValueError: for another shape or something that is no real number.
     """
-    try:
-        batch = np.ascontiguousarray(observation, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"observation is not an array of numbers: {error}") from None
+    batch = as_doubles(observation)
     single = batch.ndim == 1
     batch = batch.reshape(1, -1) if single else batch
     if not batch.flags.writeable:  # compiled code would be compiled once more for it

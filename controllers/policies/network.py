@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError
 from ..model.gait_box import GAIT_SIZE, GaitLimits
+from ..model.observation import as_doubles
 from ..model.robot import RobotModel
 from .description import PolicyDescription
 from .interface import Policy
@@ -84,7 +85,7 @@ class NetworkPolicy:
             deterministic: The mean action is returned either way.
 
         Raises:
-            InvalidValueError: The observation has another shape or is not finite.
+            InvalidValueError: The observation has another shape, or is no array of finite real numbers.
         """
         rows, single = self._rows(observation)
         learned, state = self._held(rows, state, episode_start)
@@ -123,7 +124,7 @@ class NetworkPolicy:
             raise InvalidValueError(f"policy description {policy_paths(path)[1]}: {error}") from error
 
     def _rows(self, observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
-        values = np.asarray(observation, dtype=np.float64)
+        values = as_doubles(observation)
         if values.ndim not in {1, 2} or values.shape[-1] != self.observation_size:
             raise InvalidValueError(
                 f"this policy takes observations ({self.observation_size},) or (n, {self.observation_size}), "

@@ -21,6 +21,7 @@ from ..stage_1.columns import STATUS as STATUS_COLUMN
 from ..stage_1.planner import StepPlanner
 from ..stage_2.forms import make_regulator
 from ..stage_2.interface import STATUS
+from ..validation import require_kind
 from .plan import Plan, plan_of_row
 
 Floats = NDArray[np.float64]
@@ -52,11 +53,19 @@ class TwoStagePolicy:
             name: for tables.
             threads: that plan a batch of 512 observations or more, where stage 2's form allows it; the
                 actions do not depend on them.
+
+        Raises:
+            InvalidValueError: a robot, limits or a configuration of another class, or an impossible number
+                of threads.
         """
         announce_compilation()
-        self.robot = RobotModel() if robot is None else robot
-        self.limits = GaitLimits.of(self.robot) if limits is None else limits
-        self.config = preset_config("default") if config is None else config
+        self.robot = RobotModel() if robot is None else require_kind("robot", robot, RobotModel)
+        self.limits = (
+            GaitLimits.of(self.robot) if limits is None else require_kind("limits", limits, GaitLimits)
+        )
+        self.config = (
+            preset_config("default") if config is None else require_kind("config", config, PlannerConfig)
+        )
         self.name = name
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
@@ -101,7 +110,7 @@ class TwoStagePolicy:
         """Actions (n, 7) of observations (n, 36), and the rows (n, ROW_SIZE) that both stages have written.
 
         Raises:
-            InvalidValueError: an observation that is not finite, or for which no plan exists.
+            InvalidValueError: an observation that is not finite or too large, or for which no plan exists.
         """
         n = len(batch)
         actions, rows = np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE))

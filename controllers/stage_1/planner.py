@@ -68,6 +68,8 @@ from .swing_time import time_to_place
 
 _DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
 _PREVIOUS, _PUSH, _SWING = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start, SWING_POSITION.start
+LARGEST = 1e15  # of an observation's entries: far beyond any robot, and no square of a product overflows
+LATEST = 300.0  # of omega times the time since the step began, for exp(omega t)
 SWING_ROUNDS = 3  # a later step lies elsewhere, so the time it needs is found in rounds
 
 Floats = NDArray[np.float64]
@@ -91,15 +93,25 @@ class StepPlanner:
         """
         self._constants = pack_constants(robot, limits, config, adapt)
         self._box = limits.box
+        self._latest = LATEST / robot.omega  # [s]
 
     def plan(self, observations: Floats, rows: Floats) -> None:
         """Write the plans of observations (n, 36) into rows (n, ROW_SIZE); see `columns`.
 
         Raises:
-            InvalidValueError: an observation is not finite.
+            InvalidValueError: an observation is not finite, or far too large to be a robot's.
         """
         if not plan_steps(observations, rows, self._constants, self._box):
-            raise InvalidValueError("observation must be finite, got NaN or infinity")
+            raise InvalidValueError(self._refusal(observations))
+
+    def _refusal(self, observations: Floats) -> str:
+        """Why there is no plan for all of the observations."""
+        if not np.isfinite(observations).all():
+            return "observation must be finite, got NaN or infinity"
+        if (largest := np.abs(observations).max()) > LARGEST:
+            return f"observation must lie within +-{LARGEST:g} in every entry, got {largest:g}"
+        elapsed = observations[np.abs(observations[:, ELAPSED]).argmax(), ELAPSED]
+        return f"an observation's elapsed time must lie within +-{self._latest:g} s, got {elapsed:g} s"
 
 
 @njit(cache=True)
@@ -236,21 +248,22 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
 
 
 @njit(cache=True)
-def all_finite(observations):  # pragma: no cover
-    """Whether every entry of observations (n, 36) is finite."""
-    finite = True
+def all_bounded(observations, latest):  # pragma: no cover
+    """Whether all entries of observations (n, 36) lie within +-LARGEST, elapsed times within +-latest [s]."""
+    bounded = True
     for i in range(observations.shape[0]):
+        bounded = bounded and abs(observations[i, ELAPSED]) <= latest
         for j in range(observations.shape[1]):
-            finite = finite and math.isfinite(observations[i, j])
-    return finite
+            bounded = bounded and abs(observations[i, j]) <= LARGEST  # NaN is not
+    return bounded
 
 
 @njit(cache=True, nogil=True)
 def plan_steps(observations, rows, constants, box):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where one is not finite."""
-    if not all_finite(observations):
-        return False
+    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where one is not `all_bounded`."""
     c, low, high = constants_of(constants), box[0], box[1]
+    if not all_bounded(observations, LATEST / c.omega):
+        return False
     for i in range(observations.shape[0]):
         plan_step(observations[i], c, low, high, rows[i])
     return True

@@ -134,7 +134,15 @@ def test_saving_again_replaces_the_pair(tmp_path):
 
 @pytest.mark.parametrize(
     "observation",
-    [np.zeros(33), np.zeros((2, 35)), np.zeros((1, 1, 36)), np.full(36, np.nan), np.float64(1.0)],
+    [
+        np.zeros(33),
+        np.zeros((2, 35)),
+        np.zeros((1, 1, 36)),
+        np.full(36, np.nan),
+        np.float64(1.0),
+        np.zeros(36, dtype=complex),
+        [10**400] * 36,
+    ],
 )
 def test_bad_observations_are_refused(observation):
     with pytest.raises(InvalidValueError, match="observation"):

@@ -22,6 +22,7 @@ from push_recovery.controllers.policies.arms import POLICY_NAMES, make_policy
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.settings.presets import preset_config
+from push_recovery.controllers.stage_1.planner import LATEST
 from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
 from push_recovery.controllers.stage_1.swing_time import swing_time
 
@@ -180,6 +181,48 @@ def test_touchdown_delay_is_in_the_prediction():
 def test_bad_observations(name, bad):
     with pytest.raises(InvalidValueError, match="observation"):
         make_policy(name).predict(bad)
+
+
+NO_TIME = "elapsed time must lie within"
+
+
+@pytest.mark.parametrize("name", ["stage-1", "stage-1+cop", "two-stage"])
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        (ELAPSED, -1e300, r"within \+-1e\+15 in every entry, got 1e\+300"),
+        (ELAPSED, -1e14, NO_TIME),
+        (ELAPSED, -150.0, NO_TIME),
+        (ELAPSED, 150.0, NO_TIME),
+        (ELAPSED, 1e14, NO_TIME),
+        (ELAPSED, 1e300, "in every entry"),
+        (DCM.start, 1e300, "in every entry"),
+        (DCM.start + 1, -1e16, "in every entry"),
+        (PUSH_ESTIMATE.start, -1e300, "in every entry"),
+    ],
+)
+def test_numbers_that_no_robot_can_show_are_refused(name, column, value, message):
+    obs = random_observations(3, 9)
+    obs[1, column] = value
+    with pytest.raises(InvalidValueError, match=message):
+        make_policy(name).predict(obs)
+
+
+@pytest.mark.parametrize("preset", ["default", "biped"])
+@pytest.mark.parametrize("name", ["stage-1", "stage-1+momentum", "two-stage"])
+def test_a_robot_thrown_far_away_still_gets_an_action(name, preset):
+    policy, limits = make_policy(name, preset=preset), 0.9 * LATEST / ROBOT.omega
+    for far in (1e3, 1e9, 1e15):
+        obs = np.concatenate([far * np.eye(36)[1:], -far * np.eye(36)[1:], np.full((2, 36), far)])
+        obs[-2:, ELAPSED] = 0.1, limits
+        action = policy.predict(obs)[0]
+        assert np.abs(action).max() <= 1.0  # NaN is not
+
+
+@pytest.mark.parametrize("wrong", ["robot", "limits", "config"])
+def test_parts_of_another_class_are_refused(wrong):
+    with pytest.raises(InvalidValueError, match=rf"^{wrong} must be a \w+, got 3$"):
+        TwoStagePolicy(**{wrong: 3})
 
 
 @pytest.mark.parametrize("threads", [2, 3])
