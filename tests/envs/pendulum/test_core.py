@@ -7,7 +7,6 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.nominal_start import nominal_start
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.pendulum.core import PendulumCore
-from push_recovery.envs.pendulum.dynamics import time_to_stop
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from scipy.integrate import solve_ivp
@@ -158,17 +157,6 @@ def test_pushing_against_the_stop_moves_nothing():
     run(core, pressed, 5), run(twin, gait, 5)
     assert core.state.com[0] == pytest.approx(twin.state.com[0], abs=1e-15)
     assert core.state.angle[0, 1] == -ROBOT.trunk_angle_max
-
-
-def test_time_to_stop_is_the_first_root():
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        angle, rate, a = rng.uniform(-1, 1), rng.normal(0, 3), rng.normal(0, 15)
-        s = time_to_stop(angle, rate, a, 1.0472)
-        times = np.linspace(0, min(s, 3.0), 2000)[:-1]
-        assert np.abs(angle + rate * times + a * times**2 / 2).max() <= 1.0472 + 1e-9
-        if math.isfinite(s):
-            assert abs(angle + rate * s + a * s * s / 2) == pytest.approx(1.0472, abs=1e-9)
 
 
 def test_inputs_are_clipped_to_the_sole_and_the_torque():
