@@ -8,7 +8,7 @@ from typing import Any
 
 from ...controllers.files import write_text
 from ..output.tables import markdown_table
-from ..score.limits_met import fall_cell
+from ..score.bounds_met import fall_cell
 from .scan import Frontier
 
 NOTE = (

@@ -19,7 +19,7 @@ from ..rollout.environments import code_digest, env_label, make_env, preset_dige
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import own_directory, policy_sources, refuse_unknown_objects
 from ..rollout.workers import Runner, parallel
-from ..score.limits_met import fall_limits
+from ..score.bounds_met import fall_bounds
 from .closed_form import DirectionLimits, direction_limits
 from .grid import BEYOND, FORCE_CAP, NOMINAL_STEPS, Scanned, directions_deg, multiples, scan_upwards
 
@@ -75,7 +75,7 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         "survived_N": found.survived,
         "largest_survived_N": found.largest_survived,
         "failed_N": list(found.failed),
-        "falls": [fall_limits(force, outcomes[force]) for force in found.failed],
+        "falls": [fall_bounds(force, outcomes[force]) for force in found.failed],
     }
 
 

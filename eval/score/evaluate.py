@@ -19,7 +19,7 @@ from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score, impulse_between
 from ..rollout.policy_source import Sources, own_directory, policy_sources, refuse_unknown_objects
 from ..rollout.workers import Chunk, Runner, parallel, run_chunk
-from .limits_met import limit_summary
+from .bounds_met import bound_summary
 from .suites import Suite
 
 FORMAT = 2  # of the rows
@@ -160,7 +160,7 @@ def write_reports(evaluation: Evaluation, markdown: str) -> Path:
     for name, entry in content["policies"].items():
         entry["survived"] = evaluation.score(name).survived
         entry["impulse_5_60"] = evaluation.subset_score(name).to_dict()
-        entry["limits"] = limit_summary(evaluation.rows[name])
+        entry["limits"] = bound_summary(evaluation.rows[name])
     content["wall_time_s"] = round(evaluation.wall_time, 3)
     write_text(evaluation.directory / "report.json", json.dumps(content, indent=1) + "\n")
     path = evaluation.directory / "report.md"

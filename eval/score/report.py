@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..output.tables import markdown_table
 from ..rollout.outcome import Score
+from .bounds_met import COLUMNS as BOUND_COLUMNS
+from .bounds_met import NOTE, bound_cells, first_bounds
 from .evaluate import SUBSET, Evaluation
-from .limits_met import COLUMNS as LIMIT_COLUMNS
-from .limits_met import NOTE, first_limits, limit_cells
 
 COLUMNS = (
     "policy",
@@ -35,7 +35,7 @@ def evaluation_cells(evaluation: Evaluation) -> list[tuple[str, ...]]:
         part = f"{subset.rate:.3f} ({low:.3f}-{high:.3f})" if subset.episodes else "-"
         reasons = ", ".join(f"{reason} {count}" for reason, count in score.failures.items()) or "-"
         counts = f"{score.recovered}/{score.episodes}"
-        met = first_limits(evaluation.rows[name])
+        met = first_bounds(evaluation.rows[name])
         cells.append((name, counts, *rate_cells(score), part, str(score.survived), reasons, met))
     return cells
 
@@ -61,6 +61,6 @@ def evaluation_markdown(evaluation: Evaluation) -> str:
 
 def limits_markdown(evaluation: Evaluation) -> str:
     """A table of the limits met for each policy; nothing where none was."""
-    tables = {name: limit_cells(rows) for name, rows in evaluation.rows.items()}
-    parts = [f"\n{name}\n\n{markdown_table(LIMIT_COLUMNS, cells)}" for name, cells in tables.items() if cells]
+    tables = {name: bound_cells(rows) for name, rows in evaluation.rows.items()}
+    parts = [f"\n{name}\n\n{markdown_table(BOUND_COLUMNS, cells)}" for name, cells in tables.items() if cells]
     return f"\n## Limits\n{''.join(parts)}\n{NOTE}" if parts else ""

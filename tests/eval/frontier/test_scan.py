@@ -31,7 +31,7 @@ from push_recovery.eval.frontier.scan import (
 )
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.outcome import Outcome
-from push_recovery.eval.score.limits_met import fall_cell
+from push_recovery.eval.score.bounds_met import fall_cell
 
 
 class Holes:

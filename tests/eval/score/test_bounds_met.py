@@ -1,4 +1,4 @@
-"""The limits that bipeds meet, from rollouts to tables."""
+"""The bounds that bipeds meet, from rollouts to tables."""
 
 import pytest
 from push_recovery.controllers.whole_body.bounds_met import LIMITS
@@ -9,7 +9,7 @@ from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
-from push_recovery.eval.score.limits_met import COLUMNS, first_limits, limit_cells, limit_summary
+from push_recovery.eval.score.bounds_met import COLUMNS, bound_cells, bound_summary, first_bounds
 
 
 def row(survived, first, **shares):
@@ -27,22 +27,22 @@ ROWS = [
 
 
 def test_falls_and_recoveries_are_counted_apart():
-    summary = limit_summary(ROWS)
+    summary = bound_summary(ROWS)
     assert summary["falls"] == {
         "cop": {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
         "contact": {"first": 1, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
     }
     assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
-    assert first_limits(ROWS) == "cop 2, contact 1"
-    assert first_limits(ROWS[3:]) == "-"
+    assert first_bounds(ROWS) == "cop 2, contact 1"
+    assert first_bounds(ROWS[3:]) == "-"
 
 
 def test_cells_follow_the_order_of_the_limits():
-    cells = limit_cells(ROWS)
+    cells = bound_cells(ROWS)
     assert [cell[0] for cell in cells] == [name for name in LIMITS if name in {"cop", "contact"}]
     assert cells[0] == ("cop", "2", "0.67", "0.20", "0.50", "0.10")
     assert {len(cell) for cell in cells} == {len(COLUMNS)}
-    assert limit_cells(ROWS[4:5]) == []
+    assert bound_cells(ROWS[4:5]) == []
 
 
 def test_an_outcome_says_what_was_met_and_when_the_same_alone_and_in_a_batch():

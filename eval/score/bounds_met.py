@@ -1,4 +1,7 @@
-"""Which limits the falls of a policy met, beside those of the episodes it recovered from."""
+"""Which bounds the falls of a policy met, beside those of the episodes it recovered from.
+
+The keys of rows say `limit` for such a bound, as they did in all rows that were ever written.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,10 @@ NOTE = (
 )
 
 
-def limits_of(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
-    """Limit -> how many rows met it first, what share of them met it, mean share of the time.
+def bounds_of(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
+    """Bound -> how many rows met it first, what share of them met it, mean share of the time.
 
-    Limits that no row met are left out.
+    Bounds that no row met are left out.
     """
     rows, found = list(rows), {}
     for name in LIMITS:
@@ -40,18 +43,18 @@ def limits_of(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
     return found
 
 
-def limit_summary(rows: Iterable[Row]) -> dict[str, dict[str, dict[str, float]]]:
-    """`limits_of` the falls and of the episodes that recovered."""
+def bound_summary(rows: Iterable[Row]) -> dict[str, dict[str, dict[str, float]]]:
+    """`bounds_of` the falls and of the episodes that recovered."""
     rows = list(rows)
     return {
-        "falls": limits_of(row for row in rows if not row["survived"]),
-        "recovered": limits_of(row for row in rows if row["recovered"]),
+        "falls": bounds_of(row for row in rows if not row["survived"]),
+        "recovered": bounds_of(row for row in rows if row["recovered"]),
     }
 
 
-def limit_cells(rows: Iterable[Row]) -> list[tuple[str, ...]]:
-    """One row of cells for each limit that was met, in COLUMNS."""
-    summary = limit_summary(rows)
+def bound_cells(rows: Iterable[Row]) -> list[tuple[str, ...]]:
+    """One row of cells for each bound that was met, in COLUMNS."""
+    summary = bound_summary(rows)
     falls, recovered = summary["falls"], summary["recovered"]
     nothing = {"first": 0, "met": 0.0, "time": 0.0}
     cells = []
@@ -63,14 +66,14 @@ def limit_cells(rows: Iterable[Row]) -> list[tuple[str, ...]]:
     return cells
 
 
-def first_limits(rows: Iterable[Row]) -> str:
-    """Limits that falls met first, the most frequent first, with their counts."""
-    falls = limits_of(row for row in rows if not row["survived"])
+def first_bounds(rows: Iterable[Row]) -> str:
+    """Bounds that falls met first, the most frequent first, with their counts."""
+    falls = bounds_of(row for row in rows if not row["survived"])
     counts = sorted(((-entry["first"], name) for name, entry in falls.items() if entry["first"]))
     return ", ".join(f"{name} {-count}" for count, name in counts) or "-"
 
 
-def fall_limits(force: float, outcome: Outcome) -> dict[str, Any]:
+def fall_bounds(force: float, outcome: Outcome) -> dict[str, Any]:
     """What a frontier's row keeps of a failed force [N]."""
     return {
         "force_N": force,
@@ -82,7 +85,7 @@ def fall_limits(force: float, outcome: Outcome) -> dict[str, Any]:
 
 
 def fall_cell(falls: Sequence[Row]) -> str:
-    """Of the weakest force that failed: the limit met first, and the three met for the longest time."""
+    """Of the weakest force that failed: the bound met first, and the three met for the longest time."""
     if not falls or falls[0]["first_limit"] is None:
         return "-"
     shares = falls[0]["limit_shares"]
