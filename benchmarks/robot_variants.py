@@ -1,0 +1,78 @@
+"""Walk three variants of the biped for 60 s and scan their largest pushes beside the biped's.
+
+    python benchmarks/robot_variants.py [--directions 8] [--grid 100] [--seconds 60]
+
+A push of 0.1 s acts on the pelvis at the start of a left stance after four nominal steps, in place, as in
+`push-recovery frontier`; the largest force that is survived before the first fall counts. The bar is half of
+the biped's own in every direction. Exits with 1 where a variant falls while it walks or stays below the bar.
+"""
+
+import argparse
+import math
+import sys
+
+import numpy as np
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.robots.biped.robot import ROBOT
+from push_recovery.envs.biped.robots.description import RobotDescription
+from push_recovery.envs.biped.robots.variants.robots import VARIANTS
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+
+WALKS = (Command(0.0), Command(0.3), Command(0.0, 0.1))  # [m/s]
+DURATION = 0.1  # of a push [s]
+SECONDS = 8.0  # of an episode with a push: four steps, the push and 4 s after it
+LARGEST = 2400.0  # force tried [N]
+BAR = 0.5  # share of the biped's force
+
+
+def falls(description: RobotDescription, scenarios: list[Scenario], seconds: float) -> np.ndarray:
+    """Which scenarios end in a fall within their time, side by side, (n,)."""
+    episodes = BipedEpisodes(len(scenarios), robot=description)
+    policy = make_policy("two-stage", episodes.robot, episodes.limits, description.preset)
+    for k, scenario in enumerate(scenarios):
+        episodes.begin(k, scenario)
+    for _ in range(round(seconds * episodes.control_hz)):
+        action = policy.predict(episodes.core.observation)[0]
+        episodes.step(action.astype(np.float32))
+    return episodes.failure() > 0
+
+
+def survived(description: RobotDescription, directions: int, grid: float) -> np.ndarray:
+    """Largest force before the first fall by direction, (directions,) [N]."""
+    forces = np.arange(grid, LARGEST + 0.5 * grid, grid)
+    event = GaitEvent(4, "left", 0.0)
+    pushes = [
+        polar_push(float(force), 2.0 * math.pi * k / directions, DURATION, event)
+        for k in range(directions)
+        for force in forces
+    ]
+    fell = falls(description, [Scenario(f"push-{i}", (push,)) for i, push in enumerate(pushes)], SECONDS)
+    first = [int(row.argmax()) if row.any() else len(forces) for row in fell.reshape(directions, len(forces))]
+    return grid * np.array(first)
+
+
+def main() -> int:
+    """Measure, print a table and say whether the bar is met."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--directions", type=int, default=8, help="of the pushes (default: 8)")
+    parser.add_argument("--grid", type=float, default=100.0, help="of their force [N] (default: 100)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of walking [s] (default: 60)")
+    options = parser.parse_args()
+    biped, good = survived(ROBOT, options.directions, options.grid), True
+    print(f"{'robot':34} walks   largest force [N] by direction, counter-clockwise from forward; least share")
+    print(f"{'biped':34}         {' '.join(f'{force:5.0f}' for force in biped)}")
+    for description in VARIANTS:
+        walks = [Scenario(f"walk-{i}", (), command) for i, command in enumerate(WALKS)]
+        fell = falls(description, walks, options.seconds)
+        forces = survived(description, options.directions, options.grid)
+        share = float((forces / biped).min())
+        good &= not fell.any() and share >= BAR
+        steady = f"{len(walks) - int(fell.sum())} of {len(walks)}"
+        print(f"{description.name:34} {steady}  {' '.join(f'{force:5.0f}' for force in forces)}  {share:.2f}")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
