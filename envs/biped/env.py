@@ -34,13 +34,14 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     def __init__(
         self,
         n: int,
-        preset: str = "biped",
+        preset: str | None = None,
         control_hz: float = 100.0,
         threads: int = 1,
         robot: str | RobotDescription = "biped",
     ):
         self.description = robot_description(robot)
         body = compiled_robot(self.description)
+        preset = self.description.preset if preset is None else preset
         settings = biped_settings(preset).of_robot(body.robot)
         super().__init__(n, body.robot, settings.limits, preset, control_hz)
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body)
@@ -80,7 +81,7 @@ class BipedEnv(GaitEnv):
         self,
         render_mode: str | None = None,
         control_hz: float = 100.0,
-        preset: str = "biped",
+        preset: str | None = None,
         push_distribution: dict[str, Any] | PushDistribution | None = None,
         robot: str | RobotDescription = "biped",
     ):
@@ -90,7 +91,7 @@ class BipedEnv(GaitEnv):
             render_mode: "human", "rgb_array" or None.
             control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
             preset: of the planner that belongs to this environment, and of the robot's settings; by name or
-                file.
+                file, by default the robot's own.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
             robot: another one than the biped: see `BipedEpisodes`.
         """
@@ -114,7 +115,7 @@ def make_biped_vector(
     threads: int = 1,
     render_mode: str | None = None,
     control_hz: float = 100.0,
-    preset: str = "biped",
+    preset: str | None = None,
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     robot: str | RobotDescription = "biped",
 ) -> GaitVectorEnv:

@@ -20,8 +20,11 @@ except KeyboardInterrupt:
     raise SystemExit(130) from None
 
 if TYPE_CHECKING:
+    from .controllers.model.body_plan import BodyPlan
     from .controllers.model.robot import RobotModel
     from .controllers.settings.planner_config import PlannerConfig
+    from .envs.biped.robots.description import RobotDescription
+    from .envs.biped.robots.register import register_robot
     from .envs.residual.action_hold import ActionHold
     from .envs.residual.wrapper import ResidualAction
     from .envs.scenario.command import CommandChange
@@ -38,13 +41,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "ActionHold", "Command", "CommandChange", "GaitEvent", "ModelErrors", "PlannerConfig", "Push",
-    "PushDistribution", "ResidualAction", "RobotModel", "Scenario", "__version__", "compare", "evaluate",
-    "frontier", "get_suite", "load_policy", "make_policy", "rollout",
+    "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "ModelErrors", "PlannerConfig", "Push",
+    "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
+    "compare", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "register_robot", "rollout",
 ]  # fmt: skip
 
 _MODULES = {
     "ActionHold": "envs.residual.action_hold",
+    "BodyPlan": "controllers.model.body_plan",
     "Command": "envs.scenario.scenario",
     "CommandChange": "envs.scenario.command",
     "GaitEvent": "envs.scenario.push",
@@ -53,6 +57,7 @@ _MODULES = {
     "Push": "envs.scenario.push",
     "PushDistribution": "envs.scenario.push_distribution",
     "ResidualAction": "envs.residual.wrapper",
+    "RobotDescription": "envs.biped.robots.description",
     "RobotModel": "controllers.model.robot",
     "Scenario": "envs.scenario.scenario",
     "compare": "eval.api.score",
@@ -61,6 +66,7 @@ _MODULES = {
     "get_suite": "eval.score.suites",
     "load_policy": "eval.rollout.load_policy",
     "make_policy": "eval.rollout.load_policy",
+    "register_robot": "envs.biped.robots.register",
     "rollout": "eval.api.rollout",
 }
 
