@@ -47,6 +47,7 @@ ROOMS = (
     "eval.reproduction.sections",
     "eval.reproduction.report",
     "eval.cli",
+    "eval.cli.commands",
     "training",
 )
 MODULES_IN_A_ROOM = 12

@@ -1,15 +1,18 @@
-"""`push-recovery train`: from parsed options to a run, and what it tells at the end."""
+"""`push-recovery train`: from the settings of a run to the run, and what it tells at the end."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
+from ..eval.cli.options import Directory, Options, within
 from ..eval.output.progress import Bars, progress_bars
 from .extras import require_training
 from .settings import TrainingSettings
@@ -20,81 +23,88 @@ if TYPE_CHECKING:
 DEFAULTS = TrainingSettings()
 
 
-def run(args: argparse.Namespace) -> int:
-    """Train as the options say; returns the exit code.
+@dataclass(frozen=True, kw_only=True)
+class Train(Options):
+    """Start a run, or go on with one; its settings are the defaults of what is then given."""
 
-    Args:
-        args: kind, env, timesteps, seed, n_envs, out, resume, scale; None means not given.
-
-    Raises:
-        MissingExtraError: torch or Stable-Baselines3 is not installed.
-        PushRecoveryError: An option is impossible, or contradicts the run to resume.
-    """
-    require_training()
-    result = _start(args) if args.resume is None else _go_on(args)
-    _tell(result)
-    return 0
-
-
-def _start(args: argparse.Namespace) -> TrainingResult:
-    from .ppo import train
-
-    settings = TrainingSettings(
-        kind=args.kind,
-        env_id=DEFAULTS.env_id if args.env is None else args.env,
-        timesteps=_or(args.timesteps, DEFAULTS.timesteps),
-        seed=_or(args.seed, DEFAULTS.seed),
-        n_envs=_or(args.n_envs, DEFAULTS.n_envs),
-        scale=_scale(args),
+    settings: Annotated[TrainingSettings, arg(name="")] = DEFAULTS
+    env: Annotated[str | None, arg(metavar="ID", help_behavior_hint=f"(default: {DEFAULTS.env_id})")] = None
+    """Plain environment id: a residual is learned on top of it, not on a residual id."""
+    out: Directory = None
+    """Policy, checkpoints and logs (default: under runs/)."""
+    resume: Directory = None
+    """Go on from the last checkpoint of the run in DIR, with its settings; checkpoints are safetensors and
+    JSON."""
+    scale: Annotated[float | None, arg(metavar="X", help_behavior_hint="(default: 1)")] = field(
+        default=None, metadata=within(0, 10)
     )
-    out = args.out or Path("runs") / f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
-    return _with_progress(settings.timesteps, lambda report: train(settings, Path(out), report))
+    """Residual relative to its default size (residual only)."""
 
+    def defaults(self) -> Train | None:
+        """The settings of the run to go on with: what differs from them the user has given."""
+        if self.resume is None:
+            return None
+        from .checkpoint import load_checkpoint
 
-def _go_on(args: argparse.Namespace) -> TrainingResult:
-    from .checkpoint import load_checkpoint
-    from .ppo import resume
+        require_training()
+        return Train(settings=load_checkpoint(Path(self.resume)).settings)
 
-    settings = load_checkpoint(args.resume).settings
-    if args.out is not None:
-        raise InvalidValueError(f"--out is for a new run; --resume goes on in {args.resume}")
-    if args.scale is not None:
-        raise InvalidValueError("--scale is for a new run; a resumed one keeps its own")
-    given = {
-        "kind": args.kind,
-        "env_id": None if args.env is None else TrainingSettings(args.kind, args.env).env_id,
-        "seed": args.seed,
-        "n_envs": args.n_envs,
-    }
-    for name, value in given.items():
-        if value is not None and value != getattr(settings, name):
+    def run(self) -> None:
+        """Train, and tell the curve.
+
+        Raises:
+            MissingExtraError: torch or Stable-Baselines3 is not installed.
+            PushRecoveryError: An option is impossible, or contradicts the run to resume.
+        """
+        require_training()
+        _tell(self._start() if self.resume is None else self._go_on(Path(self.resume)))
+
+    def _start(self) -> TrainingResult:
+        from .ppo import train
+
+        settings = self._with_env(self.settings)
+        settings = replace(settings, scale=self._residual_scale(settings))
+        name = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
+        out = Path("runs") / name if self.out is None else Path(self.out)
+        return _with_progress(settings.timesteps, lambda report: train(settings, out, report))
+
+    def _go_on(self, path: Path) -> TrainingResult:
+        from .checkpoint import load_checkpoint
+        from .ppo import resume
+
+        if self.out is not None:
+            raise InvalidValueError(f"--out is for a new run; --resume goes on in {path}")
+        if self.scale is not None:
+            raise InvalidValueError("--scale is for a new run; a resumed one keeps its own")
+        theirs, ours = load_checkpoint(path).settings, self._with_env(self.settings)
+        for entry in fields(TrainingSettings):
+            old, new = getattr(theirs, entry.name), getattr(ours, entry.name)
+            if entry.name != "timesteps" and old != new:
+                raise InvalidValueError(
+                    f"the run in {path} has {entry.name} {old!r}, not {new!r}; "
+                    "leave the option out to go on, or start a new run with --out"
+                )
+        named = None if self.env is None else ours.env_id  # only what the user names may import a module
+        return _with_progress(ours.timesteps, lambda report: resume(path, ours.timesteps, report, named))
+
+    def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
+        return settings if self.env is None else replace(settings, env_id=self.env)
+
+    def _residual_scale(self, settings: TrainingSettings) -> tuple[float, ...] | None:
+        """The residual scale that `--scale` times the default stands for, in the environment's limits."""
+        if self.scale is None:
+            return settings.scale
+        if not settings.residual:
             raise InvalidValueError(
-                f"the run in {args.resume} has {name} {getattr(settings, name)!r}, not {value!r}; "
-                "leave the option out to go on, or start a new run with --out"
+                "--scale belongs to `train residual`; from scratch the network acts alone"
             )
-    end = _or(args.timesteps, settings.timesteps)
-    return _with_progress(end, lambda report: resume(args.resume, args.timesteps, report, given["env_id"]))
+        from .builders import make_plain_env
 
-
-def _or(value: int | None, default: int) -> int:
-    return default if value is None else value
-
-
-def _scale(args: argparse.Namespace) -> tuple[float, ...] | None:
-    """The residual scale that `--scale` times the default stands for, in the environment's limits."""
-    if args.scale is None:
-        return None
-    if args.kind != "residual":
-        raise InvalidValueError("--scale belongs to `train residual`; from scratch the network acts alone")
-    from .builders import make_plain_env
-
-    env = make_plain_env(
-        TrainingSettings(args.kind, DEFAULTS.env_id if args.env is None else args.env).env_id
-    )
-    unwrapped: Any = env.unwrapped
-    scale = default_residual_scale(unwrapped.limits, args.scale * DEFAULT_FACTOR)
-    env.close()
-    return tuple(scale.tolist())
+        env = make_plain_env(settings.env_id)
+        unwrapped: Any = env.unwrapped
+        scale = default_residual_scale(unwrapped.limits, self.scale * DEFAULT_FACTOR)
+        env.close()
+        return tuple(scale.tolist())
 
 
 def _with_progress(timesteps: int, work: Callable[[Report], TrainingResult]) -> TrainingResult:

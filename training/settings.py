@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, Literal
+
+from tyro.conf import Positional, Suppress
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.policies.residual import check_residual_scale
@@ -23,37 +25,42 @@ DEFAULT_GATE = (0.02, 0.06)  # an undisturbed walk of the biped stays below 0.00
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """One run of PPO; the defaults are those that worked on the biped with 16 environments."""
+    """One run of PPO; the defaults are those that worked on the biped with 16 environments.
 
-    kind: str = "residual"  # residual: on top of `policy`; scratch: the network acts alone
-    env_id: str = "PushRecovery/Biped-v0"
-    timesteps: int = 1_000_000  # learned actions; each lasts `hold` planning periods; 0 leaves it untrained
-    seed: int = 0
-    n_envs: int = 16
-    hold: int = 2  # planning periods for which a learned action is held: 50 Hz on 100 Hz
+    These are the options of `push-recovery train` too, with what stands beside them as their help; those
+    marked Suppress the command line gives in another form (`--env`, `--scale`) or not at all.
+    """
+
+    kind: Positional[Literal["residual", "scratch"]] = "residual"
+    """residual: on top of `policy`; scratch: the network acts alone"""
+    env_id: Suppress[str] = "PushRecovery/Biped-v0"
+    timesteps: int = 1_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
+    seed: int = 0  # of weights, exploration and pushes
+    n_envs: int = 16  # environments side by side
+    hold: int = 2  # planning periods for which a learned action is held: 20 ms, 50 Hz on 100 Hz
     policy: str = "two-stage"  # what a residual corrects
-    scale: tuple[float, ...] | None = None  # (7,) in action units; None: the default of `ResidualAction`
+    scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
     gate: tuple[float, ...] | None = DEFAULT_GATE  # (shut, open) of `ResidualGate` [m]; None: always open
-    pushes: PushDistribution = TRAINING_PUSHES  # of the training episodes; scores use other ones
+    pushes: Suppress[PushDistribution] = TRAINING_PUSHES  # of the training episodes; scores use other ones
 
     # Proximal policy optimisation
-    n_steps: int = 256  # actions per environment and update
+    n_steps: int = 256  # learned actions per environment and update
     batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
-    n_epochs: int = 5
+    n_epochs: int = 5  # passes over the actions of an update
     gamma: float = 0.99  # per learned action
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    learning_rate: float = 5e-4  # falls linearly to
-    learning_rate_end: float = 5e-5
-    policy_layers: tuple[int, ...] = (128, 128)
-    value_layers: tuple[int, ...] = (256, 256)
-    log_std: float | tuple[float, ...] | None = None  # initial, one or one per action; None: LOG_STD
+    gae_lambda: float = 0.95  # of the generalised advantage estimate
+    clip_range: float = 0.2  # of the ratio of probabilities
+    learning_rate: float = 5e-4  # of Adam at the start; falls linearly to that at the end
+    learning_rate_end: float = 5e-5  # of Adam at the end
+    policy_layers: tuple[int, ...] = (128, 128)  # widths of the hidden layers
+    value_layers: tuple[int, ...] = (256, 256)  # widths of the hidden layers
+    log_std: float | tuple[float, ...] | None = None  # initial, one or one per action; None: that of the kind
     normalise_reward: bool = True  # divided by the running deviation of the return
 
     # Reports
-    checkpoint_every: int = 20_000  # timesteps
-    evaluate_every: int = 50_000  # timesteps
-    evaluation_scenarios: int = 64
+    checkpoint_every: int = 20_000  # timesteps between checkpoints, at least
+    evaluate_every: int = 50_000  # timesteps between evaluations, at least
+    evaluation_scenarios: int = 64  # pushes of an evaluation
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

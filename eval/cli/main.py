@@ -1,13 +1,12 @@
-"""The command line: parses, dispatches, and turns every error into one line and an exit code."""
+"""The command line: dispatches, and turns every error into one line and an exit code."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from typing import NoReturn
+from collections.abc import Sequence
+from textwrap import fill
 
 from ...controllers.errors import MissingExtraError, PushRecoveryError
 
@@ -16,54 +15,13 @@ STOPPED = "interrupted; what was done is kept"
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
-class Parser(argparse.ArgumentParser):
-    """argparse with errors of one line and no usage dump."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print one line on standard error and exit with 2."""
-        raise SystemExit(_complain(message, BAD_INPUT, self.prog))
-
-
-def _complain(message: object, code: int, program: str = PROGRAM) -> int:
-    line = " ".join(str(message).split())
-    print(f"{program}: error: {line}", file=sys.stderr)
-    return code
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """The parser with every subcommand; each sets `handler` to a function of the namespace."""
-    parser = Parser(
-        prog=PROGRAM,
-        description="Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.",
-        epilog="Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).",
-    )
-    version = sys.modules[__name__.partition(".")[0]].__version__
-    parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
-    from .options import add_commands  # slow to load: inside of what turns Ctrl-C into an exit code
-
-    add_commands(parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser))
-    return parser
-
-
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit code."""
-    try:
-        parser = make_parser()
-        args = parser.parse_args(argv)
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    except KeyboardInterrupt:
-        return _complain(STOPPED, INTERRUPTED)
-    if args.command is None:
-        parser.print_help()
-        return OK
-    return _guarded(args.handler, args)
+    """Run one command; returns its exit code.
 
-
-def _guarded(handler: Callable[[argparse.Namespace], int], args: argparse.Namespace) -> int:
-    """Run a handler; errors become one line, with a traceback only where PUSH_RECOVERY_DEBUG is set."""
+    An error becomes one line, with a traceback only where PUSH_RECOVERY_DEBUG is set.
+    """
     try:
-        return handler(args)
+        return _run(sys.argv[1:] if argv is None else argv)
     except KeyboardInterrupt:
         return _complain(STOPPED, INTERRUPTED)
     except BrokenPipeError:
@@ -76,3 +34,37 @@ def _guarded(handler: Callable[[argparse.Namespace], int], args: argparse.Namesp
             failed = isinstance(error, MissingExtraError) or not isinstance(error, ValueError)
             return _complain(error, FAILED if failed else BAD_INPUT)
         return _complain(f"{type(error).__name__}: {error}", FAILED)
+
+
+def _run(argv: Sequence[str]) -> int:
+    from .parse import parse  # here, so that Ctrl-C while it loads is an exit code too
+
+    if not argv or argv[0] in {"-h", "--help"}:
+        _print_overview()
+        return OK
+    if argv[0] == "--version":
+        print(PROGRAM, sys.modules[__name__.partition(".")[0]].__version__)
+        return OK
+    try:
+        options = parse(argv[0], argv[1:])
+    except SystemExit as leave:  # after the help of a command
+        return int(leave.code or OK)
+    options.run()
+    return OK
+
+
+def _print_overview() -> None:
+    """The commands, without loading one."""
+    from .parse import COMMANDS
+
+    print(f"usage: {PROGRAM} [-h] [--version] COMMAND ...\n")
+    print("Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.\n")
+    for name, (_, _, text) in COMMANDS.items():
+        print(fill(text, 80, initial_indent=f"  {name:<11}", subsequent_indent=" " * 13))
+    print(f"\nOptions of one: {PROGRAM} COMMAND --help")
+    print("Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).")
+
+
+def _complain(message: object, code: int) -> int:
+    print(f"{PROGRAM}: error: {' '.join(str(message).split())}", file=sys.stderr)
+    return code

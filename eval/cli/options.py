@@ -1,337 +1,156 @@
-"""Options of every subcommand, with units, defaults and bounds."""
+"""What the options of several commands have in common, and the bounds of their numbers.
+
+A command is a frozen dataclass: its fields are the options, the texts below them the help, with units.
+What is slow to load is imported by the functions that need it, so that `--help` stays quick.
+"""
 
 from __future__ import annotations
 
-import argparse
-import importlib
+import json
 import math
-from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from ..bench.keys import EPILOG as BENCH_KEYS
-from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, TABLE_ARMS, default_workers
+from tyro.conf import arg
 
-REPRODUCED = ("all", "scenario-1", "scenario-2", "ablations", "limits")  # sections of `reproduce`
-Subparsers = Any  # argparse's own type is private
+from ...controllers.errors import InvalidValueError, is_finite_number, shown
+from ...envs.scenario.model_errors import ModelErrors
+from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
 
-
-class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Appends the default where there is one to tell."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        if action.default in (None, False):
-            return action.help
-        if isinstance(action.default, list):
-            return f"{action.help} (default: {' '.join(action.default)})"
-        return super()._get_help_string(action)
-
-
-class _ListFormatter(HelpFormatter, argparse.RawDescriptionHelpFormatter):
-    """Leaves the lines of the epilog as they are."""
+Flag = Annotated[bool, arg(help_behavior_hint="")]
+Body = Literal["pelvis", "trunk"]
+Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
+Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
+Count = Annotated[int, arg(metavar="N")]
+Real = Annotated[float, arg(metavar="X")]
+Policy = Annotated[str, arg(metavar="NAME|FILE")]
+SUITES_TEXT = f"{', '.join(SUITE_NAMES)}, or a JSON file."
+ERRORS_TEXT = (
+    "What robot and floor are off from what the planner believes, in every scenario, such as "
+    '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md).'
+)
 
 
-def integer(low: int) -> Callable[[str], int]:
-    """Argument type: an integer of at least `low`."""
-
-    def parse(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"must be an integer >= {low}, got {text!r}") from None
-        if value < low:
-            raise argparse.ArgumentTypeError(f"must be an integer >= {low}, got {value}")
-        return value
-
-    return parse
+def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]:
+    """Metadata of a field whose number must be finite and in [low, high], or None."""
+    return {"bounds": (low, high)}
 
 
-def number(low: float, high: float = math.inf) -> Callable[[str], float]:
-    """Argument type: a finite number in [low, high]."""
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(
-                f"must be a number in [{low:g}, {high:g}], got {text!r}"
-            ) from None
-        if not (math.isfinite(value) and low <= value <= high):
-            raise argparse.ArgumentTypeError(f"must be a number in [{low:g}, {high:g}], got {text}")
-        return value
-
-    return parse
+def option(name: str) -> str:
+    """An option as the user writes it, from the name of its field."""
+    return "--" + name.replace("_", "-")
 
 
-def directory(text: str) -> Path:
-    """Argument type: a directory by name; an empty one, as of an unset variable, is refused."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("must name a directory, got an empty string")
-    return Path(text)
+def check_bounds(name: str, value: object, low: float, high: float) -> None:
+    """Raise InvalidValueError where a number is not finite or not in [low, high]."""
+    if not (is_finite_number(value) and low <= float(value) <= high):  # pyright: ignore[reportArgumentType]
+        bound = f">= {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
+        raise InvalidValueError(f"{option(name)} must be a number {bound}, got {shown(value)}")
 
 
-def markdown_file(text: str) -> Path:
-    """Argument type: a Markdown file by name."""
-    if Path(text).suffix != ".md":
-        raise argparse.ArgumentTypeError(f"must name a .md file, got {text!r}")
-    return Path(text)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of a command.
+
+    Raises:
+        InvalidValueError: A number is out of its bounds, a list that needs a value is empty, or a directory
+            has an empty name, as of an unset variable.
+    """
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if "bounds" in entry.metadata and value is not None:
+                check_bounds(entry.name, value, *entry.metadata["bounds"])
+            if value == ():
+                raise InvalidValueError(f"{option(entry.name)} needs at least one value")
+            if entry.name in {"out", "resume"} and value is not None and not str(value).strip():
+                raise InvalidValueError(f"{option(entry.name)} must name a place, got an empty string")
+
+    def defaults(self) -> Options | None:
+        """What the options not given stand for, where it depends on the ones given."""
+        return None
+
+    def run(self) -> None:
+        """Do what the command says."""
+        raise NotImplementedError
 
 
-def _handler(module: str, function: str) -> Callable[[argparse.Namespace], int]:
-    """A handler whose module is imported only when it runs."""
+@dataclass(frozen=True, kw_only=True)
+class JsonOption(Options):
+    """Of a command that can tell its result as JSON."""
 
-    def handle(args: argparse.Namespace) -> int:
-        return getattr(importlib.import_module(module, __package__), function)(args)
+    json: Flag = False
+    """One JSON object on standard output, nothing else there."""
 
-    return handle
-
-
-def _command(commands: Subparsers, name: str, text: str) -> argparse.ArgumentParser:
-    parser = commands.add_parser(name, help=text, description=text, formatter_class=HelpFormatter)
-    parser.set_defaults(handler=_handler(".commands", f"run_{name}"))
-    return parser
+    def print_json(self, content: dict[str, Any]) -> None:
+        """The one object of `--json`."""
+        print(json.dumps(content, allow_nan=False))
 
 
-def _add_env(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--env", metavar="ID", default=DEFAULT_ENV, help="environment id")
-    parser.add_argument(
-        "--preset", metavar="NAME|FILE", help="of planner and robot, such as what tune has found (the "
-        "environment's own)",
-    )  # fmt: skip
+@dataclass(frozen=True, kw_only=True)
+class EnvOptions(Options):
+    """Of a command that makes environments."""
+
+    env: Annotated[str, arg(metavar="ID")] = DEFAULT_ENV
+    """Environment id."""
+    preset: Preset = None
+    """Of planner and robot, such as what tune has found (the environment's own)."""
+
+    @property
+    def env_id(self) -> str:
+        """Environment id with its preset."""
+        from ..rollout.environments import with_preset
+
+        return with_preset(self.env, self.preset)
 
 
-def _add_suite(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--suite", metavar="NAME|FILE", default="quick", help=f"{', '.join(SUITE_NAMES)}, or a JSON file"
-    )
+@dataclass(frozen=True, kw_only=True)
+class ErrorOptions(Options):
+    """Of a command whose robots may be off from the planner's model."""
+
+    errors: Annotated[str, arg(metavar="JSON", help=ERRORS_TEXT)] = "{}"
+
+    @property
+    def model_errors(self) -> ModelErrors:
+        """The errors, checked."""
+        return ModelErrors.from_json(self.errors)
 
 
-def _add_errors(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--errors",
-        metavar="JSON",
-        default="{}",
-        help="what robot and floor are off from what the planner believes, in every scenario, such as "
-        '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md)',
-    )
+@dataclass(frozen=True, kw_only=True)
+class RunningOptions(JsonOption):
+    """Of a command that runs episodes in processes and keeps their rows."""
+
+    workers: Count = field(default_factory=default_workers, metadata=within(1))
+    """Processes; changes no result."""
+    out: Directory = None
+    """Results; a directory of the same configuration is resumed (by default one under runs/ named after the
+    configuration)."""
+    overwrite: Flag = False
+    """Start over where DIR holds results."""
+
+    @property
+    def directory(self) -> Path | None:
+        """Where the results go; None: by the configuration."""
+        return None if self.out is None else Path(self.out)
 
 
-def _add_running(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--workers",
-        metavar="N",
-        type=integer(1),
-        default=default_workers(),
-        help="processes; changes no result",
-    )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        type=directory,
-        help="results; a directory of the same configuration is resumed (by default one under runs/ named "
-        "after the configuration)",
-    )
-    parser.add_argument("--overwrite", action="store_true", help="start over where DIR holds results")
-    _add_json(parser)
+@dataclass(frozen=True, kw_only=True)
+class VelocityOptions(Options):
+    """Commanded velocity."""
+
+    vx: Real = field(default=0.0, metadata=within(-2, 2))
+    """Commanded forward velocity [m/s]."""
+    vy: Real = field(default=0.0, metadata=within(-2, 2))
+    """Commanded velocity to the left [m/s]."""
 
 
-def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--json", action="store_true", help="one JSON object on standard output, nothing else there"
-    )
+@dataclass(frozen=True, kw_only=True)
+class PushOptions(VelocityOptions):
+    """What all pushes of a scan have in common."""
 
-
-def _add_command_velocity(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--vx", type=number(-2, 2), default=0.0, help="commanded forward velocity [m/s]")
-    parser.add_argument("--vy", type=number(-2, 2), default=0.0, help="commanded velocity to the left [m/s]")
-
-
-def add_commands(commands: Subparsers) -> None:
-    """Add every subcommand."""
-    for add in (
-        _add_evaluate,
-        _add_compare,
-        _add_frontier,
-        _add_reproduce,
-        _add_tune,
-        _add_bench,
-        _add_list,
-        _add_warmup,
-        _add_play,
-        add_train_parser,
-    ):
-        add(commands)
-
-
-def _add_evaluate(commands: Subparsers) -> None:
-    parser = _command(commands, "evaluate", "Score policies on a suite: recovery rates on the same pushes.")
-    _add_env(parser)
-    parser.add_argument(
-        "--policies",
-        metavar="NAME|FILE",
-        nargs="+",
-        default=list(TABLE_ARMS),
-        help="names (see list), policy files, or MODULE:ATTRIBUTE",
-    )
-    _add_suite(parser)
-    _add_errors(parser)
-    _add_running(parser)
-
-
-def _add_compare(commands: Subparsers) -> None:
-    parser = _command(
-        commands, "compare", "Compare two policies on the same pushes: exact McNemar, score interval."
-    )
-    parser.add_argument("a", metavar="A", help="policy: name, file, or MODULE:ATTRIBUTE")
-    parser.add_argument("b", metavar="B", help="policy: name, file, or MODULE:ATTRIBUTE")
-    _add_env(parser)
-    _add_suite(parser)
-    _add_errors(parser)
-    _add_running(parser)
-
-
-def _add_frontier(commands: Subparsers) -> None:
-    parser = _command(
-        commands, "frontier",
-        "Largest recoverable push by direction, at the start of a left stance after four nominal steps.",
-    )  # fmt: skip
-    _add_env(parser)
-    parser.add_argument(
-        "--policy", "--policies", dest="policies", metavar="NAME|FILE", nargs="+", default=["two-stage"],
-        help="names, policy files, or MODULE:ATTRIBUTE, all in one picture",
-    )  # fmt: skip
-    parser.add_argument(
-        "--directions",
-        metavar="N",
-        type=integer(1),
-        default=16,
-        help="directions, counter-clockwise from forward",
-    )
-    parser.add_argument(
-        "--grid", metavar="N", type=number(1, 1000), default=None, help="step of the force [N] "
-        "(10 on the pendulum, 20 elsewhere)",
-    )  # fmt: skip
-    parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
-    parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
-    _add_command_velocity(parser)
-    _add_errors(parser)
-    _add_running(parser)
-
-
-def _add_reproduce(commands: Subparsers) -> None:
-    parser = _command(
-        commands, "reproduce",
-        "Measure the paper's results again on the pendulum: scenarios, ablations, limits, pictures.",
-    )  # fmt: skip
-    parser.add_argument(
-        "section", nargs="?", choices=REPRODUCED, default=REPRODUCED[0], metavar="SECTION",
-        help=", ".join(REPRODUCED),
-    )  # fmt: skip
-    parser.add_argument(
-        "--directions", metavar="N", type=integer(1), default=36,
-        help="directions of scenario 2, counter-clockwise from forward",
-    )  # fmt: skip
-    parser.add_argument(
-        "--page", metavar="FILE.md", type=markdown_file,
-        help="write a page that holds the paper's claims against the run, pictures beside it",
-    )  # fmt: skip
-    _add_running(parser)
-
-
-def _add_tune(commands: Subparsers) -> None:
-    parser = _command(
-        commands, "tune",
-        "Search the settings of planner and robot on pushes of their own, by CMA-ES; more trials go on where "
-        "fewer ended. The best becomes DIR/preset.json.",
-    )  # fmt: skip
-    _add_env(parser)
-    parser.add_argument("--policy", metavar="NAME", default="two-stage", help="arm whose gains are tuned")
-    parser.add_argument(
-        "--space", choices=("planner", "robot", "both"), default="planner",
-        help="the arm's gains; gait box, gait machine and whole-body control, which all arms share; or both",
-    )  # fmt: skip
-    parser.add_argument(
-        "--only", metavar="FIELD", nargs="+",
-        help="groups or fields of the space, such as limits or gait.apex (all of it)",
-    )  # fmt: skip
-    parser.add_argument("--trials", metavar="N", type=integer(1), default=100, help="budget")
-    parser.add_argument(
-        "--scenarios", metavar="N", type=integer(8), default=256, help="of a trial that is not stopped early"
-    )
-    parser.add_argument(
-        "--errors", metavar="JSON", default="{}",
-        help="model errors of every second robot, half of these with the mass error negated (docs/tuning.md)",
-    )  # fmt: skip
-    parser.add_argument("--seed", metavar="N", type=integer(0), default=0, help="of the search")
-    _add_running(parser)
-
-
-def _add_bench(commands: Subparsers) -> None:
-    parser = _command(
-        commands, "bench",
-        "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and other "
-        "solvers.",
-    )  # fmt: skip
-    parser.formatter_class, parser.epilog = _ListFormatter, BENCH_KEYS
-    _add_env(parser)
-    parser.add_argument(
-        "--seconds", type=number(0.1, 600), default=20.0,
-        help="simulated time of one robot's closed loop [s]; less than 5 measures only what is quick: no "
-        "Humanoid-v5, no other solvers, no more than 64 robots, no start of a process",
-    )  # fmt: skip
-    _add_json(parser)
-
-
-def _add_list(commands: Subparsers) -> None:
-    _add_json(_command(commands, "list", "List environments, policies and suites."))
-
-
-def _add_warmup(commands: Subparsers) -> None:
-    text = "Compile all kernels now, for every later process of this user: minutes once, then seconds."
-    _add_json(_command(commands, "warmup", text))
-
-
-def _add_play(commands: Subparsers) -> None:
-    parser = _command(commands, "play", "Show one push: in a window, or written to a video or picture.")
-    _add_env(parser)
-    parser.add_argument(
-        "--policy", metavar="NAME|FILE", default="two-stage", help="name, policy file, or MODULE:ATTRIBUTE"
-    )
-    parser.add_argument("--force", type=number(0, 10_000), default=200.0, help="of the push [N]")
-    parser.add_argument(
-        "--psi", type=number(-360, 360), default=0.0, help="direction, counter-clockwise from forward [deg]"
-    )
-    parser.add_argument("--duration", type=number(1e-3, 2), default=0.1, help="of the push [s]")
-    parser.add_argument("--body", choices=("pelvis", "trunk"), default="pelvis", help="body that is pushed")
-    _add_command_velocity(parser)
-    _add_errors(parser)
-    parser.add_argument("--suite", metavar="NAME|FILE", help="take the push from a suite instead")
-    parser.add_argument("--scenario", metavar="ID", help="scenario of the suite (the first one)")
-    parser.add_argument(
-        "--out", metavar="FILE", type=Path, help="mp4 or gif film, or png contact sheet; a window without it"
-    )
-
-
-def add_train_parser(commands: Subparsers) -> None:
-    """Options of `train`; the training package is imported only when it runs."""
-    parser = commands.add_parser(
-        "train",
-        help="Train a policy with PPO.",
-        description="Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch.",
-        formatter_class=HelpFormatter,
-    )
-    parser.set_defaults(handler=_handler("...training.command", "run"))
-    parser.add_argument("kind", choices=("residual", "scratch"), help="what is learned")
-    for option, metavar, parse, text in (
-        ("--env", "ID", str, "plain environment id: a residual is learned on top of it, not on a residual id "
-         "(default: PushRecovery/Biped-v0)"),
-        ("--timesteps", "N", integer(0), "learned actions in all, over all environments, each held for 20 ms "
-         "(default: 1000000)"),
-        ("--seed", "N", integer(0), "of weights, exploration and pushes (default: 0)"),
-        ("--n-envs", "N", integer(1), "environments side by side (default: 16)"),
-        ("--out", "DIR", directory, "policy, checkpoints and logs (default: under runs/)"),
-        ("--resume", "DIR", Path, "go on from the last checkpoint of the run in DIR, with its settings; "
-         "checkpoints are safetensors and JSON"),
-        ("--scale", "X", number(0, 10), "residual relative to its default size (residual only; default: 1)"),
-    ):  # fmt: skip
-        parser.add_argument(option, metavar=metavar, type=parse, help=text)
+    duration: Real = field(default=0.1, metadata=within(1e-3, 2))
+    """Of the push [s]."""
+    body: Body = "pelvis"
+    """Body that is pushed."""

@@ -1,28 +1,31 @@
-import argparse
 import dataclasses
 import json
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
 from push_recovery.envs.scenario.push_distribution import PushDistribution
-from push_recovery.training import command, extras
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.cli.parse import parse
+from push_recovery.training import extras
+from push_recovery.training.checkpoint import load_checkpoint
 from push_recovery.training.settings import TrainingSettings
 
 
-def options(**given):
-    names = ("kind", "env", "timesteps", "seed", "n_envs", "out", "resume", "scale")
-    return argparse.Namespace(**(dict.fromkeys(names) | {"kind": "scratch"} | given))
+def train(kind="scratch", **given):
+    """What `push-recovery train` does; its errors are raised."""
+    words = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value))]
+    parse("train", [kind, *words]).run()
 
 
 def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
     out = tmp_path / "run"
-    assert command.run(options(env=toy, timesteps=600, n_envs=2, seed=1, out=out)) == 0
+    train(env=toy, timesteps=600, n_envs=2, seed=1, out=out)
     assert "policy.safetensors" in capsys.readouterr().out
-    assert command.run(options(resume=out, timesteps=1200)) == 0
+    train(resume=out, timesteps=1200)
     assert "1536 timesteps" in capsys.readouterr().out
     about = NetworkPolicy.load(out / "policy").description
     assert about.residual is None
@@ -36,15 +39,15 @@ def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
         {"env": "PushRecovery/Biped-v0"},
     ):
         with pytest.raises(InvalidValueError, match="the run in"):
-            command.run(options(resume=out, **wrong))
+            train(resume=out, **wrong)
     with pytest.raises(InvalidValueError, match="--out"):
-        command.run(options(resume=out, out=tmp_path))
+        train(resume=out, out=tmp_path)
     with pytest.raises(InvalidValueError, match="--scale"):
-        command.run(options(resume=out, scale=1.0))
+        train(resume=out, scale=1.0)
 
 
 def test_scale_multiplies_the_default(tmp_path, toy):
-    command.run(options(kind="residual", env=toy, timesteps=0, out=tmp_path / "run", scale=0.5))
+    train(kind="residual", env=toy, timesteps=0, out=tmp_path / "run", scale=0.5)
     residual = NetworkPolicy.load(tmp_path / "run" / "policy").description.residual
     assert residual is not None
     expected = default_residual_scale(GaitLimits(), 0.5 * DEFAULT_FACTOR)
@@ -53,33 +56,40 @@ def test_scale_multiplies_the_default(tmp_path, toy):
 
 def test_bad_options_are_refused(tmp_path, toy):
     with pytest.raises(InvalidValueError, match="train residual"):
-        command.run(options(env=toy, scale=1.0))
-    with pytest.raises(UnknownNameError, match="residual, scratch"):
-        command.run(options(kind="both"))
+        train(env=toy, scale=1.0)
+    with pytest.raises(InvalidValueError, match="both.*residual.*scratch"):
+        train(kind="both")
     with pytest.raises(InvalidValueError, match="n_envs"):
-        command.run(options(env=toy, n_envs=0))
+        train(env=toy, n_envs=0)
     with pytest.raises(InvalidValueError, match="no checkpoint"):
-        command.run(options(resume=tmp_path))
+        train(resume=tmp_path)
+
+
+def test_a_run_keeps_all_its_settings_when_it_goes_on(tmp_path, toy):
+    out = tmp_path / "run"
+    train(kind="residual", env=toy, timesteps=0, n_envs=2, gamma=0.9, scale=0.5, out=out)
+    again = parse("train", ["--resume", str(out), "--timesteps", "7"])
+    settings = load_checkpoint(out).settings
+    assert (settings.gamma, settings.n_envs) == (0.9, 2)
+    assert again.settings == dataclasses.replace(settings, timesteps=7)
+    with pytest.raises(InvalidValueError, match="the run in .* has gamma 0.9, not 0.99"):
+        train(kind="residual", resume=out, gamma=0.99)
 
 
 @pytest.mark.parametrize("missing", ["torch", "stable_baselines3", "tensorboard"])
 def test_a_missing_extra_names_the_command_that_installs_it(monkeypatch, missing):
     monkeypatch.setattr(extras, "find_spec", lambda name: None if name == missing else object())
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[train\]'"):
-        command.run(options())
+        train()
 
 
 def test_the_help_tells_the_defaults_of_the_settings(capsys):
-    from push_recovery.eval.cli.main import main, make_parser
-
     assert main(["train", "--help"]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.replace("│", "").split())
     settings = TrainingSettings()
     for value in (settings.env_id, settings.timesteps, settings.seed, settings.n_envs):
         assert f"(default: {value})" in text
     assert f"{settings.hold * 10} ms" in text
-    parsed = make_parser().parse_args(["train", "residual"])
-    assert (parsed.env, parsed.timesteps, parsed.seed, parsed.n_envs) == (None,) * 4
 
 
 @pytest.mark.parametrize("log_std", [None, -2.0, (-1.0,) * 7])
@@ -122,12 +132,12 @@ def test_minibatches_divide_the_rollout(n_envs, batch):
 
 def test_a_checkpoint_imports_no_module_that_the_user_did_not_name(tmp_path, toy, monkeypatch):
     out = tmp_path / "run"
-    command.run(options(env=toy, timesteps=0, n_envs=2, out=out))
+    train(env=toy, timesteps=0, n_envs=2, out=out)
     (tmp_path / "evilmod.py").write_text("raise RuntimeError('code of the checkpoint has run')")
     monkeypatch.syspath_prepend(tmp_path)
     state = next((out / "checkpoints").glob("*/state.json"))
     state.write_text(state.read_text().replace(toy, "evilmod:X-v0"))
     with pytest.raises(InvalidValueError, match="run the code of 'evilmod': say --env evilmod:X-v0"):
-        command.run(options(resume=out))
+        train(resume=out)
     with pytest.raises(RuntimeError, match="code of the checkpoint has run"):
-        command.run(options(resume=out, env="evilmod:X-v0"))
+        train(resume=out, env="evilmod:X-v0")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import toy_gait_env as toy
+from push_recovery.eval.cli.commands.names import Names
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.names import SUITE_NAMES
 from push_recovery.eval.score.suites import SUITES, Suite, quick_suite
@@ -115,8 +116,11 @@ def test_list(capsys):
         (["play", "--out", "film.avi", "--env", toy.ENV_ID], [".avi", ".mp4", ".png"]),
         (["play", "--suite", "quick", "--scenario", "standard-9999"], ["standard-9999", "standard-0000"]),
         (["train", "everything"], ["everything", "residual", "scratch"]),
-        (["train", "residual", "--timesteps", "-1"], ["--timesteps", ">= 0"]),
+        (["train", "residual", "--timesteps", "-1"], ["timesteps", ">= 0"]),
         (["bench", "--seconds", "0"], ["--seconds", "0.1"]),
+        (["evaluate", "--sute", "quick"], ["--sute", "did you mean --suite?"]),
+        (["evaluate", "--policies"], ["--policies", "at least one"]),
+        (["reproduce", "--out"], ["--out", "Expected 1"]),
     ],
 )
 def test_bad_input_is_one_line_with_the_valid_choices(argv, words, capsys):
@@ -160,12 +164,10 @@ def test_the_overview_loads_no_planner():
 
 
 def test_failures_inside_are_exit_1_without_traceback(monkeypatch, capsys):
-    from push_recovery.eval.cli import commands
-
-    def fail(args):
+    def fail(options):
         raise RuntimeError("broken\nin two lines")
 
-    monkeypatch.setattr(commands, "run_list", fail)
+    monkeypatch.setattr(Names, "run", fail)
     assert main(["list"]) == 1
     assert capsys.readouterr().err == "push-recovery: error: RuntimeError: broken in two lines\n"
 

@@ -13,7 +13,7 @@ from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.cli.main import make_parser
+from push_recovery.eval.cli.commands.evaluate import Evaluate
 from push_recovery.eval.rollout import loop
 from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
 from push_recovery.eval.rollout.environments import make_env
@@ -201,6 +201,5 @@ def test_an_environment_that_acts_in_its_own_way_runs_alone():
 
 def test_a_table_leaves_out_what_falls_without_a_push():
     assert set(ANALYTIC_ARMS) - set(TABLE_ARMS) == {"passive"}
-    args = make_parser().parse_args(["evaluate"])
-    assert tuple(args.policies) == TABLE_ARMS
+    assert Evaluate().policies == TABLE_ARMS
     assert "passive" in policy_names()  # for those who ask for it

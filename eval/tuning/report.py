@@ -1,46 +1,19 @@
-"""`push-recovery tune`: run or resume a study, show how it goes, and say what it found."""
+"""What a study has found, as tables and as one object."""
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from typing import Any
 
-from ...envs.scenario.model_errors import ModelErrors
-from ..output.progress import progress_bars
 from ..output.tables import print_table
-from .candidate import space_of
-from .settings import TuningSettings
-from .study import Study, tune
-from .trials import Row
+from .study import Study
 
 COLUMNS = ("field", "start", "best", "change [units]")
 
 
-def run(args: argparse.Namespace) -> int:
-    """Run a study from its options, print the tables or the object."""
-    settings = TuningSettings(
-        args.env,
-        args.policy,
-        args.space,
-        tuple(args.only or ()),
-        args.preset or "",
-        args.seed,
-        args.scenarios,
-        ModelErrors.from_json(args.errors),
-    )
-    space_of(settings)  # unknown fields fail here, before the bar
-    with progress_bars([settings.policy], args.trials) as bars:
-
-        def show(row: Row, best: Row) -> None:
-            bars.set(settings.policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
-
-        study = tune(settings, args.trials, args.workers, args.out, args.overwrite, show)
-    if args.json:
-        print(json.dumps(summary(study), allow_nan=False))
-        return 0
-    found = study.preset.found
+def print_study(study: Study) -> None:
+    """Scores on both suites, and the fields that moved most."""
+    settings, found = study.settings, study.preset.found
     print_table(
         f"{settings.env_id}: {settings.policy}, {found['trials']} trials, {found['episodes']} episodes",
         ("suite", "start", "best", "difference", "McNemar p"),
@@ -48,7 +21,6 @@ def run(args: argparse.Namespace) -> int:
     )
     print_table("Fields that moved most", COLUMNS, field_cells(study))
     print(f"preset: {study.path}")
-    return 0
 
 
 def summary(study: Study) -> dict[str, Any]:

@@ -1,0 +1,48 @@
+"""`push-recovery compare`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from .evaluate import SuiteOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare(SuiteOptions):
+    """Compare two policies on the same pushes."""
+
+    a: Annotated[Positional[str], arg(metavar="A")]
+    """Policy: name, file, or MODULE:ATTRIBUTE."""
+    b: Annotated[Positional[str], arg(metavar="B")]
+    """Policy: name, file, or MODULE:ATTRIBUTE."""
+
+    def run(self) -> None:
+        """Compare two policies, print the table or the object."""
+        from ...output.tables import print_table
+        from ...score.compare import compare
+
+        env_id = self.env_id
+        comparison = compare(
+            self.a, self.b, self.pushes, env_id, self.workers, self.directory, self.overwrite
+        )
+        content = comparison.to_dict()
+        if self.json:
+            self.print_json(content)
+            return
+        low, high = content["ci95"]
+        cells = [
+            ("both recovered", str(content["both"])),
+            (f"only {self.a}", str(content["only_a"])),
+            (f"only {self.b}", str(content["only_b"])),
+            ("neither", str(content["neither"])),
+            (
+                f"rate of {self.a} minus rate of {self.b}",
+                f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})",
+            ),
+            ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
+        ]
+        print_table(f"{env_id}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
+        print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")

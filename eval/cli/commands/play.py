@@ -1,0 +1,79 @@
+"""`push-recovery play`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from ....controllers.errors import UnknownNameError
+from ....envs.scenario.scenario import Command, Scenario
+from ..options import EnvOptions, ErrorOptions, Policy, PushOptions, Real, within
+
+if TYPE_CHECKING:
+    from ...rollout.outcome import Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play(EnvOptions, PushOptions, ErrorOptions):
+    """Show one push."""
+
+    policy: Policy = "two-stage"
+    """Name, policy file, or MODULE:ATTRIBUTE."""
+    force: Real = field(default=200.0, metadata=within(0, 10_000))
+    """Of the push [N]."""
+    psi: Real = field(default=0.0, metadata=within(-360, 360))
+    """Direction, counter-clockwise from forward [deg]."""
+    suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    """Take the push from a suite instead."""
+    scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
+    """Scenario of the suite (the first one)."""
+    out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Film (mp4 or gif) or contact sheet (png); a window without it."""
+
+    def run(self) -> None:
+        """Render one episode, and say what became of it."""
+        from ..play import play
+
+        scenario = self._scenario()
+        outcome, path = play(self.env_id, self.policy, scenario, None if self.out is None else Path(self.out))
+        print(f"{scenario.id}: {verdict(outcome)}" + (f"; {path}" if path else ""))
+
+    def _scenario(self) -> Scenario:
+        """The scenario named, or the frontier's push with the options' force and direction."""
+        if self.suite is not None or self.scenario is not None:
+            return self._of_suite("quick" if self.suite is None else self.suite)
+        from ...frontier.scan import FrontierSettings
+
+        settings = FrontierSettings(
+            self.env_id,
+            duration=self.duration,
+            body=self.body,
+            command=Command(self.vx, self.vy),
+            errors=self.model_errors,
+        )
+        scenario = settings.scenario(self.psi, self.force)
+        return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")
+
+    def _of_suite(self, name: str) -> Scenario:
+        from ...score.suites import get_suite, with_errors
+
+        suite = with_errors(get_suite(name), self.model_errors)
+        ids = [scenario.id for scenario in suite.scenarios]
+        wanted = ids[0] if self.scenario is None else self.scenario
+        if wanted not in ids:
+            raise UnknownNameError(
+                f"scenario of suite {suite.name}", wanted, [*ids[:3], f"... {len(ids)} in all"]
+            )
+        return suite.scenarios[ids.index(wanted)]
+
+
+def verdict(outcome: Outcome) -> str:
+    """What became of an episode, for people."""
+    if outcome.recovered_at is not None and outcome.recovered:
+        return f"recovered, from {outcome.recovered_at:.2f} s on"
+    if outcome.survived:
+        return f"survived {outcome.end_time:.2f} s, not settled"
+    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"

@@ -1,0 +1,46 @@
+"""`push-recovery reproduce`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from ....controllers.errors import InvalidValueError, shown
+from ..options import Count, RunningOptions, within
+
+Section = Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduce(RunningOptions):
+    """Measure the paper's results again on the pendulum."""
+
+    section: Positional[Section] = "all"
+    """Part of the paper."""
+    directions: Count = field(default=36, metadata=within(1))
+    """Directions of scenario 2, counter-clockwise from forward."""
+    page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    """Write a page that holds the paper's claims against the run, pictures beside it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.page is not None and Path(self.page).suffix != ".md":
+            raise InvalidValueError(f"--page must name a .md file, got {shown(self.page)}")
+
+    def run(self) -> None:
+        """Reproduce, write everything into the directory, print the tables or the object."""
+        from ...output.tables import print_table
+        from ...reproduction.report.run import RESULT, TABLES, reproduce
+
+        page = None if self.page is None else Path(self.page)
+        found = reproduce(self.section, self.directions, self.workers, self.directory, self.overwrite, page)
+        if self.json:
+            self.print_json(found.content)
+            return
+        for table in found.tables:
+            print_table(*table)
+        for path in (found.directory / RESULT, found.directory / TABLES, *found.pictures):
+            print(path)

@@ -1,0 +1,104 @@
+"""From words to the options of a command, by tyro; bad words become one error of one line."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from ...controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+
+if TYPE_CHECKING:
+    from .options import Options
+
+PROGRAM = "push-recovery"
+COMMANDS = {  # module, class and what it does; a module is loaded when its command is asked for
+    "evaluate": (".commands.evaluate", "Evaluate",
+                 "Score policies on a suite: recovery rates on the same pushes."),
+    "compare": (".commands.compare", "Compare",
+                "Compare two policies on the same pushes: exact McNemar, score interval."),
+    "frontier": (".commands.frontier", "Frontier",
+                 "Largest recoverable push by direction, at the start of a left stance after four nominal "
+                 "steps."),
+    "reproduce": (".commands.reproduce", "Reproduce",
+                  "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
+                  "pictures."),
+    "tune": (".commands.tune", "Tune",
+             "Search the settings of planner and robot on pushes of their own, by CMA-ES; more trials go on "
+             "where fewer ended. The best becomes DIR/preset.json."),
+    "bench": (".commands.bench", "Bench",
+              "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
+              "other solvers."),
+    "list": (".commands.names", "Names", "List environments, policies and suites."),
+    "warmup": (".commands.warmup", "WarmUp",
+               "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
+    "play": (".commands.play", "Play", "Show one push: in a window, or written to a video or picture."),
+    "train": ("...training.command", "Train",
+              "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
+}  # fmt: skip
+WORDS = {  # what tyro says of Python's own number types and of a group of options, and what this program says
+    r":? invalid literal for int\(\) with base 10:": " must be a whole number, got",
+    r":? could not convert string to float:": " must be a number, got",
+    r"'settings\.(\w+)'": r"'\1'",
+}
+FRAME = "╭╮╰╯│"
+RULE = "────"
+
+
+def parse(name: str, words: Sequence[str]) -> Options:
+    """The options of a command; those not given have its defaults.
+
+    Raises:
+        UnknownNameError: There is no such command.
+        InvalidValueError: An option is unknown, lacks its value, or has an impossible one.
+        SystemExit: Help was asked for, and has been printed.
+    """
+    if name not in COMMANDS:
+        raise UnknownNameError("command", name, COMMANDS)
+    module, kind, _ = COMMANDS[name]
+    command: type[Options] = getattr(import_module(module, __package__), kind)
+    options = _parse(name, command, words)
+    default = options.defaults()
+    return options if default is None else _parse(name, command, words, default)
+
+
+def _parse(
+    name: str, command: type[Options], words: Sequence[str], default: Options | None = None
+) -> Options:
+    import tyro
+
+    said = io.StringIO()
+    told = partial(
+        tyro.cli, command, prog=f"{PROGRAM} {name}", description=COMMANDS[name][2], args=list(words),
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )  # fmt: skip
+    try:
+        with redirect_stderr(said):
+            return told() if default is None else told(default=default)
+    except SystemExit as leave:
+        if not leave.code:
+            print(getattr(command, "EPILOG", ""), end="")
+            raise
+        raise (_cause(leave) or InvalidValueError(one_line(said.getvalue()))) from None
+
+
+def _cause(error: BaseException | None) -> PushRecoveryError | None:
+    """The error of this project that led to another one, if any: what the options themselves refused."""
+    while error is not None and not isinstance(error, PushRecoveryError):
+        error = error.__context__
+    return error
+
+
+def one_line(box: str) -> str:
+    """What a framed message of tyro says, without its title, its frame, and its hints at the help."""
+    lines = [line.strip(FRAME + " ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
+    end = next((i for i, line in enumerate(lines) if line.startswith(RULE)), len(lines))
+    text = " ".join(" ".join(lines[:end]).split()).removeprefix("Error parsing ")
+    meant = [line for line in lines[end:] if line.startswith("--")]
+    for theirs, ours in WORDS.items():
+        text = re.sub(theirs, ours, text)
+    return text + (f"; did you mean {meant[0].split()[0]}?" if "Perhaps you meant:" in lines else "")

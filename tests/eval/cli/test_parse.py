@@ -1,0 +1,52 @@
+from dataclasses import fields
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.eval.cli.commands.frontier import Frontier
+from push_recovery.eval.cli.commands.tune import Tune
+from push_recovery.eval.cli.options import VelocityOptions
+from push_recovery.eval.cli.parse import COMMANDS, one_line, parse
+from push_recovery.eval.tuning.settings import TuningSettings
+
+
+def test_options_are_the_fields_of_a_dataclass():
+    options = parse(
+        "frontier", ["--policy", "a", "b", "--vx", "-0.5", "--grid", "5", "--body", "trunk", "--json"]
+    )
+    assert options == Frontier(policies=("a", "b"), vx=-0.5, grid=5.0, body="trunk", json=True)
+    assert parse("frontier", ["--policies", "a", "b"]) == Frontier(policies=("a", "b"))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -2.01, 2.01])
+def test_bounds_hold_for_options_made_in_python_too(value):
+    assert VelocityOptions(vx=-2.0, vy=2.0).vy == 2.0
+    with pytest.raises(InvalidValueError, match=r"--vy must be a number in \[-2, 2\]"):
+        VelocityOptions(vy=value)
+
+
+def test_tune_has_the_defaults_of_its_settings():
+    tune, settings = Tune().settings, TuningSettings(Tune().env, Tune().policy)
+    for field in fields(TuningSettings):
+        assert getattr(tune, field.name) == getattr(settings, field.name)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_has_a_text(name, capsys):
+    with pytest.raises(SystemExit) as leave:
+        parse(name, ["--help"])
+    assert leave.value.code == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for option in text.split(" --")[2:]:
+        assert len(option.partition("(default")[0].split()) > 1, option
+
+
+def test_a_frame_becomes_one_line():
+    box = """\
+╭─ Value error ─────────────────────────────╮
+│ Error parsing --seed: invalid literal for │
+│ int() with base 10: 'two'                 │
+│ ───────────────────────────────────────── │
+│ For full helptext, see x --help           │
+╰───────────────────────────────────────────╯
+"""
+    assert one_line(box) == "--seed must be a whole number, got 'two'"
