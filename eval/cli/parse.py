@@ -47,6 +47,7 @@ WORDS = {  # what tyro says of Python's own number types and of a group of optio
 }
 FRAME = "╭╮╰╯│"
 RULE = "────"
+MEANT = "Perhaps you meant:"
 
 
 def parse(name: str, words: Sequence[str]) -> Options:
@@ -98,7 +99,8 @@ def one_line(box: str) -> str:
     lines = [line.strip(FRAME + " ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
     end = next((i for i, line in enumerate(lines) if line.startswith(RULE)), len(lines))
     text = " ".join(" ".join(lines[:end]).split()).removeprefix("Error parsing ")
-    meant = [line for line in lines[end:] if line.startswith("--")]
+    hints = lines[lines.index(MEANT) :] if MEANT in lines else []
+    meant = re.search(r"--[\w-]+", " ".join(hints))
     for theirs, ours in WORDS.items():
         text = re.sub(theirs, ours, text)
-    return text + (f"; did you mean {meant[0].split()[0]}?" if "Perhaps you meant:" in lines else "")
+    return f"{text}; did you mean {meant[0]}?" if meant else text

@@ -57,7 +57,7 @@ def test_scale_multiplies_the_default(tmp_path, toy):
 def test_bad_options_are_refused(tmp_path, toy):
     with pytest.raises(InvalidValueError, match="train residual"):
         train(env=toy, scale=1.0)
-    with pytest.raises(InvalidValueError, match="both.*residual.*scratch"):
+    with pytest.raises(InvalidValueError, match=r"both.*residual.*scratch"):
         train(kind="both")
     with pytest.raises(InvalidValueError, match="n_envs"):
         train(env=toy, n_envs=0)
@@ -72,7 +72,7 @@ def test_a_run_keeps_all_its_settings_when_it_goes_on(tmp_path, toy):
     settings = load_checkpoint(out).settings
     assert (settings.gamma, settings.n_envs) == (0.9, 2)
     assert again.settings == dataclasses.replace(settings, timesteps=7)
-    with pytest.raises(InvalidValueError, match="the run in .* has gamma 0.9, not 0.99"):
+    with pytest.raises(InvalidValueError, match=r"the run in .* has gamma 0.9, not 0.99"):
         train(kind="residual", resume=out, gamma=0.99)
 
 
