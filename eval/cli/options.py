@@ -46,7 +46,8 @@ def check_bounds(name: str, value: object, low: float, high: float) -> None:
     """Raise InvalidValueError where a number is not finite or not in [low, high]."""
     if not (is_finite_number(value) and low <= float(value) <= high):  # pyright: ignore[reportArgumentType]
         bound = f">= {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
-        raise InvalidValueError(f"{option(name)} must be a number {bound}, got {shown(value)}")
+        kind = "an integer" if isinstance(value, int) else "a number"
+        raise InvalidValueError(f"{option(name)} must be {kind} {bound}, got {shown(value)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,9 @@ class Options:
             if value == ():
                 raise InvalidValueError(f"{option(entry.name)} needs at least one value")
             if entry.name in {"out", "resume"} and value is not None and not str(value).strip():
-                raise InvalidValueError(f"{option(entry.name)} must name a place, got an empty string")
+                raise InvalidValueError(
+                    f"{option(entry.name)} must name a directory or a file, got an empty string"
+                )
 
     def defaults(self) -> Options | None:
         """What the options not given stand for, where it depends on the ones given."""

@@ -41,12 +41,11 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
               "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
 }  # fmt: skip
 WORDS = {  # what tyro says of Python's own number types and of a group of options, and what this program says
-    r":? invalid literal for int\(\) with base 10:": " must be a whole number, got",
+    r":? invalid literal for int\(\) with base 10:": " must be an integer, got",
     r":? could not convert string to float:": " must be a number, got",
     r"'settings\.(\w+)'": r"'\1'",
 }
 FRAME = "╭╮╰╯│"
-RULE = "────"
 MEANT = "Perhaps you meant:"
 
 
@@ -96,9 +95,11 @@ def _cause(error: BaseException | None) -> PushRecoveryError | None:
 
 def one_line(box: str) -> str:
     """What a framed message of tyro says, without its title, its frame, and its hints at the help."""
-    lines = [line.strip(FRAME + " ") for line in box.splitlines() if not line.startswith(("╭", "╰"))]
-    end = next((i for i, line in enumerate(lines) if line.startswith(RULE)), len(lines))
-    text = " ".join(" ".join(lines[:end]).split()).removeprefix("Error parsing ")
+    lines = [line.strip(FRAME + " ") for line in box.splitlines()][1:]
+    rules = [i for i, line in enumerate(lines) if len(line) > 1 and set(line) <= {"─", "-"}]
+    began = 1 if rules[:1] == [0] else 0  # a terminal without UTF-8 has a rule below the title
+    end = next((i for i in rules if i >= began), len(lines))
+    text = " ".join(" ".join(lines[began:end]).split()).removeprefix("Error parsing ")
     hints = lines[lines.index(MEANT) :] if MEANT in lines else []
     meant = re.search(r"--[\w-]+", " ".join(hints))
     for theirs, ours in WORDS.items():

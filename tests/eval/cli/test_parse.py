@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from dataclasses import fields
 
 import pytest
@@ -40,8 +43,7 @@ def test_every_option_has_a_text(name, capsys):
         assert len(option.partition("(default")[0].split()) > 1, option
 
 
-def test_a_frame_becomes_one_line():
-    box = """\
+FRAMED = """\
 ╭─ Value error ─────────────────────────────╮
 │ Error parsing --seed: invalid literal for │
 │ int() with base 10: 'two'                 │
@@ -49,4 +51,29 @@ def test_a_frame_becomes_one_line():
 │ For full helptext, see x --help           │
 ╰───────────────────────────────────────────╯
 """
-    assert one_line(box) == "--seed must be a whole number, got 'two'"
+BARE = """ Value error
+ -----------------------------------------
+  Error parsing --seed: invalid literal for
+  int() with base 10: 'two'
+  -----------------------------------------
+  For full helptext, see x --help
+
+"""
+
+
+@pytest.mark.parametrize("box", [FRAMED, BARE])
+def test_a_frame_becomes_one_line(box):
+    assert one_line(box) == "--seed must be an integer, got 'two'"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_errors_are_the_same_on_every_terminal(encoding):
+    done = subprocess.run(
+        [sys.executable, "-m", "push_recovery", "evaluate", "--sute", "quick"],
+        capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == (
+        "push-recovery: error: Unrecognized options: --sute, quick; did you mean --suite?\n"
+    )

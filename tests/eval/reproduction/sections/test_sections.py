@@ -150,7 +150,7 @@ def test_sections_share_a_directory(small, tmp_path):
 @pytest.mark.parametrize(
     ("argv", "text"),
     [
-        (["nonsense"], "choose from 'all', 'scenario-1', 'scenario-2', 'ablations', 'limits'"),
+        (["nonsense"], "one of ('all', 'scenario-1', 'scenario-2', 'ablations', 'limits'"),
         (["limits", "--directions", "0"], "must be an integer >= 1, got 0"),
         (["limits", "--out", ""], "must name a directory"),
     ],
