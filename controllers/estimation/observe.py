@@ -8,7 +8,8 @@ from typing import NamedTuple
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, add, scaled, subtract, vector_at
 from ..model.capturability import capture_margin_kernel
-from ..whole_body.gait_machine import Gait, GaitSettings, Point, side_sign
+from ..model.frame import Frame, canonical, canonical_frame, in_world
+from ..whole_body.gait_machine import Gait, GaitSettings, Point
 from ..whole_body.kinematics import (
     PELVIS,
     TRUNK,
@@ -33,27 +34,6 @@ class Contacts(NamedTuple):
     impulse: Array  # (n, 3) in world axes [N s]
     time: Array  # (n,) since the last observation [s]
     velocity: Array  # (n, 3) of the CoM at the last observation [m/s]
-
-
-class Frame(NamedTuple):
-    """The canonical frame: x along the heading, y from the stance foot to the swing side."""
-
-    cos: float
-    sin: float
-    sign: float  # of its y in a frame turned to the heading
-
-
-@njit(cache=True, forceinline=True)
-def canonical(frame: Frame, x: float, y: float) -> tuple[float, float]:
-    """A horizontal world vector in the canonical frame."""
-    return frame.cos * x + frame.sin * y, frame.sign * (-frame.sin * x + frame.cos * y)
-
-
-@njit(cache=True, forceinline=True)
-def in_world(frame: Frame, x: float, y: float) -> tuple[float, float]:
-    """A horizontal vector of the canonical frame in the world."""
-    y *= frame.sign
-    return frame.cos * x - frame.sin * y, frame.sin * x + frame.cos * y
 
 
 @njit(cache=True, forceinline=True)
@@ -184,7 +164,7 @@ def tracks_plan(
     if span <= 0.0 or gait.elapsed[k] < span - 1e-9:
         return True
     plan, sole = gait.plan[k], sole_position(phys, k, gait.stance[k])
-    frame = Frame(math.cos(gait.heading[k]), math.sin(gait.heading[k]), side_sign(gait.stance[k]))
+    frame = canonical_frame(gait.heading[k], gait.stance[k])
     x, y = in_world(frame, plan[3] + s.cmp_gain * plan[5], plan[4] + s.cmp_gain * plan[6])
     push_x, push_y = in_world(frame, o[34], o[35])
     growth = math.exp(s.omega * span)
@@ -199,8 +179,7 @@ def observe(
     previous: Array, capture: Array, o: Array, world: Array,
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
-    heading = gait.heading[k]
-    frame = Frame(math.cos(heading), math.sin(heading), side_sign(gait.stance[k]))
+    frame = canonical_frame(gait.heading[k], gait.stance[k])
     omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k)
     o[0] = gait.elapsed[k]
     write_motion(phys, gait, k, s, frame, velocity, omega, o)

@@ -32,8 +32,9 @@ import numpy as np
 
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import subtract, vector_of
+from ..model.frame import canonical, heading_frame, side_sign
 from ..model.robot import GRAVITY
-from ..whole_body.gait_machine import Gait, GaitSettings, side_sign
+from ..whole_body.gait_machine import Gait, GaitSettings
 from ..whole_body.kinematics import Array, Physics, sole_position
 from ..whole_body.mass_matrix import com_velocity
 from .observe import Contacts, external_force
@@ -179,9 +180,9 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     if step[NUMBER] != gait.steps[k]:
         end_step(known, k)
         step[NUMBER] = gait.steps[k]
-    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    ahead = heading_frame(gait.heading[k])
     push_x, push_y = external_force(contacts, k, mass, s, velocity)
-    push_x, push_y = cos * push_x + sin * push_y, cos * push_y - sin * push_x
+    push_x, push_y = canonical(ahead, push_x, push_y)
     for i in range(2):
         share = 1.0 - math.exp(-span / PUSH_MEANS[i])
         step[PUSH + 2 * i] += share * (push_x - step[PUSH + 2 * i])
@@ -191,8 +192,9 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     scale = 1.0 / (mass * s.omega**2 * span)
     x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
     weight = span * math.exp(-s.omega * gait.elapsed[k])
-    step[0] += weight * (cos * x + sin * y)
-    step[1] += weight * (cos * y - sin * x)
+    x, y = canonical(ahead, x, y)
+    step[0] += weight * x
+    step[1] += weight * y
     step[WEIGHT] += weight
     known.asked[k] = 0.0
     weigh(known, k, s, contacts.impulse[k, 2], z, span)

@@ -152,14 +152,11 @@ def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cove
     for axis in range(2):
         debt = stopping_debt(obs[_RATE + axis], c.trunk_gain, c.trunk_acceleration_max, omega)
         problem[GAIN + axis] = (row[DCM_AHEAD + axis] + debt - row[SHIFT + axis]) * scale
-        problem[STEP_NOMINAL + axis] = reach * nominal[NOMINAL_STEP + axis]
-        problem[OFFSET_NOMINAL + axis] = (
-            row[NOMINAL_OFFSET + axis] + c.transfer * nominal[NOMINAL_STEP + axis]
-        )
-        problem[STEP_LOW + axis] = reach * (low[axis] if c.adapt_step > 0.0 else nominal[NOMINAL_STEP + axis])
-        problem[STEP_HIGH + axis] = reach * (
-            high[axis] if c.adapt_step > 0.0 else nominal[NOMINAL_STEP + axis]
-        )
+        step = nominal[NOMINAL_STEP + axis]
+        problem[STEP_NOMINAL + axis] = reach * step
+        problem[OFFSET_NOMINAL + axis] = row[NOMINAL_OFFSET + axis] + c.transfer * step
+        problem[STEP_LOW + axis] = reach * (low[axis] if c.adapt_step > 0.0 else step)
+        problem[STEP_HIGH + axis] = reach * (high[axis] if c.adapt_step > 0.0 else step)
     if c.adapt_duration == 0.0:
         tau_low = min(max(problem[TAU_NOMINAL], tau_low), tau_high)
         tau_high = tau_low

@@ -12,6 +12,15 @@ import numpy as np
 
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, vector_at, vector_of
+from ..model.frame import (
+    Frame,
+    canonical,
+    canonical_frame,
+    heading_frame,
+    in_world,
+    point_in_world,
+    side_sign,
+)
 from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
 from .edge_cop import missing_cmp
@@ -68,12 +77,6 @@ class GaitSettings(NamedTuple):
     height_time: float  # shortest horizon of the height reference [s]
 
 
-@njit(cache=True, forceinline=True)
-def side_sign(stance: int) -> float:
-    """Sign in world y of the canonical y, which points from the stance foot to the swing side."""
-    return -1.0 if stance == 0 else 1.0
-
-
 @njit(cache=True)
 def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, previous: Array) -> None:
     """Take over the asked gait (7,) of one robot, and its action (7,) as the previous one.
@@ -108,11 +111,9 @@ def landing_limit(phys: Physics, gait: Gait, k: int) -> int:
     """TOUCHDOWN_ERROR where the swing foot has landed off the planned place or time, otherwise 0."""
     stance, plan = gait.stance[k], gait.plan[k]
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
-    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
-    width = side_sign(stance) * plan[1]
-    x = foot[0] - sole[0] - cos * plan[0] + sin * width
-    y = foot[1] - sole[1] - sin * plan[0] - cos * width
-    off = math.hypot(x, y) > LANDED_OFF or abs(gait.elapsed[k] - plan[2]) > LANDED_LATE
+    frame = canonical_frame(gait.heading[k], stance)
+    x, y = point_in_world(frame, sole[0], sole[1], plan[0], plan[1])
+    off = math.hypot(foot[0] - x, foot[1] - y) > LANDED_OFF or abs(gait.elapsed[k] - plan[2]) > LANDED_LATE
     return TOUCHDOWN_ERROR if off else 0
 
 
@@ -172,17 +173,16 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     Returns the limits met, as bits of `limit_record`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
-    sign = side_sign(stance)
-    cos, sin = math.cos(gait.heading[k]), math.sin(gait.heading[k])
+    ahead, sign = heading_frame(gait.heading[k]), side_sign(stance)
+    frame = Frame(ahead.cos, ahead.sin, sign)
     sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
-    remaining, width = max(plan[2] - gait.elapsed[k], 0.0), sign * plan[1]
+    remaining = max(plan[2] - gait.elapsed[k], 0.0)
     growth = math.exp(s.omega * remaining)
-    dx, dy = com[0] - sole[0], com[1] - sole[1]
-    place = cos * dx + sin * dy, cos * dy - sin * dx
-    speed = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+    place = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
+    speed = canonical(ahead, velocity[0], velocity[1])
     (lever_x, lever_y), missing = lever_and_missing(place, speed, plan, sign, growth, s)
-    lever_x, lever_y = cos * lever_x - sin * lever_y, sin * lever_x + cos * lever_y
-    target = sole[0] + cos * plan[0] - sin * width, sole[1] + sin * plan[0] + cos * width
+    lever_x, lever_y = in_world(ahead, lever_x, lever_y)
+    target = point_in_world(frame, sole[0], sole[1], plan[0], plan[1])
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
@@ -204,7 +204,16 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     turn_references(yaw, gait.turn[k], plan[2] + s.landing_delay, remaining, s.commit, dt)
     yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
     planned = (plan[3], sign * plan[4]), missing
-    task = Task(stance, acceleration, vector_of(lift, 0), (cos, sin), gait.swing[k], waist, *yaws, *planned)
+    task = Task(
+        stance,
+        acceleration,
+        vector_of(lift, 0),
+        (ahead.cos, ahead.sin),
+        gait.swing[k],
+        waist,
+        *yaws,
+        *planned,
+    )
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     clip_torque(phys.ctrl[k], bounds.torque_range)
     return met

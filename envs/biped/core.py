@@ -16,13 +16,14 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.estimation.observe import Contacts
 from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.model.capturability import capture_constants
+from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
-from ...controllers.whole_body.gait_machine import Gait, GaitSettings, side_sign
+from ...controllers.whole_body.gait_machine import Gait, GaitSettings
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ...controllers.whole_body.turning import SIZE as YAWS

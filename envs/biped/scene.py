@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.whole_body.gait_machine import side_sign
+from ...controllers.model.frame import canonical_frame, point_in_world
 from ...controllers.whole_body.kinematics import sole_position
 from .core import BipedCore
 
@@ -46,9 +46,8 @@ def to_world(core: BipedCore, x: float, y: float) -> Array:
     """A point of robot 0's canonical frame on the floor of the world, (3,) [m]."""
     stance, heading = int(core.gait.stance[0]), float(core.gait.heading[0])
     sole = sole_position(core.physics, 0, stance)
-    y *= side_sign(stance)
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.array([sole[0] + cos * x - sin * y, sole[1] + sin * x + cos * y, 0.0])
+    x, y = point_in_world(canonical_frame(heading, stance), sole[0], sole[1], x, y)
+    return np.array([x, y, 0.0])
 
 
 def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) -> None:
