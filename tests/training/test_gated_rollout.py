@@ -50,6 +50,17 @@ def test_a_gate_that_never_opens_is_refused(monkeypatch):
         streams.step(np.zeros(2, np.float32), both, NOTHING)
 
 
+def test_an_episode_with_an_action_ends_a_row_of_idle_ones(monkeypatch):
+    monkeypatch.setattr(gated_rollout, "MAX_EPISODES", 4)
+    streams, rewards, both = Streams(2), np.zeros(2, np.float32), np.ones(2, np.bool_)
+    streams.step(rewards, both, NOTHING)  # two idle episodes
+    choose(streams, [0, 1])
+    streams.step(rewards, both, NOTHING)  # none
+    streams.step(rewards, both, NOTHING)  # two again
+    with pytest.raises(InvalidValueError, match="shut in 4 episodes"):
+        streams.step(rewards, both, NOTHING)
+
+
 def test_advantages_are_sums_of_discounted_errors():
     """A_i = sum_k (gamma lambda)^k delta_i+k, up to the end of the episode."""
     rng, gamma, decay = np.random.default_rng(0), 0.9, 0.8

@@ -15,7 +15,7 @@ from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
-from push_recovery.training.builders import make_env, make_ppo, make_robots, make_vec_env
+from push_recovery.training.builders import FallingRate, make_env, make_ppo, make_robots, make_vec_env
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train
 from push_recovery.training.sb3_vec_env import SB3VecEnv
@@ -192,3 +192,8 @@ def test_plain_ppo_trains_straight_from_gym_make(env_id):
     after = model.policy.action_net.weight.detach().numpy()
     assert np.all(np.isfinite(after))
     assert np.any(after != before)
+
+
+def test_the_learning_rate_falls_from_its_start_to_its_end():
+    rate = FallingRate(5e-4, 1e-4)
+    assert [rate(remaining) for remaining in (1.0, 0.5, 0.0)] == pytest.approx([5e-4, 3e-4, 1e-4])

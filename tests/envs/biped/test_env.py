@@ -95,7 +95,7 @@ def test_a_fresh_environment_wants_a_reset():
         (np.zeros(6), r"\(7,\).*\(6,\)"),
         (np.zeros((1, 7)), r"\(7,\).*\(1, 7\)"),
         ("forward", "array of numbers"),
-        (None, "shape|finite"),
+        (None, "array of numbers"),
     ],
 )
 def test_bad_actions_are_refused_and_change_nothing(env, action, words):
