@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from ...controllers.policies.random import RandomPolicy
 from ...controllers.settings.arms import ARMS
 from ...envs.scenario.command import CommandChange
 from ...envs.scenario.model_errors import ModelErrors
@@ -49,7 +50,7 @@ def _run(name: str) -> None:
     env = make_env(name)
     try:
         if acts_on_residual(env):
-            policy = make_policy("random", env)
+            policy = RandomPolicy()  # gives residuals as well; no arm does
             rollout(env, policy, WALK, "random")
             rollout_all(env, policy, [WALK] * ROBOTS, "random", ROBOTS)
             return

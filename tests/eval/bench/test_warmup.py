@@ -29,6 +29,17 @@ def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monk
     assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
 
 
+def test_residuals_run_alone_and_side_by_side(monkeypatch):
+    done = []
+    for name in ("rollout", "rollout_all"):
+        run = getattr(warmup, name)
+        monkeypatch.setattr(warmup, name, lambda *given, run=run: done.append(run(*given)))
+    warmup._run("PushRecovery/BipedResidual-v0")
+    alone, together = done
+    assert alone.policy == "random"
+    assert len(list(together)) == warmup.ROBOTS
+
+
 def test_the_command_runs_each_once_and_names_the_place(monkeypatch, capsys, tmp_path):
     ran = []
     monkeypatch.setattr(warmup, "_run", ran.append)
