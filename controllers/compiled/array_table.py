@@ -143,3 +143,33 @@ def ints_1(row):
 def ints_2(row):
     """View (n, m) int64 of a table row."""
     return as_strided(carray(_int_pointer(row[0]), (1,)), (row[1], row[2]), (row[4], row[5]))
+
+
+@njit(cache=True)
+def dense_floats_1(row):
+    """View (n,) float64 of a table row whose array is C-contiguous: half the cost of a strided view."""
+    return carray(_float_pointer(row[0]), (row[1],))
+
+
+@njit(cache=True)
+def dense_floats_2(row):
+    """View (n, m) float64 of a table row whose array is C-contiguous."""
+    return carray(_float_pointer(row[0]), (row[1], row[2]))
+
+
+@njit(cache=True)
+def dense_floats_3(row):
+    """View (n, m, l) float64 of a table row whose array is C-contiguous."""
+    return carray(_float_pointer(row[0]), (row[1], row[2], row[3]))
+
+
+@njit(cache=True)
+def dense_ints_1(row):
+    """View (n,) int64 of a table row whose array is C-contiguous."""
+    return carray(_int_pointer(row[0]), (row[1],))
+
+
+@njit(cache=True)
+def dense_ints_2(row):
+    """View (n, m) int64 of a table row whose array is C-contiguous."""
+    return carray(_int_pointer(row[0]), (row[1], row[2]))

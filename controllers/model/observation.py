@@ -84,7 +84,7 @@ def as_batch(observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     """
     batch = as_doubles(observation)
     single = batch.ndim == 1
-    batch = batch.reshape(1, -1) if single else batch
+    batch = batch[None] if single else batch
     if not batch.flags.writeable:  # compiled code would be compiled once more for it
         batch = batch.copy()
     if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:

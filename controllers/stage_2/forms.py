@@ -72,12 +72,11 @@ class DefaultForm:
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
         self.planner, self.workers = CopPlanner(robot, limits, config, threads), threads
-        self._box = limits.box
+        self._packed = self.planner.packed
 
     def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
-        packed = self.planner.packed[worker]
-        if regulate_rows(observations, rows, self._box, *packed) > 0:
+        if regulate_rows(observations, rows, self._packed[worker]) > 0:
             self.planner.refuse(observations, rows)
 
 

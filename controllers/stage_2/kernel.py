@@ -13,7 +13,7 @@ from ..solvers.least_distance import solve_least_distance
 from ..stage_1.columns import DCM_AHEAD, REMAINING, RESULT, TARGET
 from .dense import SHORTEST
 from .interface import RESULT_COP, RESULT_DCM_END, RESULT_STATUS, RESULT_TRUNK, STATUS, take_over
-from .packing import Constants, Memory, constants_of, memory_of, tables_of
+from .packing import Constants, Memory, box_of, constants_of, memory_of, tables_of
 from .tables import ANGLE, RATE, REFERENCE, TERMINAL, Tables
 
 # Columns of an input row, `CopPlanner.plan_batch`; of a pair (x, y) the first one
@@ -92,11 +92,11 @@ def write_inputs(observations: Any, rows: Any, inputs: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def regulate_rows(observations: Any, rows: Any, box: Any, numbers: Any, counts: Any, scratch: Any) -> int:
+def regulate_rows(observations: Any, rows: Any, packed: Any) -> int:
     """Stage 2 of stage 1 rows, in place; returns how many were invalid; see `Regulator.regulate`."""
-    c, results, inputs = constants_of(numbers), rows[:, RESULT:], np.empty((rows.shape[0], INPUTS))
+    c, box, inputs = constants_of(packed), box_of(packed), np.empty((rows.shape[0], INPUTS))
     write_inputs(observations, rows, inputs)
-    invalid = plan_rows(inputs, results, numbers, counts, scratch)
+    invalid = plan_rows(inputs, rows[:, RESULT:], packed)
     if invalid == 0:
         for i in range(rows.shape[0]):
             take_over(observations[i], rows[i], box, c.use_cop, c.use_trunk)
@@ -104,9 +104,15 @@ def regulate_rows(observations: Any, rows: Any, box: Any, numbers: Any, counts: 
 
 
 @njit(cache=True, nogil=True)
-def plan_rows(rows: Any, out: Any, numbers: Any, counts: Any, scratch: Any) -> int:
-    """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`."""
-    c, tables, memory = constants_of(numbers), tables_of(numbers, counts), memory_of(counts, scratch)
+def plan_rows(rows: Any, out: Any, packed: Any) -> int:
+    """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`.
+
+    Args:
+        rows: inputs, by the columns above.
+        out: results, by the columns of `interface`.
+        packed: address table of `Parts`.
+    """
+    c, tables, memory = constants_of(packed), tables_of(packed), memory_of(packed)
     invalid = 0
     for i in range(rows.shape[0]):
         row = rows[i]

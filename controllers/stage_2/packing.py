@@ -1,7 +1,7 @@
-"""Constants, tables and scratch of the compiled loop of stage 2, as three arrays and by name.
+"""Constants, tables and scratch of the compiled loop of stage 2: one array of a call, and by name in it.
 
-Numba unpacks every array of a call, about 0.1 us each, together more than a plan takes. So all constants and
-tables come as one array of numbers and one of counts, and the scratch memory as a third.
+Numba unpacks every array of a call, about 0.1 us each, together more than a plan takes. So all of them come
+as one address table, and are read as contiguous arrays, which is what they are.
 """
 
 # to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -15,12 +15,18 @@ import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+from ..compiled.array_table import (
+    dense_floats_1,
+    dense_floats_2,
+    dense_floats_3,
+    dense_ints_1,
+    dense_ints_2,
+    first_rows,
+)
 from ..compiled.kernels import njit
 from .tables import Tables
 
 HANDLE = 6  # length of a solver's handle
-HEADER = 7  # counts before the tables of integers
-DIRECTIONS = 4  # of `tables`
 
 
 class Constants(NamedTuple):
@@ -53,68 +59,62 @@ class Memory(NamedTuple):
     solution: NDArray[np.float64]  # (n,)
 
 
+class Shared(NamedTuple):
+    """What the loop of every worker reads, beside the tables."""
+
+    numbers: NDArray[np.float64]  # (SCALARS,), the fields of `Constants`
+    box: NDArray[np.float64]  # (2, 7), of the gait variables: low, high
+
+
+class Parts(NamedTuple):
+    """All arrays of the compiled loop, C-contiguous, in the order of their `parts_table`."""
+
+    shared: Shared
+    tables: Tables
+    memory: Memory
+
+
 SCALARS = len(Constants._fields)
 NUMBERS = SCALARS - 2  # the flags are the last of them
-
-
-def packed_numbers(c: Constants, tables: Tables) -> NDArray[np.float64]:
-    """Constants and tables as one array."""
-    arrays = (tables.steps, tables.inputs, tables.angles, tables.weights, tables.gram)
-    return np.concatenate([np.array(c, dtype=np.float64), *(array.ravel() for array in arrays)])
-
-
-def packed_counts(tables: Tables, memory: Memory) -> NDArray[np.int64]:
-    """Sizes, integer tables and the handles of the memory's solvers as one array."""
-    sizes = [
-        len(tables.rest), tables.steps.shape[1], tables.inputs.shape[1], tables.angles.shape[1],
-        memory.matrices.shape[1], len(memory.lower), len(memory.solution),
-    ]  # fmt: skip
-    arrays = (tables.rest, tables.cops, tables.nodes, memory.handles)
-    return np.concatenate([np.array(sizes, dtype=np.int64), *(array.ravel() for array in arrays)])
+FIRST = first_rows(Parts)  # row of the table at which each part begins
 
 
 @njit(cache=True)
-def constants_of(numbers: Any) -> Constants:
-    """The scalars of `packed_numbers`."""
+def constants_of(t: Any) -> Constants:
+    """The scalars, from row FIRST.shared."""
+    numbers = dense_floats_1(t[FIRST.shared])
     use_cop, use_trunk = numbers[NUMBERS] != 0.0, numbers[NUMBERS + 1] != 0.0
     return Constants(*(to_fixed_tuple(numbers[:NUMBERS], NUMBERS) + (use_cop, use_trunk)))
 
 
 @njit(cache=True)
-def tables_of(numbers: Any, counts: Any) -> Tables:
-    """The tables of `packed_numbers` and `packed_counts`."""
-    e, nodes, inputs, angles = counts[0], counts[1], counts[2], counts[3]
-    a = HEADER + e
-    b = SCALARS + e * nodes
-    c = b + e * inputs * DIRECTIONS
-    d = c + e * angles * DIRECTIONS
-    g = d + e * inputs
+def box_of(t: Any) -> Any:
+    """The box of the gait variables (2, 7), from the row behind the scalars."""
+    return dense_floats_2(t[FIRST.shared + 1])
+
+
+@njit(cache=True)
+def tables_of(t: Any) -> Tables:
+    """Rows from FIRST.tables on."""
+    r = FIRST.tables
     return Tables(
-        counts[HEADER:a], counts[a : a + e], counts[a + e : a + 2 * e],
-        numbers[SCALARS:b].reshape((e, nodes)),
-        numbers[b:c].reshape((e, inputs, DIRECTIONS)), numbers[c:d].reshape((e, angles, DIRECTIONS)),
-        numbers[d:g].reshape((e, inputs)),
-        numbers[g : g + e * DIRECTIONS**2].reshape((e, DIRECTIONS, DIRECTIONS)),
+        dense_ints_1(t[r]), dense_ints_1(t[r + 1]), dense_ints_1(t[r + 2]), dense_floats_2(t[r + 3]),
+        dense_floats_3(t[r + 4]), dense_floats_3(t[r + 5]), dense_floats_2(t[r + 6]),
+        dense_floats_3(t[r + 7]),
     )  # fmt: skip
 
 
 @njit(cache=True)
-def memory_of(counts: Any, scratch: Any) -> Memory:
-    """The scratch of `new_memory`, and its solvers' handles."""
-    e, size, rows, n = counts[0], counts[4], counts[5], counts[6]
-    a = HEADER + 3 * e
-    b = e * size
-    c = b + 3 * rows
+def memory_of(t: Any) -> Memory:
+    """Rows from FIRST.memory on."""
+    r = FIRST.memory
     return Memory(
-        scratch[:b].reshape((e, size)), counts[a : a + HANDLE * e].reshape((e, HANDLE)),
-        scratch[b : b + rows], scratch[b + rows : c - rows], scratch[c - rows : c], scratch[c : c + n],
+        dense_floats_2(t[r]), dense_ints_2(t[r + 1]), dense_floats_1(t[r + 2]), dense_floats_1(t[r + 3]),
+        dense_floats_1(t[r + 4]), dense_floats_1(t[r + 5]),
     )  # fmt: skip
 
 
-def new_memory(matrices: NDArray[np.float64], rows: int, n: int) -> tuple[Memory, NDArray[np.float64]]:
-    """Memory without solvers, and the one array whose parts all but the handles are."""
-    e, size = matrices.shape
-    scratch = np.zeros(e * size + 3 * rows + n)
-    own, *rest = np.split(scratch, e * size + rows * np.arange(4))
-    own[:] = matrices.ravel()
-    return Memory(own.reshape(e, size), np.zeros((e, HANDLE), dtype=np.int64), *rest), scratch
+def new_memory(matrices: NDArray[np.float64], rows: int, n: int) -> Memory:
+    """Memory without solvers, for problems of at most `rows` rows and `n` inputs."""
+    handles = np.zeros((len(matrices), HANDLE), dtype=np.int64)
+    return Memory(matrices.copy(), handles, np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(n))

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.array_table import parts_table
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
@@ -56,7 +57,7 @@ from .kernel import (
     plan_rows,
     write_inputs,
 )
-from .packing import Constants, new_memory, packed_counts, packed_numbers
+from .packing import Constants, Memory, Parts, Shared, new_memory
 from .tables import build
 
 LONGEST_MARGIN = 0.3  # horizons reach this far beyond the longest step [s]
@@ -96,26 +97,27 @@ class CopPlanner:
         )  # fmt: skip
         self.tables, matrices = build(robot, config, self.longest)
         self._problems: list[LeastDistance] = []
-        numbers = packed_numbers(self.constants, self.tables)
-        # what the compiled loop takes, for each worker: numbers, counts, scratch
-        self.packed = [(numbers, *self._allocate(matrices)) for _ in range(workers)]
+        shared = Shared(np.array(self.constants, dtype=np.float64), limits.box)
+        # the tables hold addresses: their arrays live as long as they do
+        self._parts = [Parts(shared, self.tables, self._allocate(matrices)) for _ in range(workers)]
+        self.packed = [parts_table(parts) for parts in self._parts]  # one for each worker's compiled loop
         self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, RESULT_SIZE))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return CopPlanner, (self.robot, self.limits, self.config, len(self.packed))
 
-    def _allocate(self, matrices: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Counts and scratch memory of one worker, with solvers of its own."""
+    def _allocate(self, matrices: NDArray[np.float64]) -> Memory:
+        """Scratch memory of one worker, with solvers of its own."""
         first = int(self.config.use_cop) + int(self.config.use_trunk)
         sizes = [(int(r) + first, int(k)) for r, k in zip(self.tables.rest, self.tables.nodes, strict=True)]
-        memory, scratch = new_memory(matrices, max(n + k for n, k in sizes), max(n for n, _ in sizes))
+        memory = new_memory(matrices, max(n + k for n, k in sizes), max(n for n, _ in sizes))
         for e, (n, k) in enumerate(sizes if first else []):
             matrix = memory.matrices[e, : (n + k) * n].reshape(n + k, n)
             soft = np.concatenate([np.zeros(n), np.full(k, self.config.beta_trunk_limit)])
             bounds = memory.lower[: n + k], memory.upper[: n + k]
             self._problems.append(LeastDistance(matrix, soft, *bounds, memory.solution[:n]))
             memory.handles[e] = self._problems[-1].handle
-        return packed_counts(self.tables, memory), scratch
+        return memory
 
     def plan(
         self,
@@ -151,7 +153,7 @@ class CopPlanner:
             raise InvalidValueError(f"stage 2 takes a time and vectors of 2 numbers: {error}") from None
         if self.config.solver == "osqp":
             return self._plan_explicit(row[0])
-        plan_rows(row, out, *self.packed[0])
+        plan_rows(row, out, self.packed[0])
         result = out[0].copy()
         status = int(result[RESULT_STATUS])
         if status == INVALID:
@@ -172,7 +174,7 @@ class CopPlanner:
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
         out = np.zeros((rows.shape[0], RESULT_SIZE))
-        if plan_rows(rows, out, *self.packed[0]):
+        if plan_rows(rows, out, self.packed[0]):
             self._reject(rows[out[:, RESULT_STATUS] == INVALID])
         return out
 

@@ -11,6 +11,7 @@ from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
 from push_recovery.controllers.stage_2.dense import explicit_problem
 from push_recovery.controllers.stage_2.interface import RESULT_SIZE, CopPlan
 from push_recovery.controllers.stage_2.kernel import plan_rows
+from push_recovery.controllers.stage_2.packing import FIRST, Memory
 from push_recovery.controllers.stage_2.planner import CopPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
@@ -144,11 +145,12 @@ def test_a_plan_depends_on_its_arguments_alone():
 def test_every_worker_has_scratch_of_its_own_and_gives_the_same_plans():
     states = rows(100, seed=9)
     alone, planner = PLANNER.plan_batch(states), CopPlanner(ROBOT, LIMITS, CONFIG, 3)
-    scratches = {packed[2].ctypes.data for packed in planner.packed}
-    assert len(scratches) == 3
+    first = FIRST.memory
+    scratches = {int(address) for packed in planner.packed for address in packed[first:, 0]}
+    assert len(scratches) == 3 * len(Memory._fields)
     for packed in planner.packed:
         out = np.zeros((100, RESULT_SIZE))
-        assert plan_rows(states, out, *packed) == 0
+        assert plan_rows(states, out, packed) == 0
         assert out.tobytes() == alone.tobytes()
     assert len(pickle.loads(pickle.dumps(planner)).packed) == 3  # noqa: S301
     states[-1, 1] = np.nan
