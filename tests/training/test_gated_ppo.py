@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
@@ -17,7 +18,7 @@ from push_recovery.training.ppo import resume, train
 from push_recovery.training.settings import TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 SETTINGS = TrainingSettings(
@@ -66,6 +67,54 @@ def test_every_learned_action_is_one_at_an_open_gate():
     assert np.mean(gated > 0.0) > 0.5
     total, given = watch.rollouts[0]["rewards"].sum(), np.sum(watch.rewards)
     assert 0.0 < total < given
+
+
+class Robots(VecEnv):
+    """Three robots that do nothing."""
+
+    def __init__(self):
+        space = gym.spaces.Box(-1.0, 1.0, (36,), np.float64)
+        super().__init__(3, space, gym.spaces.Box(-1.0, 1.0, (7,), np.float32))
+
+    def reset(self):
+        return np.zeros((3, 36))
+
+    def step_async(self, actions):
+        """Nothing."""
+
+    def step_wait(self):
+        raise NotImplementedError
+
+    def close(self):
+        """Nothing."""
+
+    def get_attr(self, attr_name, indices=None):
+        return [None] * 3
+
+    def set_attr(self, attr_name, value, indices=None):
+        """Nothing."""
+
+    def env_method(self, method_name, *method_args, indices=None, **method_kwargs):
+        return []
+
+    def env_is_wrapped(self, wrapper_class, indices=None):
+        return [False] * 3
+
+
+def test_rewards_are_normalised_by_the_discounted_returns_of_each_robot():
+    """Returns R <- gamma R + r of the robots that earned, forgotten where their episode has ended."""
+    venv = GateNormalize(Robots(), None, gamma=0.5, clip_reward=100.0)  # type: ignore[arg-type]
+    venv.reset()
+    seen = []
+    venv.ret_rms.update = lambda returns: seen.append(returns.tolist())  # type: ignore[method-assign]
+    venv.ret_rms.var = np.array(4.0)
+    over = np.array([False, True])
+    normalised = venv.earn([0, 2], np.array([1.0, 4.0]), over)
+    assert normalised == pytest.approx([0.5, 2.0], rel=1e-6)  # over the deviation of the returns
+    venv.earn([0, 1], np.array([3.0, 2.0]), np.zeros(2, np.bool_))
+    venv.earn([2, 1], np.array([1.0, 1.0]), over)
+    assert seen == [[1.0, 4.0], [3.5, 2.0], [1.0, 2.0]]  # 0.5 x 1 + 3; robot 2 began anew; 0.5 x 2 + 1
+    assert venv.returns.tolist() == [3.5, 0.0, 1.0]
 
 
 def test_with_an_open_gate_it_is_plain_ppo():

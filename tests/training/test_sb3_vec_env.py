@@ -1,3 +1,5 @@
+from typing import ClassVar
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -89,3 +91,36 @@ def test_attributes_are_shared():
 def test_a_mode_that_resets_within_the_step_is_refused():
     with pytest.raises(InvalidValueError, match="'SameStep'; choose from: NextStep, Disabled"):
         native(2, autoreset_mode="SameStep")
+
+
+class Ending(gym.vector.VectorEnv):
+    """Four robots whose episodes end in every combination of a fall and the time limit."""
+
+    metadata: ClassVar = {"autoreset_mode": gym.vector.AutoresetMode.DISABLED}  # type: ignore[misc]
+
+    def __init__(self):
+        self.num_envs, self.observations = 4, np.zeros((4, 1))
+        self.single_observation_space = gym.spaces.Box(-np.inf, np.inf, (1,))
+        self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        fresh = self.observations.copy()
+        fresh[(options or {}).get("reset_mask", slice(None))] = -1.0
+        return fresh, {}
+
+    def step(self, actions):
+        failed, late = np.array([False, True, False, True]), np.array([False, False, True, True])
+        self.observations = np.arange(4.0)[:, None]
+        return self.observations, np.full(4, 0.1), failed, late, {}
+
+
+def test_a_fall_at_the_time_limit_is_a_fall():
+    venv = SB3VecEnv(Ending())
+    venv.reset()
+    observations, rewards, dones, infos = venv.step(np.zeros((4, 1), np.float32))
+    assert dones.tolist() == [False, True, True, True]
+    assert [info["TimeLimit.truncated"] for info in infos] == [False, False, True, False]
+    assert ["terminal_observation" in info for info in infos] == [False, True, True, True]
+    assert [info["terminal_observation"].item() for info in infos[1:]] == [1.0, 2.0, 3.0]
+    assert observations[:, 0].tolist() == [0.0, -1.0, -1.0, -1.0]
+    assert rewards.dtype == np.float32

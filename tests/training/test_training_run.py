@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
-from push_recovery.training.curve import curve_scenarios, read_curve
+from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
 from push_recovery.training.ppo import Run, resume, train
 from push_recovery.training.settings import TrainingSettings
 
@@ -143,6 +143,22 @@ def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, settings):
         assert statistics.count == checkpoint.tensors[f"{name}.count"] > 1000
     assert checkpoint.seconds > 0.0
     run.close()
+
+
+def test_a_run_that_goes_on_keeps_its_time_and_the_points_up_to_its_checkpoint(tmp_path, settings):
+    """Of points at 0, 512 and 1024 timesteps, a run that goes on from 512 keeps two."""
+    out = tmp_path / "run"
+    train(dataclasses.replace(settings, timesteps=512), out)
+    at_512, points = load_checkpoint(out), read_curve(out / "curve.csv")
+    assert [point.timesteps for point in points] == [0, 512]
+    write_curve(out / "curve.csv", [*points, dataclasses.replace(points[-1], timesteps=1024)])
+    run = Run(settings, out, dataclasses.replace(at_512, seconds=1000.0))
+    assert run.curve == points
+    assert 1000.0 < run.seconds < 1500.0
+    run.close()
+    fresh = Run(settings, tmp_path / "fresh")
+    assert (fresh.curve, fresh.seconds < 500.0) == ([], True)
+    fresh.close()
 
 
 def test_a_checkpoint_of_other_layers_is_refused(tmp_path, settings):

@@ -54,3 +54,11 @@ def test_a_torn_last_line_is_dropped(tmp_path):
         file.write('{"policy": "b", "rec')
     assert list(store(tmp_path).rows) == [("a",)]
     assert (tmp_path / "outcomes.jsonl").read_text().count("\n") == 1
+
+
+def test_of_two_rows_of_one_key_the_first_counts(tmp_path):
+    """Two runs on one directory may both have written it; what was read once stays."""
+    store(tmp_path).close()
+    rows = [{"policy": "a", "recovered": True}, {"policy": "a", "recovered": False}]
+    (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    assert store(tmp_path).rows == {("a",): rows[0]}

@@ -9,7 +9,7 @@ from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
-from push_recovery.eval.score.bounds_met import COLUMNS, bound_cells, bound_summary, first_bounds
+from push_recovery.eval.score.bounds_met import COLUMNS, bound_cells, bound_summary, fall_cell, first_bounds
 
 
 def row(survived, first, **shares):
@@ -35,6 +35,14 @@ def test_falls_and_recoveries_are_counted_apart():
     assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
     assert first_bounds(ROWS) == "cop 2, contact 1"
     assert first_bounds(ROWS[3:]) == "-"
+
+
+def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
+    shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
+    falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
+    longest = sorted(("contact", "leg_reach"), key=LIMITS.index)  # of equal ones in the order of the limits
+    assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
+    assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
 
 
 def test_cells_follow_the_order_of_the_limits():

@@ -79,6 +79,19 @@ def test_verdicts_follow_the_numbers():
     assert all(before[name].startswith(REPRODUCED) and after[name].startswith(DIFFERS) for name in flipped)
 
 
+def test_most_numbers_say_reproduced_and_the_worst_direction_is_named():
+    found = {claim.claim: claim for claim in claims(CONTENT)}
+    speed = found["(b) It resumes the commanded speed"]
+    assert speed.verdict == REPRODUCED
+    literal = found["The cost of eq. 20 walks"]
+    assert literal.verdict.startswith(DIFFERS)
+    # 900 / 400, 120 / 30 and 390 / 60: least to the front
+    ratio = next(claim for name, claim in found.items() if name.startswith("Two stages recover from larger"))
+    assert "least ratio 2.25 (psi 0 deg)" in ratio.ours
+    assert "least ratio 1.65, inward 4.69" in ratio.ours
+    assert ratio.verdict == REPRODUCED
+
+
 def test_the_page_holds_claims_numbers_tables_and_pictures():
     text = page(CONTENT, TABLES)
     assert "largest force 397 N, 50-500 N" in text
