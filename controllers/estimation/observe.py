@@ -9,10 +9,30 @@ from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, add, scaled, subtract, vector_at
 from ..model.capturability import capture_margin_kernel
 from ..model.frame import Frame, canonical, canonical_frame, in_world
-from ..whole_body.gait_machine import Gait, GaitSettings, Point
+from ..model.gait_box import COP, DURATION, TRUNK
+from ..model.observation import (
+    COM,
+    COM_HEIGHT_ERROR,
+    COM_VELOCITY,
+    COM_VERTICAL_VELOCITY,
+    COMMAND,
+    DCM,
+    ELAPSED,
+    HEADING_ERROR,
+    PELVIS_ANGLE,
+    PREVIOUS_ACTION,
+    PUSH_ESTIMATE,
+    STANCE_CONTACT,
+    SWING_CONTACT,
+    SWING_POSITION,
+    SWING_VELOCITY,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+    YAW_RATE,
+)
+from ..whole_body.gait_machine import FLOOR, Gait, GaitSettings, Point
 from ..whole_body.kinematics import (
     PELVIS,
-    TRUNK,
     WAIST_DOF,
     WAIST_JOINT,
     Array,
@@ -21,9 +41,18 @@ from ..whole_body.kinematics import (
     sole_motion,
     sole_position,
 )
+from ..whole_body.kinematics import TRUNK as TRUNK_BODY
 from ..whole_body.mass_matrix import com_velocity
-from ..whole_body.turning import turned_command
+from ..whole_body.turning import TURN, turned_command
 
+# Columns of the points in the world; of a pair (x, y) the first one
+WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4  # [m]
+WORLD_SIZE = 6
+
+_DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
+_SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
+_ANGLE, _RATE, _PELVIS = TRUNK_ANGLE.start, TRUNK_RATE.start, PELVIS_ANGLE.start
+_PREVIOUS = PREVIOUS_ACTION.start
 CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM counts as off its plan [m]
 
 
@@ -64,7 +93,7 @@ def external_force(
 def write_push_estimate(
     contacts: Contacts, k: int, mass: float, s: GaitSettings, frame: Frame, velocity: Vector, o: Array
 ) -> None:
-    """Mean external force over m omega^2 since the last observation (34-35) of one robot, canonical frame.
+    """Mean external force over m omega^2 since the last observation of one robot, canonical frame.
 
     delta = (m (v - v_before) - int f dt) / (m omega^2 time) [m], v the CoM's velocity, f the contact force:
     what inertial sensor, joint encoders and force sensors in the feet would tell of a push.
@@ -72,7 +101,7 @@ def write_push_estimate(
     """
     if contacts.time[k] > 0.0:
         x, y = external_force(contacts, k, mass, s, velocity)
-        o[34], o[35] = canonical(frame, x, y)
+        o[_PUSH], o[_PUSH + 1] = canonical(frame, x, y)
     contacts.time[k] = 0.0
     for i in range(3):
         contacts.impulse[k, i] = 0.0
@@ -90,18 +119,20 @@ def write_motion(
     omega: Vector,
     o: Array,
 ) -> None:
-    """DCM, CoM and swing sole (observation 1-14) of one robot, canonical frame."""
+    """DCM, CoM and swing sole of one robot, canonical frame."""
     stance = gait.stance[k]
     sole, foot = sole_position(phys, k, stance), sole_motion(phys, k, 1 - stance, omega)
     com = subtract(vector_at(phys.com, k, 0), sole)
-    o[3], o[4] = canonical(frame, com[0], com[1])
-    o[5], o[6] = canonical(frame, velocity[0], velocity[1])
-    o[1], o[2] = o[3] + o[5] / s.omega, o[4] + o[6] / s.omega
-    o[7], o[8] = com[2] - s.com_height, velocity[2]
+    o[_COM], o[_COM + 1] = canonical(frame, com[0], com[1])
+    o[_VELOCITY], o[_VELOCITY + 1] = canonical(frame, velocity[0], velocity[1])
+    for axis in range(2):
+        o[_DCM + axis] = o[_COM + axis] + o[_VELOCITY + axis] / s.omega
+    o[COM_HEIGHT_ERROR], o[COM_VERTICAL_VELOCITY] = com[2] - s.com_height, velocity[2]
     place = subtract(foot.position, sole)
-    o[9], o[10] = canonical(frame, place[0], place[1])
-    o[12], o[13] = canonical(frame, foot.velocity[0], foot.velocity[1])
-    o[11], o[14] = foot.position[2] - gait.height[k, 3], foot.velocity[2]
+    o[_SWING], o[_SWING + 1] = canonical(frame, place[0], place[1])
+    o[_SWING_VELOCITY], o[_SWING_VELOCITY + 1] = canonical(frame, foot.velocity[0], foot.velocity[1])
+    o[_SWING + 2] = foot.position[2] - gait.height[k, FLOOR]
+    o[_SWING_VELOCITY + 2] = foot.velocity[2]
 
 
 @njit(cache=True, forceinline=True)
@@ -113,19 +144,20 @@ def lean(phys: Physics, k: int, body: int, frame: Frame) -> tuple[float, float]:
 
 @njit(cache=True, forceinline=True)
 def write_posture(phys: Physics, gait: Gait, k: int, frame: Frame, omega: Vector, o: Array) -> None:
-    """Lean of trunk and pelvis, heading and contacts (observation 15-24) of one robot, canonical frame."""
-    o[15], o[16] = lean(phys, k, TRUNK, frame)
+    """Lean of trunk and pelvis, heading and contacts of one robot, canonical frame."""
+    o[_ANGLE], o[_ANGLE + 1] = lean(phys, k, TRUNK_BODY, frame)
     trunk_omega = omega
     for j in range(2):
         axis, rate = vector_at(phys.xaxis, k, WAIST_JOINT + j), phys.qvel[k, WAIST_DOF + j]
         trunk_omega = add(trunk_omega, scaled(axis, rate))
-    o[17], o[18] = canonical(frame, trunk_omega[1], -trunk_omega[0])  # of the top, 1 m up: omega x z
-    o[19], o[20] = lean(phys, k, PELVIS, frame)
+    # of the top, 1 m up: omega x z
+    o[_RATE], o[_RATE + 1] = canonical(frame, trunk_omega[1], -trunk_omega[0])
+    o[_PELVIS], o[_PELVIS + 1] = lean(phys, k, PELVIS, frame)
     x, y = canonical(frame, phys.xmat[k, PELVIS, 0], phys.xmat[k, PELVIS, 3])
-    o[21], o[22] = math.atan2(y, x), frame.sign * omega[2]
+    o[HEADING_ERROR], o[YAW_RATE] = math.atan2(y, x), frame.sign * omega[2]
     stance = gait.stance[k]
-    o[23] = 1.0 if phys.load[k, stance] > 1.0 else 0.0
-    o[24] = 1.0 if phys.load[k, 1 - stance] > 1.0 else 0.0
+    o[STANCE_CONTACT] = 1.0 if phys.load[k, stance] > 1.0 else 0.0
+    o[SWING_CONTACT] = 1.0 if phys.load[k, 1 - stance] > 1.0 else 0.0
 
 
 @njit(cache=True, forceinline=True)
@@ -134,12 +166,13 @@ def write_world(
 ) -> None:
     """DCM, CoP and CMP of one robot in the world, (6,) [m]; the CoP is the one asked of the stance sole."""
     sole, vertical = sole_position(phys, k, gait.stance[k]), max(gait.wrench[k, 2], 1.0)
-    dcm_x, dcm_y = in_world(frame, o[1], o[2])
-    shift_x, shift_y = in_world(frame, s.cmp_gain * gait.plan[k, 5], s.cmp_gain * gait.plan[k, 6])
-    world[0], world[1] = sole[0] + dcm_x, sole[1] + dcm_y
-    world[2] = sole[0] - gait.wrench[k, 4] / vertical
-    world[3] = sole[1] + gait.wrench[k, 3] / vertical
-    world[4], world[5] = world[2] + shift_x, world[3] + shift_y
+    dcm_x, dcm_y = in_world(frame, o[_DCM], o[_DCM + 1])
+    pitch, roll = gait.plan[k, TRUNK], gait.plan[k, TRUNK + 1]
+    shift_x, shift_y = in_world(frame, s.cmp_gain * pitch, s.cmp_gain * roll)
+    world[WORLD_DCM], world[WORLD_DCM + 1] = sole[0] + dcm_x, sole[1] + dcm_y
+    world[WORLD_COP] = sole[0] - gait.wrench[k, 4] / vertical
+    world[WORLD_COP + 1] = sole[1] + gait.wrench[k, 3] / vertical
+    world[WORLD_CMP], world[WORLD_CMP + 1] = world[WORLD_COP] + shift_x, world[WORLD_COP + 1] + shift_y
 
 
 @njit(cache=True, forceinline=True)
@@ -165,11 +198,12 @@ def tracks_plan(
         return True
     plan, sole = gait.plan[k], sole_position(phys, k, gait.stance[k])
     frame = canonical_frame(gait.heading[k], gait.stance[k])
-    x, y = in_world(frame, plan[3] + s.cmp_gain * plan[5], plan[4] + s.cmp_gain * plan[6])
-    push_x, push_y = in_world(frame, o[34], o[35])
+    x, y = plan[COP] + s.cmp_gain * plan[TRUNK], plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1]
+    x, y = in_world(frame, x, y)
+    push_x, push_y = in_world(frame, o[_PUSH], o[_PUSH + 1])
     growth = math.exp(s.omega * span)
-    x = world[0] - sole[0] - x - growth * (before[0] - sole[0] - x) - (growth - 1.0) * push_x
-    y = world[1] - sole[1] - y - growth * (before[1] - sole[1] - y) - (growth - 1.0) * push_y
+    x = world[WORLD_DCM] - sole[0] - x - growth * (before[0] - sole[0] - x) - (growth - 1.0) * push_x
+    y = world[WORLD_DCM + 1] - sole[1] - y - growth * (before[1] - sole[1] - y) - (growth - 1.0) * push_y
     return not math.hypot(x, y) > CMP_OFF * (growth - 1.0)
 
 
@@ -181,16 +215,17 @@ def observe(
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
     frame = canonical_frame(gait.heading[k], gait.stance[k])
     omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k)
-    o[0] = gait.elapsed[k]
+    o[ELAPSED] = gait.elapsed[k]
     write_motion(phys, gait, k, s, frame, velocity, omega, o)
     write_posture(phys, gait, k, frame, omega, o)
-    o[25], o[26] = command[0], frame.sign * command[1]
-    if command[2] != 0.0:
-        period = gait.plan[k, 2] + s.landing_delay
-        told = turned_command(command[0], command[1], command[2], period, s.omega)
-        o[25], o[26] = told[0], frame.sign * told[1]
+    o[_COMMAND], o[_COMMAND + 1] = command[0], frame.sign * command[1]
+    if command[TURN] != 0.0:
+        period = gait.plan[k, DURATION] + s.landing_delay
+        told = turned_command(command[0], command[1], command[TURN], period, s.omega)
+        o[_COMMAND], o[_COMMAND + 1] = told[0], frame.sign * told[1]
     for i in range(previous.shape[0]):
-        o[27 + i] = previous[i]
+        o[_PREVIOUS + i] = previous[i]
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
-    return capture_margin_kernel(o[0], o[1:3], o[15:17], o[17:19], capture)
+    dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
+    return capture_margin_kernel(o[ELAPSED], dcm, angle, rate, capture)

@@ -33,6 +33,7 @@ import numpy as np
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import subtract, vector_of
 from ..model.frame import canonical, heading_frame, side_sign
+from ..model.observation import COM, DCM, PUSH_ESTIMATE
 from ..model.robot import GRAVITY
 from ..whole_body.gait_machine import Gait, GaitSettings
 from ..whole_body.kinematics import Array, Physics, sole_position
@@ -57,15 +58,24 @@ SLIDES = 0.3  # speed from which the stance sole slides [m/s]
 SLIDING = 3  # periods of sliding that tell the friction: one alone may be a blow
 GRIP_MIN = 0.4  # the least friction that is believed
 
-# Columns of `SelfModel.step`: 0-1 sum of the drift
+# Columns of `SelfModel.step`; of a pair (x, y) the first one
+DRIFT = 0  # pair, sum of the drift
 WEIGHT = 2  # sum of its weights
-LAST = 3  # mean drift of the last step, 2
+LAST = 3  # pair, mean drift of the last step
 NUMBER = 5  # of the step
 QUIET = 6  # how many steps in a row were without a push
-PUSH = 7  # running means of the external force, 2 of each
+PUSH = 7  # two pairs, running means of the external force
+STEP_SIZE = 11
+# Columns of `SelfModel.felt`
+FELT = 0  # pair, push estimate of the last period, heading frame [m]
+JUMP = 2  # median of its jumps [m]
 # Columns of `SelfModel.stood`
+PLACE = 0  # pair, of the stance sole at the last observation [m]
+ITS_STEP = 2  # number of the step in which it stood there
 SHARE = 3  # largest horizontal share of the floor's force while the sole has slid
 PERIODS = 4  # for how many periods it has
+
+_DCM, _COM, _PUSH = DCM.start, COM.start, PUSH_ESTIMATE.start
 
 
 class SelfModel(NamedTuple):
@@ -75,10 +85,10 @@ class SelfModel(NamedTuple):
     weighed: Array  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
     asked: Array  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
     drift: Array  # (n, 2) in the heading frame [m]
-    step: Array  # (n, 11) of the step that goes on and the last one, columns see above
-    felt: Array  # (n, 3) push estimate of the last period, heading frame, and the median of its jumps [m]
+    step: Array  # (n, STEP_SIZE) of the step that goes on and the last one
+    felt: Array  # (n, 3) what the push estimate was, and how it jumps
     grip: Array  # (n,) friction that whole-body control may count on
-    stood: Array  # (n, 5) place [m] and step of the stance sole at the last observation; SHARE, PERIODS
+    stood: Array  # (n, 5) where the stance sole stood, and how it slides
 
 
 def empty_self_model(n: int) -> SelfModel:
@@ -88,7 +98,7 @@ def empty_self_model(n: int) -> SelfModel:
         np.zeros((n, 2)),
         np.zeros((n, 2)),
         np.zeros((n, 2)),
-        np.zeros((n, 11)),
+        np.zeros((n, STEP_SIZE)),
         np.zeros((n, 3)),
         np.ones(n),
         np.zeros((n, 5)),
@@ -140,22 +150,22 @@ def end_step(known: SelfModel, k: int) -> None:
     step, drift = known.step[k], known.drift[k]
     if step[QUIET] > 0.0:
         for axis in range(2):
-            mean = step[axis] / max(step[WEIGHT], 1e-9)
+            mean = step[DRIFT + axis] / max(step[WEIGHT], 1e-9)
             if step[QUIET] > 1.0:
                 change = 0.5 * (mean + step[LAST + axis]) - drift[axis]
                 drift[axis] += DRIFT_GAIN * min(max(change, -DRIFT_CHANGE), DRIFT_CHANGE)
                 drift[axis] = min(max(drift[axis], -DRIFT_MAX), DRIFT_MAX)
             step[LAST + axis] = mean
     step[QUIET] += 1.0
-    step[0] = step[1] = step[WEIGHT] = 0.0
+    step[DRIFT] = step[DRIFT + 1] = step[WEIGHT] = 0.0
 
 
 @njit(cache=True)
 def feel_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
     """Take the friction from a period in which the stance sole has slid, if it is not the first or second."""
     stood, (x, y, _) = known.stood[k], sole_position(phys, k, gait.stance[k])
-    slid = math.hypot(x - stood[0], y - stood[1]) > SLIDES * contacts.time[k]
-    stands = stood[2] == gait.steps[k] and gait.elapsed[k] > STANDING
+    slid = math.hypot(x - stood[PLACE], y - stood[PLACE + 1]) > SLIDES * contacts.time[k]
+    stands = stood[ITS_STEP] == gait.steps[k] and gait.elapsed[k] > STANDING
     impulse = contacts.impulse[k]
     if stands and slid and impulse[2] > 0.0:
         stood[SHARE] = max(stood[SHARE], math.hypot(impulse[0], impulse[1]) / impulse[2])
@@ -164,7 +174,7 @@ def feel_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Con
             known.grip[k] = min(known.grip[k], max(stood[SHARE], GRIP_MIN))
     else:
         stood[SHARE] = stood[PERIODS] = 0.0
-    stood[0], stood[1], stood[2] = x, y, gait.steps[k]
+    stood[PLACE], stood[PLACE + 1], stood[ITS_STEP] = x, y, gait.steps[k]
 
 
 @njit(cache=True)
@@ -193,8 +203,8 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
     weight = span * math.exp(-s.omega * gait.elapsed[k])
     x, y = canonical(ahead, x, y)
-    step[0] += weight * x
-    step[1] += weight * y
+    step[DRIFT] += weight * x
+    step[DRIFT + 1] += weight * y
     step[WEIGHT] += weight
     known.asked[k] = 0.0
     weigh(known, k, s, contacts.impulse[k, 2], z, span)
@@ -202,26 +212,26 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
 
 @njit(cache=True)
 def show_drift(known: SelfModel, k: int, sign: float, seen: Array) -> None:
-    """Move DCM and CoM (1-4) of an observation (36,) by the drift, and take that off its push (34-35)."""
+    """Move DCM and CoM of an observation (36,) by the drift, and take that off its push estimate."""
     if math.hypot(known.drift[k, 0], known.drift[k, 1]) < DRIFT_KNOWN:
         return
     for axis in range(2):
         drift = known.drift[k, axis] * (sign if axis == 1 else 1.0)
-        seen[1 + axis] += drift
-        seen[3 + axis] += drift
-        seen[34 + axis] -= drift
+        seen[_DCM + axis] += drift
+        seen[_COM + axis] += drift
+        seen[_PUSH + axis] -= drift
 
 
 @njit(cache=True)
 def show_push(known: SelfModel, k: int, sign: float, span: float, seen: Array) -> None:
-    """Leave a push (34-35) that does not rise above its noise out of an observation (36,)."""
-    felt, x, y = known.felt[k], seen[34], sign * seen[35]
+    """Leave a push estimate that does not rise above its noise out of an observation (36,)."""
+    felt, x, y = known.felt[k], seen[_PUSH], sign * seen[_PUSH + 1]
     if span > 0.0:
-        jump = math.hypot(x - felt[0], y - felt[1])
-        felt[2] = max(felt[2] + (NOISE_RATE if jump > felt[2] else -NOISE_RATE), 0.0)
-        felt[0], felt[1] = x, y
-    if felt[2] > NOISE_KNOWN and math.hypot(x, y) < NOISE_SHARE * felt[2]:
-        seen[34] = seen[35] = 0.0
+        jump = math.hypot(x - felt[FELT], y - felt[FELT + 1])
+        felt[JUMP] = max(felt[JUMP] + (NOISE_RATE if jump > felt[JUMP] else -NOISE_RATE), 0.0)
+        felt[FELT], felt[FELT + 1] = x, y
+    if felt[JUMP] > NOISE_KNOWN and math.hypot(x, y) < NOISE_SHARE * felt[JUMP]:
+        seen[_PUSH] = seen[_PUSH + 1] = 0.0
 
 
 @njit(cache=True)

@@ -18,12 +18,17 @@ start of a step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omeg
 only after a reaction time t_r, f and B are worth exp(-omega t_r) as much. Derived in docs/limits.md.
 """
 
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import ArrayLike, NDArray
 
 from ..compiled.kernels import njit
@@ -32,6 +37,11 @@ from .gait_box import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait
 from .nominal_start import step_start_dcm
 from .robot import RobotModel
+
+# Columns of the bounds of the DCM offset; of a pair (x, y) the first one
+LOW = 0  # pair [m]
+HIGH = 2  # pair [m]
+BOUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -42,20 +52,56 @@ class OffsetBounds:
     high: NDArray[np.float64]  # (2,) [m]
 
 
+class CaptureConstants(NamedTuple):
+    """What the compiled bounds need of a robot and its step box."""
+
+    omega: float  # [1/s]
+    length_min: float  # [m]
+    length_max: float  # [m]
+    width_min: float  # [m]
+    width_max: float  # [m]
+    duration_min: float  # [s]
+    duration_max: float  # [s]
+    cop_x_max: float  # [m], 0 for a point foot
+    cop_y_max: float  # [m]
+    trunk_gain: float  # CMP per trunk acceleration, j / (m g) [m s^2]
+    trunk_acceleration_max: float  # [rad/s^2], 0 without a flywheel
+    trunk_angle_max: float  # [rad]
+
+
+CONSTANTS = len(CaptureConstants._fields)
+
+
 def capture_constants(
     robot: RobotModel, limits: GaitLimits, foot: bool = True, flywheel: bool = True
 ) -> NDArray[np.float64]:
-    """Pack what the kernels need: omega, step box (6), half sole (2), trunk (3).
+    """`CaptureConstants` as an array (CONSTANTS,).
 
     A point foot has no sole, no flywheel no torque.
     """
+    torque_limit = robot.trunk_torque_max / robot.trunk_inertia
     return np.array(
-        [robot.omega, limits.length_min, limits.length_max, limits.width_min, limits.width_max,
-         limits.duration_min, limits.duration_max, limits.cop_x_max * foot, limits.cop_y_max * foot,
-         robot.cmp_per_trunk_acceleration,
-         min(robot.trunk_torque_max / robot.trunk_inertia, limits.trunk_acceleration_max) * flywheel,
-         robot.trunk_angle_max]
-    )  # fmt: skip
+        CaptureConstants(
+            omega=robot.omega,
+            length_min=limits.length_min,
+            length_max=limits.length_max,
+            width_min=limits.width_min,
+            width_max=limits.width_max,
+            duration_min=limits.duration_min,
+            duration_max=limits.duration_max,
+            cop_x_max=limits.cop_x_max * foot,
+            cop_y_max=limits.cop_y_max * foot,
+            trunk_gain=robot.cmp_per_trunk_acceleration,
+            trunk_acceleration_max=min(torque_limit, limits.trunk_acceleration_max) * flywheel,
+            trunk_angle_max=robot.trunk_angle_max,
+        )
+    )
+
+
+@njit(cache=True)
+def constants_of(packed: Any) -> CaptureConstants:
+    """The constants of `capture_constants` by name."""
+    return CaptureConstants(*to_fixed_tuple(packed, CONSTANTS))
 
 
 @njit(cache=True)
@@ -65,7 +111,8 @@ def trunk_reserve(angle, rate, constants):  # pragma: no cover
     B = (j / (m g)) int omega exp(-omega s) theta'' ds: accelerate for t_1, brake for t_2, stop at
     theta_max. A trunk that cannot stop in time brakes all the way and ends at the stop.
     """
-    omega, gain, push, limit = constants[0], constants[9], constants[10], constants[11]
+    omega, gain = constants.omega, constants.trunk_gain
+    push, limit = constants.trunk_acceleration_max, constants.trunk_angle_max
     if push <= 0.0:
         return 0.0
     top = math.sqrt(max(push * (limit - angle) + 0.5 * rate * rate, 0.0))
@@ -81,34 +128,36 @@ def trunk_reserve(angle, rate, constants):  # pragma: no cover
 @njit(cache=True)
 def offset_bounds_kernel(elapsed, angle, rate, constants, bounds):  # pragma: no cover
     """Write (low_x, low_y, high_x, high_y) [m] for a time since the step began and a trunk state."""
-    omega = constants[0]
-    growth = math.exp(omega * constants[5])
-    wide = (growth * constants[4] - constants[3]) / (growth * growth - 1.0)
-    narrow = (growth * constants[3] - constants[4]) / (growth * growth - 1.0)
-    slow = math.exp(omega * constants[6])
+    c = constants_of(constants)
+    omega = c.omega
+    growth = math.exp(omega * c.duration_min)
+    wide = (growth * c.width_max - c.width_min) / (growth * growth - 1.0)
+    narrow = (growth * c.width_min - c.width_max) / (growth * growth - 1.0)
+    slow = math.exp(omega * c.duration_max)
     if narrow > 0.0:
-        wide = (constants[4] - constants[3] / slow) / (growth - 1.0 / slow)
-        narrow = (constants[3] - wide) / slow
-    soon = math.exp(-omega * max(constants[5] - elapsed, 0.0))
-    late = math.exp(-omega * max(constants[6] - elapsed, 0.0))
-    bounds[0] = soon * constants[1] * growth / (growth - 1.0)
-    bounds[2] = soon * constants[2] * growth / (growth - 1.0)
-    inner = constants[3] - wide
-    bounds[1] = (soon if inner < 0.0 else late) * inner
-    bounds[3] = soon * (constants[4] - narrow)
+        wide = (c.width_max - c.width_min / slow) / (growth - 1.0 / slow)
+        narrow = (c.width_min - wide) / slow
+    soon = math.exp(-omega * max(c.duration_min - elapsed, 0.0))
+    late = math.exp(-omega * max(c.duration_max - elapsed, 0.0))
+    bounds[LOW] = soon * c.length_min * growth / (growth - 1.0)
+    bounds[HIGH] = soon * c.length_max * growth / (growth - 1.0)
+    inner = c.width_min - wide
+    bounds[LOW + 1] = (soon if inner < 0.0 else late) * inner
+    bounds[HIGH + 1] = soon * (c.width_max - narrow)
+    cop_max = c.cop_x_max, c.cop_y_max
     for axis in range(2):
-        bounds[axis] -= constants[7 + axis] + trunk_reserve(-angle[axis], -rate[axis], constants)
-        bounds[2 + axis] += constants[7 + axis] + trunk_reserve(angle[axis], rate[axis], constants)
+        bounds[LOW + axis] -= cop_max[axis] + trunk_reserve(-angle[axis], -rate[axis], c)
+        bounds[HIGH + axis] += cop_max[axis] + trunk_reserve(angle[axis], rate[axis], c)
 
 
 @njit(cache=True)
 def capture_margin_kernel(elapsed, dcm, angle, rate, constants):  # pragma: no cover
     """Least distance of the DCM (2,) from its bounds [m]; negative outside."""
-    bounds = np.empty(4)
+    bounds = np.empty(BOUNDS)
     offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
     margin = np.inf
     for axis in range(2):
-        margin = min(margin, dcm[axis] - bounds[axis], bounds[2 + axis] - dcm[axis])
+        margin = min(margin, dcm[axis] - bounds[LOW + axis], bounds[HIGH + axis] - dcm[axis])
     return margin
 
 
@@ -134,9 +183,9 @@ def recoverable_offset(
         flywheel: whether the trunk may be accelerated.
     """
     angle, rate = _pair("trunk_angle", trunk_angle), _pair("trunk_rate", trunk_rate)
-    bounds = np.empty(4)
+    bounds = np.empty(BOUNDS)
     offset_bounds_kernel(elapsed, angle, rate, capture_constants(robot, limits, foot, flywheel), bounds)
-    return OffsetBounds(bounds[:2], bounds[2:])
+    return OffsetBounds(bounds[LOW : LOW + 2], bounds[HIGH : HIGH + 2])
 
 
 def capture_margin(

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
-from .gait_box import GaitLimits
+from .gait_box import COP, GaitLimits
 from .observation import ELAPSED, SWING_POSITION
 
 INSTANT = 1e-9  # less double support than this is over [s]
-_COP = 3  # first column of the CoP in gait variables and actions
 _SWING = SWING_POSITION.start
 
 
@@ -115,8 +114,8 @@ def cop_range(
     The sole; while both feet stand, the bounding box of both soles. Planner and environment both use it.
     """
     if both_stand(obs[ELAPSED], double_support):
-        return box_around(low[_COP + axis], high[_COP + axis], obs[_SWING + axis])
-    return low[_COP + axis], high[_COP + axis]
+        return box_around(low[COP + axis], high[COP + axis], obs[_SWING + axis])
+    return low[COP + axis], high[COP + axis]
 
 
 @njit(cache=True)
@@ -126,8 +125,8 @@ def _widen(observations: Any, actions: Any, low: Any, high: Any, double_support:
             continue
         for axis in range(2):
             bottom, top = cop_range(axis, observations[i], low, high, double_support)
-            share = 0.5 * (min(max(actions[i, _COP + axis], -1.0), 1.0) + 1.0)
-            gaits[i, _COP + axis] = bottom + share * (top - bottom)
+            share = 0.5 * (min(max(actions[i, COP + axis], -1.0), 1.0) + 1.0)
+            gaits[i, COP + axis] = bottom + share * (top - bottom)
 
 
 def gaits_of_actions(

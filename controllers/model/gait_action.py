@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from ..compiled.kernels import njit
 from .double_support import cop_range
-from .gait_box import GAIT_SIZE
-
-_COP = 3  # first column of the CoP in gait variables and actions
+from .gait_box import COP, GAIT_SIZE
 
 
 @njit(cache=True)
@@ -17,8 +15,8 @@ def scale_action(gait, obs, low, high, double_support, action):  # pragma: no co
     """
     for j in range(GAIT_SIZE):
         bottom, top = low[j], high[j]
-        if j == _COP or j == _COP + 1:
-            bottom, top = cop_range(j - _COP, obs, low, high, double_support)
+        if j == COP or j == COP + 1:
+            bottom, top = cop_range(j - COP, obs, low, high, double_support)
         scaled = 2.0 * (gait[j] - bottom) / (top - bottom) - 1.0
         action[j] = min(max(scaled, -1.0), 1.0)
 

@@ -13,10 +13,16 @@ from ..compiled.kernels import njit
 from ..errors import InvalidValueError, is_finite_number, shown
 from .robot import RobotModel
 
-GAIT_SIZE = 7
-SHORTEST_STEP = 0.01  # least `duration_min` [s]
 GAIT_NAMES = ("step_length", "step_width", "step_duration", "cop_x", "cop_y", "trunk_pitch_acceleration",
               "trunk_roll_acceleration")  # fmt: skip
+# Columns of the gait variables and of actions; of a pair (x, y) the first one
+STEP = 0  # pair, u_T: L, W [m]
+DURATION = 2  # T [s]
+COP = 3  # pair [m]
+TRUNK = 5  # pair, trunk acceleration [rad/s^2]
+GAIT_SIZE = 7
+
+SHORTEST_STEP = 0.01  # least `duration_min` [s]
 
 
 @dataclass(frozen=True)

@@ -31,13 +31,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from .double_support import check_double_support, transfer_weight
-from .gait_box import GaitLimits
+from .gait_box import DURATION, STEP, GaitLimits
 from .robot import RobotModel
 
 # Columns of a nominal gait (5,); of a pair (x, y) the first one
 NOMINAL_STEP = 0  # pair, L, W [m]
 NOMINAL_DURATION = 2  # T [s]
 NOMINAL_DCM_OFFSET = 3  # pair, b_x, b_y [m]
+NOMINAL_SIZE = 5
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,18 @@ def nominal_gait_kernel(
 
     A command too fast for the shortest step is followed as far as the step box goes.
     """
-    period_max = high[2] + touchdown_delay
+    period_max = high[DURATION] + touchdown_delay
     if velocity_x > 0.0:
-        period_max = min(period_max, high[0] / velocity_x)
+        period_max = min(period_max, high[STEP] / velocity_x)
     elif velocity_x < 0.0:
-        period_max = min(period_max, low[0] / velocity_x)
+        period_max = min(period_max, low[STEP] / velocity_x)
     if velocity_y != 0.0:
-        room = max(0.0, min(high[1] - pelvis_width, pelvis_width - low[1]))
+        room = max(0.0, min(high[STEP + 1] - pelvis_width, pelvis_width - low[STEP + 1]))
         period_max = min(period_max, room / abs(velocity_y))
-    duration = max(low[2], 0.5 * (low[2] + period_max - touchdown_delay))
+    duration = max(low[DURATION], 0.5 * (low[DURATION] + period_max - touchdown_delay))
     period = duration + touchdown_delay
-    length = min(max(velocity_x * period, low[0]), high[0])
-    room = min(high[1] - pelvis_width, pelvis_width - low[1])
+    length = min(max(velocity_x * period, low[STEP]), high[STEP])
+    room = min(high[STEP + 1] - pelvis_width, pelvis_width - low[STEP + 1])
     sway = min(max(velocity_y * period, -room), room)
     growth = math.exp(omega * period)
     offset_x = length / (growth - 1.0)
@@ -119,7 +120,7 @@ def nominal_gait(
         raise InvalidValueError(f"velocity must be two finite numbers [m/s], got {velocity!r}")
     check_pelvis(robot, limits)
     check_double_support(double_support, limits)
-    out = np.empty(5)
+    out = np.empty(NOMINAL_SIZE)
     nominal_gait_kernel(
         command[0], command[1], robot.pelvis_width, limits.low, limits.high, robot.omega, touchdown_delay,
         out, double_support,

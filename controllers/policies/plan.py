@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.gait_box import GAIT_SIZE
-from ..model.nominal_gait import NominalGait
-from ..stage_1.columns import COP, DCM_END, DURATION, HELD, NOMINAL, OFFSET, REMAINING, STEP, TARGET, TRUNK
+from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
+from ..model.nominal_gait import NOMINAL_SIZE, NominalGait
+from ..stage_1.columns import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, TARGET
 
 Floats = NDArray[np.float64]
-NOMINAL_SIZE = 5
 
 
 @dataclass(frozen=True)

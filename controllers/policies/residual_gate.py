@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
-from ..model.nominal_gait import check_pelvis, nominal_gait_kernel
+from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel
 from ..model.nominal_start import step_start_dcm_kernel
 from ..model.observation import COMMAND, DCM, ELAPSED
 from ..model.robot import RobotModel
@@ -64,7 +64,7 @@ class ResidualGate:
 def _openings(observations, constants, low, high):  # pragma: no cover - compiled
     omega, pelvis_width, delay, shut, opened = constants
     out = np.empty((observations.shape[0], 1), dtype=np.float32)
-    nominal = np.empty(5)
+    nominal = np.empty(NOMINAL_SIZE)
     for i in range(observations.shape[0]):
         obs = observations[i]
         nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], pelvis_width, low, high, omega, delay, nominal)

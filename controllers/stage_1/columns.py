@@ -22,11 +22,8 @@ SOLVED_TAU = 2
 SOLVED_OFFSET = 3  # pair, b [m]
 SOLUTION_SIZE = 5
 
-# A plan, `StepPlanner.plan`; the first seven are the gait variables of GAIT_NAMES
-STEP = 0  # pair, u_T: L, W [m]
-DURATION = 2  # T [s]
-COP = 3  # pair; of stage 1 that of the undisturbed step [m]
-TRUNK = 5  # pair, trunk acceleration; of stage 1 that of the upright law [rad/s^2]
+# A plan, `StepPlanner.plan`; the first seven are the gait variables, by the names of `model/gait_box.py`: of
+# stage 1 the CoP is that of the undisturbed step, the trunk acceleration that of the upright law
 OFFSET = 7  # pair, b of the plan [m]
 NOMINAL = 9  # L, W, T, b_x, b_y of the nominal gait
 NOMINAL_OFFSET = 12  # pair, its b [m]

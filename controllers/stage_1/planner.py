@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 from ..model.double_support import transfer_mean, transfer_weight
-from ..model.gait_box import GaitLimits, unscaled
+from ..model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits, unscaled
 from ..model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, nominal_gait_kernel
 from ..model.observation import (
     COMMAND,
@@ -34,10 +34,8 @@ from .columns import (
     ALPHA_DURATION,
     ALPHA_OFFSET,
     ALPHA_STEP,
-    COP,
     DCM_AHEAD,
     DCM_END,
-    DURATION,
     GAIN,
     HELD,
     NOMINAL,
@@ -52,7 +50,6 @@ from .columns import (
     SOLVED_STEP,
     SOLVED_TAU,
     STATUS,
-    STEP,
     STEP_HIGH,
     STEP_LOW,
     STEP_NOMINAL,
@@ -60,7 +57,6 @@ from .columns import (
     TAU_HIGH,
     TAU_LOW,
     TAU_NOMINAL,
-    TRUNK,
 )
 from .constants import constants_of, pack_constants
 from .step_problem import solve_step_kernel

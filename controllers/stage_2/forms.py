@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidValueError
-from ..model.gait_box import GaitLimits
+from ..model.gait_box import COP, TRUNK, GaitLimits
 from ..model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
-from ..stage_1.columns import COP, DCM_AHEAD, REMAINING, RESULT, TARGET, TRUNK
+from ..stage_1.columns import DCM_AHEAD, REMAINING, RESULT, TARGET
 from ..stage_1.columns import STATUS as STATUS_COLUMN
 from .double_support import DoubleSupportPlanner
 from .interface import (

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
-from ..model.gait_box import unscaled
+from ..model.gait_box import COP, TRUNK, unscaled
 from ..model.observation import PREVIOUS_ACTION
-from ..stage_1.columns import COP, HELD, RESULT, TRUNK
+from ..stage_1.columns import HELD, RESULT
 
 Floats = NDArray[np.float64]
 

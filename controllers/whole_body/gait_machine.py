@@ -21,6 +21,7 @@ from ..model.frame import (
     point_in_world,
     side_sign,
 )
+from ..model.gait_box import COP, DURATION, STEP, TRUNK
 from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
 from .edge_cop import missing_cmp
@@ -32,9 +33,10 @@ from .swing_foot import quintic_step, swing_update
 from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
-NOT_FINITE = FAILURES.index("not_finite")
+TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
+FLOOR = 3  # column of `Gait.height`: the floor under the stance sole
 Point = tuple[float, float]  # on the floor, world axes [m]
 
 
@@ -47,7 +49,7 @@ class Gait(NamedTuple):
     time: Array  # (n,) since reset [s]
     heading: Array  # (n,) of the stance sole and the canonical frame [rad]
     swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
-    height: Array  # (n, 4) reference of the CoM's height, its velocity, acceleration; height of the floor
+    height: Array  # (n, 4) reference of the CoM's height, its velocity, acceleration; floor's height
     plan: Array  # (n, 7) gait variables, held for a planning period
     failure: Ints  # (n,) index into FAILURES
     wrench: Array  # (n, 6) that the last torque asks of the stance sole
@@ -84,8 +86,8 @@ def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, pre
     A swing foot about to land is committed: place and time of the step stay, unless the asked step is far
     enough from landing for the foot to go elsewhere.
     """
-    landing = max(gait.plan[k, 2], asked[2]) - gait.elapsed[k]
-    first = 3 if landing < s.commit else 0
+    landing = max(gait.plan[k, DURATION], asked[DURATION]) - gait.elapsed[k]
+    first = COP if landing < s.commit else STEP
     for i in range(first, asked.shape[0]):
         gait.plan[k, i] = asked[i]
         previous[i] = action[i]
@@ -102,8 +104,8 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
-    gait.plan[k, 3:5] = 0.0
-    gait.plan[k, 6] = -gait.plan[k, 6]
+    gait.plan[k, COP : COP + 2] = 0.0
+    gait.plan[k, TRUNK + 1] = -gait.plan[k, TRUNK + 1]
 
 
 @njit(cache=True)
@@ -112,8 +114,9 @@ def landing_limit(phys: Physics, gait: Gait, k: int) -> int:
     stance, plan = gait.stance[k], gait.plan[k]
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
     frame = canonical_frame(gait.heading[k], stance)
-    x, y = point_in_world(frame, sole[0], sole[1], plan[0], plan[1])
-    off = math.hypot(foot[0] - x, foot[1] - y) > LANDED_OFF or abs(gait.elapsed[k] - plan[2]) > LANDED_LATE
+    x, y = point_in_world(frame, sole[0], sole[1], plan[STEP], plan[STEP + 1])
+    late = abs(gait.elapsed[k] - plan[DURATION]) > LANDED_LATE
+    off = math.hypot(foot[0] - x, foot[1] - y) > LANDED_OFF or late
     return TOUCHDOWN_ERROR if off else 0
 
 
@@ -159,9 +162,10 @@ def lever_and_missing(
     Along the heading and to the left, from the stance sole [m]. The DCM's goal is that of stepping in place,
     u_T + b with b = -W / (1 + exp(omega T)) aside.
     """
-    cmp_x, cmp_y = plan[3] + s.cmp_gain * plan[5], sign * (plan[4] + s.cmp_gain * plan[6])
-    goal_y = sign * plan[1] * (1.0 - 1.0 / (1.0 + math.exp(s.omega * plan[2])))
-    missing_x = missing_cmp(place[0] + speed[0] / s.omega, plan[0], cmp_x, growth)
+    cmp_x = plan[COP] + s.cmp_gain * plan[TRUNK]
+    cmp_y = sign * (plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1])
+    goal_y = sign * plan[STEP + 1] * (1.0 - 1.0 / (1.0 + math.exp(s.omega * plan[DURATION])))
+    missing_x = missing_cmp(place[0] + speed[0] / s.omega, plan[STEP], cmp_x, growth)
     missing_y = missing_cmp(place[1] + speed[1] / s.omega, goal_y, cmp_y, growth)
     return (place[0] - cmp_x, place[1] - cmp_y), (missing_x, missing_y)
 
@@ -176,13 +180,13 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     ahead, sign = heading_frame(gait.heading[k]), side_sign(stance)
     frame = Frame(ahead.cos, ahead.sin, sign)
     sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
-    remaining = max(plan[2] - gait.elapsed[k], 0.0)
+    remaining = max(plan[DURATION] - gait.elapsed[k], 0.0)
     growth = math.exp(s.omega * remaining)
     place = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
     speed = canonical(ahead, velocity[0], velocity[1])
     (lever_x, lever_y), missing = lever_and_missing(place, speed, plan, sign, growth, s)
     lever_x, lever_y = in_world(ahead, lever_x, lever_y)
-    target = point_in_world(frame, sole[0], sole[1], plan[0], plan[1])
+    target = point_in_world(frame, sole[0], sole[1], plan[STEP], plan[STEP + 1])
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
@@ -192,18 +196,17 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
     lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     if gait.elapsed[k] < s.settled:
-        lift[3] = sole[2]
-    gait.swing[k, 2] -= lift[3]
-    swing_update(
-        gait.swing[k], target[0], target[1], gait.elapsed[k], plan[2] + s.landing_delay, dt, s.apex, s.descent
-    )
-    gait.swing[k, 2] += lift[3]
+        lift[FLOOR] = sole[2]
+    gait.swing[k, 2] -= lift[FLOOR]
+    landing = plan[DURATION] + s.landing_delay
+    swing_update(gait.swing[k], target[0], target[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
+    gait.swing[k, 2] += lift[FLOOR]
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
-    waist = plan[5], -sign * plan[6]
+    waist = plan[TRUNK], -sign * plan[TRUNK + 1]
     yaw = gait.yaw[k]
-    turn_references(yaw, gait.turn[k], plan[2] + s.landing_delay, remaining, s.commit, dt)
+    turn_references(yaw, gait.turn[k], landing, remaining, s.commit, dt)
     yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
-    planned = (plan[3], sign * plan[4]), missing
+    planned = (plan[COP], sign * plan[COP + 1]), missing
     task = Task(
         stance,
         acceleration,
@@ -227,11 +230,11 @@ def control(
 
     `landing` (n,) keeps TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan.
     """
-    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, 2], s):
+    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, DURATION], s):
         landing[k] = landing_limit(phys, gait, k)
         touch_down(phys, gait, k)
     met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
-    if gait.elapsed[k] > gait.plan[k, 2] + LANDED_LATE:
+    if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:
         met |= TOUCHDOWN_ERROR
     return met
 
@@ -252,6 +255,6 @@ def check_failure(phys: Physics, gait: Gait, k: int, s: GaitSettings) -> None:
     if not np.isfinite(height):
         gait.failure[k] = NOT_FINITE
     elif height < LOWEST * s.com_height:
-        gait.failure[k] = 1
+        gait.failure[k] = TOO_LOW
     elif phys.xmat[k, PELVIS, 8] < STEEPEST:
-        gait.failure[k] = 2
+        gait.failure[k] = TILTED

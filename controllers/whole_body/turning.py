@@ -17,6 +17,7 @@ from .swing_foot import ARRIVAL_LEAD, SHORTEST, quintic_step
 
 SIZE = 7  # swing sole: yaw, rate, acceleration; pelvis: the same; yaw at which the sole is to land
 SWING, PELVIS_YAW, LANDING = 0, 3, 6
+TURN = 2  # column of a command: velocity x, y [m/s], turn [rad/s]
 
 
 @njit(cache=True, forceinline=True)

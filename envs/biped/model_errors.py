@@ -17,18 +17,28 @@ import numpy as np
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
+from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Ints, Physics
 from ..physics.stepping import PHYSICS_DT, Handles, advance, advance_measured, believe, simulated
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.noise import counter_seed, normal_pair
-from ..scenario.observation_noise import JOINT_CHANNEL, add_motion_noise, motion_noise
+from ..scenario.observation_noise import (
+    JOINT_CHANNEL,
+    MOTION_NOISES,
+    VELOCITY_NOISE,
+    add_motion_noise,
+    motion_noise,
+)
 from ..scenario.scenario import Scenario
 from .floor import tiled_model
 from .robots.compiled_robot import CompiledRobot
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
+DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
+
+_EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen
 
 
 class RobotErrors(NamedTuple):
@@ -37,7 +47,7 @@ class RobotErrors(NamedTuple):
     physical: Ints  # (n,) 1 where a physics step is more than a plain one
     believes: Ints  # (n,) 1 where what control takes for the robot is not what the physics has
     delay: Ints  # (n,) of the torques [physics steps]
-    noise: Array  # (n, 2) of the DCM [m], of the joints [rad]
+    noise: Array  # (n, 2) deviation of the DCM [m] and of the joints [rad]
     seed: Ints  # (n,)
     period: Ints  # (n,) planning periods since reset
     step: Ints  # (n,) physics steps since reset, counted where `physical`
@@ -144,8 +154,8 @@ def delay_torque(errors: RobotErrors, k: int, torque: Array) -> None:
 def measure_joint(phys: Physics, errors: RobotErrors, k: int, dof: int, channel: int, sign: float) -> None:
     """Add noise to the angle of a joint and to its rate."""
     angle, rate = normal_pair(errors.seed[k], errors.step[k], channel)
-    phys.qpos[k, dof + 1] += sign * errors.noise[k, 1] * angle
-    phys.qvel[k, dof] += sign * RATE_NOISE * errors.noise[k, 1] * rate
+    phys.qpos[k, dof + 1] += sign * errors.noise[k, JOINT_NOISE] * angle
+    phys.qvel[k, dof] += sign * RATE_NOISE * errors.noise[k, JOINT_NOISE] * rate
 
 
 @njit(cache=True)
@@ -173,7 +183,7 @@ def advance_with_errors(
         advance(handles, k)
         return
     advance_measured(handles, k)
-    if errors.noise[k, 1] > 0.0:
+    if errors.noise[k, JOINT_NOISE] > 0.0:
         measure_joints(phys, errors, k, first_side)
     believe(handles, k)
 
@@ -187,17 +197,18 @@ def show(
     `span` is the time that the push estimate covers [s]: it is the change of the velocity, so it is seen off
     by (n_v - n_v of the period before) / (omega^2 span). A robot that rests is seen as it was.
     """
-    deviation = errors.noise[k, 0]
+    deviation = errors.noise[k, DCM_NOISE]
     rests = span == 0.0 and errors.period[k] > 0
     for i in range(truth.shape[0]):
-        if deviation == 0.0 or not rests or 6 < i < 34:
+        if deviation == 0.0 or not rests or _EXACT <= i < _PUSH:
             seen[i] = truth[i]
     if deviation == 0.0 or rests:
         return
-    noise, before = np.empty(4), np.empty(4)
+    noise, before = np.empty(MOTION_NOISES), np.empty(MOTION_NOISES)
     motion_noise(errors.seed[k], errors.period[k], deviation, omega, steps, noise)
     add_motion_noise(noise, omega, seen)
     if span > 0.0:
         motion_noise(errors.seed[k], errors.period[k] - 1, deviation, omega, steps, before)
         for axis in range(2):
-            seen[34 + axis] += (noise[2 + axis] - before[2 + axis]) / (omega * omega * span)
+            j = VELOCITY_NOISE + axis
+            seen[_PUSH + axis] += (noise[j] - before[j]) / (omega * omega * span)

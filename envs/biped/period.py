@@ -27,12 +27,13 @@ from ...controllers.whole_body.gait_machine import (
 )
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Ints, Physics
+from ...controllers.whole_body.turning import TURN
 from ..physics.stepping import Handles, advance
 from ..scenario.command_schedule import Schedule, follow
 from ..scenario.push_arrays import Pushes
 from .floor import Floor, place_tiles
 from .limit_record import LimitRecord, note_limits, plan_limits
-from .model_errors import RobotErrors, advance_with_errors, show
+from .model_errors import DCM_NOISE, RobotErrors, advance_with_errors, show
 from .pushes import apply_pushes
 
 FASTEST = 1e6  # no joint or base moves faster: what does has left what numbers can hold [m/s, rad/s]
@@ -266,7 +267,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
         if gait.failure[k] == NOT_FINITE:
             continue
         follow(schedule, k, gait.time[k], command[k])
-        gait.turn[k] = command[k, 2]
+        gait.turn[k] = command[k, TURN]
         span, before = contacts.time[k], (world[k, 0], world[k, 1])
         learn(known, k, phys, gait, contacts, settings)
         mass = settings.mass * known.mass[k]
@@ -274,7 +275,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
             phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
         )
         show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
-        if span > 0.0 or errors.noise[k, 0] == 0.0:  # otherwise it is seen as it was
+        if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
             show_known(known, k, gait, span, out[k])
         if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
             note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)

@@ -10,6 +10,7 @@ from numba.np.numpy_support import carray
 from ...controllers.compiled.kernels import njit
 from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
+from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body.gait_machine import Gait
 from ...controllers.whole_body.kinematics import PELVIS, TRUNK, Physics
 from ..scenario.push_arrays import Pushes
@@ -24,7 +25,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
     now, mean = gait.time[k], carray(stack_floats(3), (3,))
     resolve_starts(
         pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - gait.elapsed[k],
-        gait.plan[k, 2], now, now + dt,
+        gait.plan[k, DURATION], now, now + dt,
     )  # fmt: skip
     turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
     for body in PUSHED_BODY:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.model.observation import ELAPSED
 from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
 from .episodes import GaitEpisodes
@@ -112,7 +113,7 @@ class VectorInfo:
         put(info, "time", motion.time.copy(), rows.copy())
         put(info, "push", push, pushed)
         put(info, "capture_margin", core.margin.copy(), rows.copy())
-        put(info, "phase", np.minimum(core.observation[:, 0] / episodes.planned, 1.0), rows.copy())
+        put(info, "phase", np.minimum(core.observation[:, ELAPSED] / episodes.planned, 1.0), rows.copy())
         put(info, "stance_side", self._sides[motion.side], rows.copy())
         put(info, "failure_reason", self._reasons[failure], rows & (failure != 0))
         put(info, "recovered_at", recovered_at, rows & ~np.isnan(recovered_at))

@@ -3,18 +3,22 @@
 Numba unpacks every array of a call, so the two dozen arrays come as one table of addresses.
 """
 
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.frame import canonical, canonical_frame
-from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_gait import NOMINAL_DURATION, nominal_gait_kernel
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
+from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
 from ...controllers.model.observation import COMMAND
 from ...controllers.model.robot import RobotModel
 from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
@@ -68,6 +72,18 @@ class Episodes(NamedTuple):
     total: Array  # (n,) reward, written
 
 
+class PeriodConstants(NamedTuple):
+    """What the nominal gait follows from, beside its box."""
+
+    omega: float  # [1/s]
+    pelvis_width: float  # l_p [m]
+    delay: float  # of touchdown [s]
+    double_support: float  # [s]
+
+
+CONSTANTS = len(PeriodConstants._fields)
+
+
 class Judged(NamedTuple):
     """Everything that `end_period` reads and writes."""
 
@@ -85,10 +101,9 @@ def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> I
 
 
 def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double_support: float) -> Array:
-    """omega, l_p, touchdown delay, double support, then the box of the gait variables: low, high."""
-    return np.array(
-        [robot.omega, robot.pelvis_width, delay, double_support, *limits.low, *limits.high], dtype=np.float64
-    )
+    """`PeriodConstants`, then the box of the gait variables: low, high."""
+    constants = PeriodConstants(robot.omega, robot.pelvis_width, delay, double_support)
+    return np.array([*constants, *limits.low, *limits.high], dtype=np.float64)
 
 
 @njit(cache=True)
@@ -135,9 +150,9 @@ def last_push_end(robots, k, count):  # pragma: no cover
 def end_period(t, c, gaits, ends):  # pragma: no cover
     """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
     robots, episodes, monitor = robots_of(t), episodes_of(t), monitor_of(t)
-    omega, width, delay, double_support = c[0], c[1], c[2], c[3]
-    low, high = c[4 : 4 + GAIT_SIZE], c[4 + GAIT_SIZE :]
-    nominal, start, started, uphill = np.empty(5), np.empty(2), np.empty(2), np.empty(2)
+    omega, width, delay, double_support = to_fixed_tuple(c[:CONSTANTS], CONSTANTS)
+    low, high = c[CONSTANTS : CONSTANTS + GAIT_SIZE], c[CONSTANTS + GAIT_SIZE :]
+    nominal, start, started, uphill = np.empty(NOMINAL_SIZE), np.empty(2), np.empty(2), np.empty(2)
     for k in range(ends.shape[1]):
         obs, time = robots.observation[k], robots.time[k]
         vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
@@ -156,7 +171,7 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         ends[0, k] = robots.failure[k] != 0
         end = event + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
         ends[1, k] = time >= end - 1e-9 and not ends[0, k]
-        episodes.planned[k] = gaits[k, 2]
+        episodes.planned[k] = gaits[k, DURATION]
         episodes.total[k] = write_reward(
             obs, episodes.before[k], episodes.planned[k], robots.margin[k], ends[0, k], started, start,
             nominal[NOMINAL_DURATION], episodes.terms[k],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.double_support import check_double_support, gaits_of_actions
 from ...controllers.model.frame import side_sign
-from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.model.robot import RobotModel
@@ -51,7 +51,7 @@ class PendulumCore:
             time=np.zeros(n), step_start=np.zeros(n), side=np.zeros(n, np.int64),
             steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64), heading=np.zeros(n),
         )  # fmt: skip
-        self.state.plan[:, 2] = limits.duration_max  # of pendulums that have not been reset
+        self.state.plan[:, DURATION] = limits.duration_max  # of pendulums that have not been reset
         self.pushes = empty_pushes(n, 1)
         self.schedule, self.command = empty_schedule(n), np.zeros((n, 3))  # to come, in force
         self.previous_action = np.zeros((n, GAIT_SIZE))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import both_stand
 from ...controllers.model.frame import side_sign
+from ...controllers.model.gait_box import DURATION, STEP
 from ..scenario.push_force import resolve_starts
 from .model_errors import acting, begin_cycle
 from .support import supported_cop, transferred_cop
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FAILURES = ("", "dcm_diverged", "not_finite")
+DIVERGED, NOT_FINITE = range(1, len(FAILURES))
 LANDED = 1e-9  # a touchdown due this soon after a cycle belongs to it [s]
 
 
@@ -125,8 +127,8 @@ def touch_down(s, k):  # pragma: no cover
     """The swing foot becomes the stance foot, exactly where the plan wants it."""
     sign = side_sign(s.side[k])
     old_x, old_y = s.stance[k, 0], s.stance[k, 1]
-    s.stance[k, 0] = old_x + s.plan[k, 0]
-    s.stance[k, 1] = old_y + sign * s.plan[k, 1]
+    s.stance[k, 0] = old_x + s.plan[k, STEP]
+    s.stance[k, 1] = old_y + sign * s.plan[k, STEP + 1]
     s.lift[k, 0], s.lift[k, 1] = old_x, old_y
     s.side[k] = 1 - s.side[k]
     s.steps[k] += 1
@@ -139,11 +141,11 @@ def _next_event(s, q, k, end, landed, double_support):  # pragma: no cover
     now = s.time[k]
     until = end
     if not landed:
-        until = min(until, s.step_start[k] + s.plan[k, 2])
+        until = min(until, s.step_start[k] + s.plan[k, DURATION])
     if both_stand(now - s.step_start[k], double_support):
         until = min(until, s.step_start[k] + double_support)
     resolve_starts(
-        q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, 2], now, until
+        q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, DURATION], now, until
     )
     for i in range(q.start.shape[1]):
         if now < q.start[k, i] < until:
@@ -201,7 +203,7 @@ def advance(s, q, e, dt, p):  # pragma: no cover
             if s.time[k] >= change:
                 cop_x, cop_y, pitch, roll = acting(s, e, k, e.lag[k], end - s.time[k], p)
                 change = np.inf
-            if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2]:
+            if not landed and s.time[k] >= s.step_start[k] + s.plan[k, DURATION]:
                 touch_down(s, k)
                 landed = True
                 cop_x, cop_y = transferred_cop(s, k, end - s.time[k], p)
@@ -215,5 +217,5 @@ def advance(s, q, e, dt, p):  # pragma: no cover
             advance_axis(s, k, 1, s.stance[k, 1] + cop_y, roll, force_y, span, p)
             s.time[k] = until
         s.cop[k, 0], s.cop[k, 1] = s.stance[k, 0] + cop_x, s.stance[k, 1] + cop_y
-        if not landed and s.time[k] >= s.step_start[k] + s.plan[k, 2] - LANDED:
+        if not landed and s.time[k] >= s.step_start[k] + s.plan[k, DURATION] - LANDED:
             touch_down(s, k)

@@ -17,10 +17,18 @@ from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.frame import side_sign
+from ...controllers.model.gait_box import COP, TRUNK
+from ...controllers.model.observation import PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
 from ..scenario.model_errors import BOUNDS
 from ..scenario.noise import counter_seed
-from ..scenario.observation_noise import add_motion_noise, motion_noise
+from ..scenario.observation_noise import (
+    COM_NOISE,
+    MOTION_NOISES,
+    VELOCITY_NOISE,
+    add_motion_noise,
+    motion_noise,
+)
 from ..scenario.scenario import Scenario
 from .support import supported_cop, transferred_cop
 
@@ -29,6 +37,13 @@ Ints = NDArray[np.int64]
 
 KNOWN = ("mass", "slope_forward", "slope_left", "delay", "dcm_noise")
 INSTANT = 1e-9  # [s]
+# Columns of what an action asked for; of a pair (x, y) the first one
+ASKED_COP = 0  # pair, from the stance sole [m]
+ASKED_TRUNK = 2  # pair, trunk acceleration [rad/s^2]
+ASKED_STEP = 4  # number of the step that it was for
+ASKED_SIZE = 5
+
+_PUSH = PUSH_ESTIMATE.start
 
 
 class PendulumErrors(NamedTuple):
@@ -41,9 +56,7 @@ class PendulumErrors(NamedTuple):
     deviation: Array  # (n,) of the observed DCM [m]
     seed: Ints  # (n,)
     period: Ints  # (n,) since reset
-    asked: (
-        Array  # (n, L, 5) ring over periods: CoP from the stance sole, trunk acceleration, world axes; step
-    )
+    asked: Array  # (n, L, ASKED_SIZE) ring over periods, columns see above; world axes
 
 
 def no_errors(n: int, dt: float) -> PendulumErrors:
@@ -52,7 +65,7 @@ def no_errors(n: int, dt: float) -> PendulumErrors:
     return PendulumErrors(
         weight=np.ones(n), downhill=np.zeros((n, 2)), lag=np.zeros(n, np.int64), rest=np.zeros(n),
         deviation=np.zeros(n), seed=np.zeros(n, np.int64), period=np.zeros(n, np.int64),
-        asked=np.zeros((n, longest, 5)),
+        asked=np.zeros((n, longest, ASKED_SIZE)),
     )  # fmt: skip
 
 
@@ -74,7 +87,7 @@ def assign_errors(table: PendulumErrors, k: int, scenario: Scenario, dt: float) 
     table.seed[k] = counter_seed(scenario.noise_seed)
     table.period[k] = 0
     table.asked[k] = 0.0
-    table.asked[k, :, 4] = -1.0  # before reset: for no step of this episode
+    table.asked[k, :, ASKED_STEP] = -1.0  # before reset: for no step of this episode
 
 
 @njit(cache=True)
@@ -82,11 +95,11 @@ def acting(s, e, k, ago, left, p):  # pragma: no cover
     """CoP from the stance sole (2) and trunk acceleration (2) of the action of `ago` periods before this."""
     size = e.asked.shape[1]
     row = e.asked[k, (e.period[k] - ago) % size]
-    if row[4] == s.steps[k]:
-        cop_x, cop_y = supported_cop(s, k, row[0], row[1], p)
+    if row[ASKED_STEP] == s.steps[k]:
+        cop_x, cop_y = supported_cop(s, k, row[ASKED_COP], row[ASKED_COP + 1], p)
     else:
         cop_x, cop_y = transferred_cop(s, k, left, p)
-    return cop_x, cop_y, row[2], row[3]
+    return cop_x, cop_y, row[ASKED_TRUNK], row[ASKED_TRUNK + 1]
 
 
 @njit(cache=True)
@@ -96,13 +109,15 @@ def begin_cycle(s, e, k, dt, p):  # pragma: no cover
     The acceleration is the one that the torque for the asked one gives the true trunk.
     """
     sign = side_sign(s.side[k])
-    pitch = min(max(s.plan[k, 5], -p.acceleration_max), p.acceleration_max) / e.weight[k]
-    roll = sign * min(max(s.plan[k, 6], -p.acceleration_max), p.acceleration_max) / e.weight[k]
+    pitch = min(max(s.plan[k, TRUNK], -p.acceleration_max), p.acceleration_max) / e.weight[k]
+    roll = sign * min(max(s.plan[k, TRUNK + 1], -p.acceleration_max), p.acceleration_max) / e.weight[k]
+    cop_x, cop_y = s.plan[k, COP], sign * s.plan[k, COP + 1]
     if e.lag[k] == 0 and e.rest[k] == 0.0:
-        cop_x, cop_y = supported_cop(s, k, s.plan[k, 3], sign * s.plan[k, 4], p)
+        cop_x, cop_y = supported_cop(s, k, cop_x, cop_y, p)
         return cop_x, cop_y, pitch, roll, np.inf
     row = e.asked[k, e.period[k] % e.asked.shape[1]]
-    row[0], row[1], row[2], row[3], row[4] = s.plan[k, 3], sign * s.plan[k, 4], pitch, roll, s.steps[k]
+    row[ASKED_COP], row[ASKED_COP + 1] = cop_x, cop_y
+    row[ASKED_TRUNK], row[ASKED_TRUNK + 1], row[ASKED_STEP] = pitch, roll, s.steps[k]
     late, change = e.lag[k], np.inf
     if e.rest[k] > 0.0:
         late, change = late + 1, s.time[k] + e.rest[k]
@@ -117,7 +132,7 @@ def show(s, e, p, dt, truth, seen, first, end):  # pragma: no cover
     The push estimate is that of an observer who knows no other DCM: noise n of the DCM changes it by
     (n - exp(omega dt) n of the period before) / (exp(omega dt) - 1).
     """
-    noise, before = np.empty(4), np.empty(4)
+    noise, before = np.empty(MOTION_NOISES), np.empty(MOTION_NOISES)
     grow = math.exp(p.omega * dt)
     for k in range(first, end):
         seen[k] = truth[k]
@@ -129,6 +144,6 @@ def show(s, e, p, dt, truth, seen, first, end):  # pragma: no cover
             continue
         motion_noise(e.seed[k], e.period[k] - 1, e.deviation[k], p.omega, s.steps[k], before)
         for axis in range(2):
-            now = noise[axis] + noise[2 + axis] / p.omega
-            then = before[axis] + before[2 + axis] / p.omega
-            seen[k, 34 + axis] += (now - grow * then) / (grow - 1.0)
+            now = noise[COM_NOISE + axis] + noise[VELOCITY_NOISE + axis] / p.omega
+            then = before[COM_NOISE + axis] + before[VELOCITY_NOISE + axis] / p.omega
+            seen[k, _PUSH + axis] += (now - grow * then) / (grow - 1.0)

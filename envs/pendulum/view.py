@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from ...controllers.model.frame import side_sign
+from ...controllers.model.gait_box import STEP
 from ...controllers.model.robot import RobotModel
 from ..physics.offscreen import window_opens
 from .dynamics import Pendulums
@@ -50,7 +51,7 @@ class PendulumView:
         com, stance = state.com[0], state.stance[0]
         dcm = com + state.velocity[0] / robot.omega
         sign = side_sign(int(state.side[0]))
-        target = stance + np.array([state.plan[0, 0], sign * state.plan[0, 1]])
+        target = stance + np.array([state.plan[0, STEP], sign * state.plan[0, STEP + 1]])
         colour = FOOT_COLOURS[int(state.side[0])]
         soles = [(stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")]
         if both_stand:

@@ -13,9 +13,16 @@ from __future__ import annotations
 import math
 
 from ...controllers.compiled.kernels import njit
+from ...controllers.model.observation import COM, COM_VELOCITY, DCM
 from .noise import normal_pair
 
 COM_CHANNEL, VELOCITY_CHANNEL, JOINT_CHANNEL = 0, 1, 2  # joints take 2, 3, ...
+# Columns of the errors of one period; of a pair (x, y) the first one
+COM_NOISE = 0  # pair [m]
+VELOCITY_NOISE = 2  # pair [m/s]
+MOTION_NOISES = 4
+
+_COM, _VELOCITY, _DCM = COM.start, COM_VELOCITY.start, DCM.start
 
 
 @njit(cache=True)
@@ -24,14 +31,14 @@ def motion_noise(seed, period, deviation, omega, steps, out):  # pragma: no cove
     share, side = deviation / math.sqrt(2.0), 1.0 if steps % 2 == 0 else -1.0
     x, y = normal_pair(seed, period, COM_CHANNEL)
     u, v = normal_pair(seed, period, VELOCITY_CHANNEL)
-    out[0], out[1] = share * x, side * share * y
-    out[2], out[3] = omega * share * u, side * omega * share * v
+    out[COM_NOISE], out[COM_NOISE + 1] = share * x, side * share * y
+    out[VELOCITY_NOISE], out[VELOCITY_NOISE + 1] = omega * share * u, side * omega * share * v
 
 
 @njit(cache=True)
 def add_motion_noise(noise, omega, o):  # pragma: no cover
-    """Add errors (4,) to CoM, velocity and DCM (1-6) of an observation (36,); xi = com + v / omega holds."""
+    """Add errors (4,) to CoM, velocity and DCM of an observation (36,); xi = com + v / omega holds."""
     for axis in range(2):
-        o[3 + axis] += noise[axis]
-        o[5 + axis] += noise[2 + axis]
-        o[1 + axis] = o[3 + axis] + o[5 + axis] / omega
+        o[_COM + axis] += noise[COM_NOISE + axis]
+        o[_VELOCITY + axis] += noise[VELOCITY_NOISE + axis]
+        o[_DCM + axis] = o[_COM + axis] + o[_VELOCITY + axis] / omega

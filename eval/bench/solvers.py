@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.model.gait_box import DURATION, STEP
 from ...controllers.model.observation import ELAPSED
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...controllers.solvers.general_qp import QuadraticProgram
@@ -106,15 +107,16 @@ def missing_solvers() -> list[str]:
 def step_problem(policy: TwoStagePolicy, problem: Stage2) -> StepProblem:
     """The stage 1 problem behind a plan: its gain follows from u + b = a tau."""
     plan, config, omega = problem.plan, policy.config, policy.robot.omega
-    tau, nominal = math.exp(omega * float(plan.gait[2])), plan.nominal
+    tau, nominal = math.exp(omega * float(plan.gait[DURATION])), plan.nominal
     gain = (plan.gait[:2] + plan.offset) / tau
     low, high = policy.limits.low, policy.limits.high
-    earliest = max(float(low[2]), float(problem.observation[ELAPSED]) + config.duration_margin)
+    earliest = max(float(low[DURATION]), float(problem.observation[ELAPSED]) + config.duration_margin)
     return StepProblem(
         gain=(float(gain[0]), float(gain[1])), step_nominal=(nominal.length, nominal.width),
         tau_nominal=math.exp(omega * nominal.duration), offset_nominal=(nominal.offset_x, nominal.offset_y),
-        step_low=(float(low[0]), float(low[1])), step_high=(float(high[0]), float(high[1])),
-        tau_low=math.exp(omega * earliest), tau_high=math.exp(omega * max(float(high[2]), earliest)),
+        step_low=(float(low[STEP]), float(low[STEP + 1])),
+        step_high=(float(high[STEP]), float(high[STEP + 1])),
+        tau_low=math.exp(omega * earliest), tau_high=math.exp(omega * max(float(high[DURATION]), earliest)),
         alpha_step=config.alpha_step, alpha_duration=config.alpha_duration, alpha_offset=config.alpha_offset,
     )  # fmt: skip
 

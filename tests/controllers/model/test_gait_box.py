@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.gait_box import (
+    COP,
+    DURATION,
+    GAIT_NAMES,
+    GAIT_SIZE,
+    STEP,
+    TRUNK,
+    GaitLimits,
+)
 
 LIMITS = GaitLimits()
 
@@ -31,3 +39,12 @@ def test_to_action_is_the_inverse_whatever_the_memory_layout():
 def test_seven_entries_are_asked_for():
     with pytest.raises(InvalidValueError, match=r"7 entries, got shape \(6,\)"):
         LIMITS.from_action(np.zeros(6))
+
+
+def test_columns_are_those_of_the_names():
+    pairs = [("step_length", "step_width", STEP), ("cop_x", "cop_y", COP),
+             ("trunk_pitch_acceleration", "trunk_roll_acceleration", TRUNK)]  # fmt: skip
+    for x, y, column in pairs:
+        assert GAIT_NAMES[column : column + 2] == (x, y)
+    assert GAIT_NAMES[DURATION] == "step_duration"
+    assert len(GAIT_NAMES) == GAIT_SIZE == len(LIMITS.low)
