@@ -159,4 +159,10 @@ def test_only_a_long_slide_tells_the_friction(biped_core, begin, share):
     assert [slide(1.1 * SLIDES) for _ in range(SLIDING - 1)] == [friction] * (SLIDING - 1)
     slide(0.0)
     assert [slide(1.1 * SLIDES) for _ in range(SLIDING - 1)] == [friction] * (SLIDING - 1)
+    core.gait.elapsed[0] = 0.02  # just landed: it may still slide from that
+    assert [slide(1.1 * SLIDES) for _ in range(2 * SLIDING)] == [friction] * 2 * SLIDING
+    core.gait.elapsed[0] = 0.1
+    core.known.stood[0, 2] += 1.0  # a place of the step before
+    assert slide(1.1 * SLIDES) == friction
+    assert [slide(1.1 * SLIDES) for _ in range(SLIDING - 1)] == [friction] * (SLIDING - 1)
     assert slide(1.1 * SLIDES) == pytest.approx(min(max(share, GRIP_MIN), friction))

@@ -158,5 +158,7 @@ def test_a_report_tells_limits_in_the_order_in_which_they_were_met():
     report = limits.report_limits(record, 0, 1.0, 3.0)
     assert list(report.met.items()) == [("dcm_tracking", 1.0), ("step_width", 1.5), ("cop", 1.5)]
     assert report.shares == {"dcm_tracking": 0.5, "step_width": 0.25, "cop": 0.25}
+    # met all the time, and a rounding error longer; the push began one second into the episode
+    assert limits.report_limits(record, 0, 2.0, 3.0).shares["dcm_tracking"] == 1.0
     limits.clear_record(record, 0)
     assert limits.report_limits(record, 0, 1.0, 3.0) == ({}, {})

@@ -54,6 +54,24 @@ def test_the_latest_command_that_is_due_is_in_force():
     assert tuple(command[:2]) == (0.3, 0.1)  # nothing left
 
 
+def test_a_schedule_that_grows_keeps_how_far_the_others_have_come():
+    schedule, command = empty_schedule(2, 1), np.zeros(3)
+    schedule = assign_changes(schedule, 0, Scenario("a", changes=changes((1.0, Command(0.1)))))
+    follow(schedule, 0, 1.0, command)
+    assert (schedule.next[0], command[0]) == (1, 0.1)
+    many = Scenario("b", changes=changes((0.5, Command(0.2)), (0.7, Command(0.3, 0.1, 0.2))))
+    schedule = assign_changes(schedule, 1, many)
+    assert schedule.next.tolist() == [1, 0]
+    command[:] = -1.0
+    follow(schedule, 0, 9.0, command)
+    assert command.tolist() == [-1.0, -1.0, -1.0]  # nothing is told twice
+    follow(schedule, 1, 0.7, command)
+    assert command.tolist() == [0.3, 0.1, 0.2]
+    schedule = assign_changes(schedule, 1, Scenario("c", changes=changes((0.6, Command(0.4)))))
+    follow(schedule, 1, 0.6, command)
+    assert command.tolist() == [0.4, 0.0, 0.0]  # it begins at the first one again
+
+
 @pytest.mark.parametrize("robots", ROBOTS)
 def test_the_policy_sees_a_command_from_the_first_period_that_begins_when_it_is_due(robots):
     scenario = Scenario("a", (), Command(0.1), "right", changes=changes((0.204, Command(0.2, 0.1))))

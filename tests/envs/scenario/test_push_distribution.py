@@ -25,6 +25,29 @@ def test_distribution_is_a_function_of_the_generator():
     assert len({s.id for s in sample}) == len(sample)
 
 
+def test_draws_fill_their_ranges_and_nothing_else():
+    ranges = PushDistribution(direction_min=0.5, direction_max=1.5, phase_max=0.4, first_step=3)
+    rng = np.random.default_rng(1)
+    pushes = [ranges.sample(rng).pushes[0] for _ in range(400)]
+    directions = np.array([push.direction for push in pushes])
+    assert 0.5 <= directions.min() < 0.52
+    assert 1.48 < directions.max() <= 1.5
+    phases = np.array([push.start.fraction for push in pushes])
+    assert 0.0 <= phases.min() < 0.01
+    assert 0.39 < phases.max() <= 0.4
+    assert {push.start.step for push in pushes} == {3}
+    left = np.mean([push.start.side == "left" for push in pushes])
+    assert 0.4 < left < 0.6
+
+
+def test_commands_by_hand():
+    """Kinds in the order in place, forward, backward, sideways, at half of their largest speeds."""
+    ranges = PushDistribution(forward_speed=0.6, backward_speed=0.4, sideways_speed=0.2)
+    found = [ranges.command(kind, 0.5, to_left) for kind in range(4) for to_left in (True, False)]
+    pairs = [(command.vx, command.vy) for command in found]
+    assert pairs == [(0, 0), (0, 0), (0.3, 0), (0.3, 0), (-0.2, 0), (-0.2, 0), (0, 0.1), (0, -0.1)]
+
+
 def test_distribution_round_trip_and_bounds():
     distribution = PushDistribution(impulse_max=40.0)
     assert PushDistribution.from_dict(distribution.to_dict()) == distribution
