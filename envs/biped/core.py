@@ -91,6 +91,7 @@ class BipedCore:
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
+        self._stateless = set(range(n))  # robots that were never put anywhere
         self._missing = [TRUNK_ACCELERATION[i] for i, name in enumerate(self.body.plan.waist) if name is None]
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
@@ -207,6 +208,7 @@ class BipedCore:
             simulations = self.simulations
             connect_floor(self.floors, k, self.body, simulations.models[k], simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
+        self._stateless.discard(k)
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
 
@@ -218,7 +220,15 @@ class BipedCore:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7).
 
         The trunk's acceleration about an axis that the waist does not have is left out.
+
+        Raises:
+            InvalidValueError: a robot has no state yet.
         """
+        if self._stateless:
+            raise InvalidValueError(
+                f"robots {sorted(self._stateless)} have no state yet: reset each of the {self.n} before the "
+                "first step"
+            )
         if self._missing:
             gaits = gaits.copy()
             gaits[:, self._missing] = 0.0

@@ -231,3 +231,15 @@ def test_a_copy_of_a_biped_is_refused():
             InvalidValueError, match="a biped cannot be copied or pickled; make a new environment"
         ):
             copies(core)
+
+
+def test_robots_without_a_state_take_no_step(begin):
+    core, nothing = BipedCore(3, BIPED, BIPED_LIMITS), np.zeros((3, 7))
+    begin(core, 1, Scenario("walk"))
+    with pytest.raises(InvalidValueError, match=r"robots \[0, 2\] have no state yet.* the 3 before"):
+        core.step(nothing, nothing)
+    assert core.gait.time.tolist() == [0.0, 0.0, 0.0]
+    for k in (0, 2):
+        begin(core, k, Scenario("walk"))
+    step(core)
+    assert core.gait.time.tolist() == [core.substeps * PHYSICS_DT] * 3
