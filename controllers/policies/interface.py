@@ -56,6 +56,11 @@ class PlainPolicy:
             self._reset(**({"seed": seed} if self._seeded else {}))
 
     @property
+    def config(self) -> Any:
+        """The policy's PlannerConfig, whose touchdown delay a residual's gate takes; None for one without."""
+        return getattr(self.policy, "config", None)
+
+    @property
     def statuses(self) -> Any:
         """What the solver of the policy's stage 2 said; nothing for a policy without one."""
         return getattr(self.policy, "statuses", ())

@@ -64,3 +64,11 @@ def test_a_reset_without_a_seed_is_called_without():
 def test_what_has_no_predict_is_refused(policy):
     with pytest.raises(InvalidValueError, match=r"a method predict\(observation"):
         as_policy(policy)
+
+
+def test_what_is_known_of_a_plain_policy_is_what_the_policy_below_says():
+    class Planning(Bare):
+        config, statuses = "the planner's", ("solved",)
+
+    assert (as_policy(Planning()).config, as_policy(Planning()).statuses) == ("the planner's", ("solved",))
+    assert (as_policy(Bare()).config, as_policy(Bare()).statuses) == (None, ())

@@ -10,6 +10,7 @@ from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, O
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual_gate import ResidualGate, check_gate, make_gate
@@ -56,13 +57,26 @@ def test_impossible_gates_are_refused(band):
         check_gate(band)
 
 
+class Planning:
+    """A user's policy: a planner behind a predict that takes the observation alone."""
+
+    def __init__(self, planner):
+        self.config, self._planner = planner.config, planner
+
+    def predict(self, observation):
+        return self._planner.predict(observation)[0]
+
+
 def test_a_gate_takes_the_planners_touchdown_delay():
     planner = TwoStagePolicy(
         ROBOT, LIMITS, dataclasses.replace(preset_config("default"), touchdown_delay=0.03)
     )
-    gate = make_gate(planner, ROBOT, LIMITS, (0.02, 0.06))
-    assert gate is not None
-    assert gate(observation(0.0, delay=0.03)[None])[0, 0] == 0.0
+    plain = as_policy(Planning(planner))
+    assert isinstance(plain, PlainPolicy)
+    for policy in (planner, plain):
+        gate = make_gate(policy, ROBOT, LIMITS, (0.02, 0.06))
+        assert gate is not None
+        assert gate(observation(0.0, delay=0.03)[None])[0, 0] == 0.0
     assert make_gate(planner, ROBOT, LIMITS, None) is None
 
 
