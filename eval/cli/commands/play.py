@@ -35,10 +35,11 @@ class Play(EnvOptions, PushOptions, ErrorOptions):
 
     def run(self) -> None:
         """Render one episode, and say what became of it."""
-        from ..play import play
+        from ..show import show_episode
 
         scenario = self._scenario()
-        outcome, path = play(self.env_id, self.policy, scenario, None if self.out is None else Path(self.out))
+        out = None if self.out is None else Path(self.out)
+        outcome, path = show_episode(self.env_id, self.policy, scenario, out)
         print(f"{scenario.id}: {verdict(outcome)}" + (f"; {path}" if path else ""))
 
     def _scenario(self) -> Scenario:

@@ -45,7 +45,9 @@ class _Camera:
         self.push_start = self.push_start if start is None else float(start)
 
 
-def play(env_id: str, policy: str, scenario: Scenario, out: Path | None) -> tuple[Outcome, Path | None]:
+def show_episode(
+    env_id: str, policy: str, scenario: Scenario, out: Path | None
+) -> tuple[Outcome, Path | None]:
     """Run a scenario with rendering; returns its outcome and the file written.
 
     Raises:
