@@ -1,5 +1,7 @@
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from push_recovery.controllers.model.observation import (
     TRUNK_RATE,
 )
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies import two_stage
 from push_recovery.controllers.policies.arms import POLICY_NAMES, make_policy
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
@@ -327,3 +330,42 @@ def test_the_whole_plan_is_held_shortly_before_landing(name):
         assert same.all() == holds
         one_by_one = np.array([policy.plan(obs).gait for obs in observations])
         np.testing.assert_allclose(LIMITS.to_action(one_by_one), actions, atol=1e-6)
+
+
+def ways_between_rooms(policy, obs):
+    """(from, to) for every call of `predict` that leaves one room of the controllers for another, in order.
+
+    Compiled functions leave no trace.
+    """
+    controllers, found = Path(two_stage.__file__).parents[1], []
+
+    def room(frame):
+        path = Path(frame.f_code.co_filename)
+        return path.relative_to(controllers).parts[0] if path.is_relative_to(controllers) else None
+
+    def look(frame, event, _):
+        if event == "call" and frame.f_back is not None:
+            way = room(frame.f_back), room(frame)
+            if None not in way and way[0] != way[1]:
+                found.append(way)
+
+    sys.setprofile(look)
+    try:
+        policy.predict(obs)
+    finally:
+        sys.setprofile(None)
+    return found
+
+
+@pytest.mark.parametrize("rows", [1, 5])
+@pytest.mark.parametrize("change", [
+    {}, {"solver": "osqp"}, {"form": "jerk"}, {"double_support": 0.1, "touchdown_delay": 0.0},
+    {"use_cop": False}, {"use_cop": False, "use_trunk": False},
+])  # fmt: skip
+def test_each_room_is_entered_once_between_observation_and_action(change, rows):
+    policy = TwoStagePolicy(ROBOT, LIMITS, preset_config("default").replace(**change))
+    obs = random_observations(rows)
+    policy.predict(obs)  # compiles
+    ways = ways_between_rooms(policy, obs[0] if rows == 1 else obs)
+    assert [to for way, to in ways if way == "policies"] == ["model", "stage_1", "stage_2"]
+    assert not {to for way, to in ways if way != "policies"} & {"policies", "stage_1", "stage_2", "settings"}
