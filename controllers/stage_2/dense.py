@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,52 +78,71 @@ def write_out(
         acceleration_low: of the trunk [rad/s^2].
         acceleration_high: [rad/s^2].
     """
-    dcm, angle, rate, target = state
     durations = np.concatenate([until, np.full(config.tail_intervals, config.tail_sampling_time)])
     N, K = until.size, durations.size
     cops, accelerations = N if config.use_cop else 0, K if config.use_trunk else 0
     n = cops + accelerations
-
-    # Affine maps [constant, inputs] of the states, one interval after the other; with the debt of the trunk
-    # in it, the DCM at touchdown is less what the tail will move the CMP, discounted to touchdown
-    xi, theta, omega = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    xi[0], theta[0], omega[0] = dcm, angle, rate
-    angles, rates = [], []
-    for k in range(K):
-        d, z, a = durations[k], np.zeros(n + 1), np.zeros(n + 1)
-        if cops and k < N:
-            z[1 + k] = 1.0
-        elif not cops and k < N:
-            z[0] = references[k]
-        if accelerations:
-            a[1 + cops + k] = 1.0
-        if k < N:
-            e = math.exp(robot.omega * d)
-            xi = e * xi - (e - 1) * (z + robot.cmp_per_trunk_acceleration * a)
-        elif config.trunk_debt:
-            before, after = (math.exp(-robot.omega * durations[N:j].sum()) for j in (k, k + 1))
-            xi = xi - robot.cmp_per_trunk_acceleration * (before - after) * a
-        theta, omega = theta + d * omega + d * d / 2 * a, omega + d * a
-        angles.append(theta)
-        rates.append(omega)
+    states = _unrolled(robot, config, durations, N, state[:3], references)
 
     share = durations / config.sampling_time
     share[partial:] = 1.0
-    H, f = np.zeros((n, n)), np.zeros(n)
     own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:accelerations]])
-    H += np.diag(own)
+    H, f = np.diag(own), np.zeros(n)
     f[:cops] -= own[:cops] * references[:cops]
-    terms = [(config.beta_dcm, xi - np.eye(n + 1)[0] * target)]
+    terms = [(config.beta_dcm, states.dcm - np.eye(n + 1)[0] * state[3])]
     if accelerations:
-        terms += [(config.beta_trunk_rate, r) for r in rates] + [(config.beta_trunk_angle, t) for t in angles]
+        terms += [(config.beta_trunk_rate, rate) for rate in states.rates]
+        terms += [(config.beta_trunk_angle, angle) for angle in states.angles]
     for weight, row in terms:
         H += weight * np.outer(row[1:], row[1:])
         f += weight * row[0] * row[1:]
-    soft = np.array(angles)[:, 1:] if accelerations else np.zeros((0, n))
-    offset = np.array(angles)[:, 0] if accelerations else np.zeros(0)
+    soft = np.array(states.angles)[:, 1:] if accelerations else np.zeros((0, n))
+    offset = np.array(states.angles)[:, 0] if accelerations else np.zeros(0)
     limit = robot.trunk_angle_max
     lower = np.concatenate([cop_low[:cops], np.full(accelerations, acceleration_low), -limit - offset])
     upper = np.concatenate([cop_high[:cops], np.full(accelerations, acceleration_high), limit - offset])
     weights = np.concatenate([np.zeros(n), np.full(offset.size, config.beta_trunk_limit)])
     qp = QuadraticProgram(H, f, np.concatenate([np.eye(n), soft]), lower, upper, weights)
-    return ExplicitProblem(qp, durations, cops, accelerations, float(references[0]), float(xi[0]), -xi[1:])
+    free, row = float(states.dcm[0]), -states.dcm[1:]
+    return ExplicitProblem(qp, durations, cops, accelerations, float(references[0]), free, row)
+
+
+class _States(NamedTuple):
+    """Affine maps [constant, inputs] (n + 1,) of what the inputs lead to."""
+
+    dcm: NDArray[np.float64]  # at touchdown [m]; less, with the debt of the trunk, what the tail will cost
+    angles: list[NDArray[np.float64]]  # of the trunk after each interval [rad]
+    rates: list[NDArray[np.float64]]  # [rad/s]
+
+
+def _unrolled(
+    robot: RobotModel, config: PlannerConfig, durations: NDArray[np.float64], until: int,
+    start: tuple[float, ...], references: NDArray[np.float64],
+) -> _States:  # fmt: skip
+    """The states of one axis, one interval after the other, the first `until` of them before touchdown.
+
+    The debt of the trunk is what the tail will move the CMP, discounted to touchdown.
+    """
+    cops, accelerations = config.use_cop * until, config.use_trunk * durations.size
+    size = 1 + cops + accelerations
+    xi, theta, omega = np.zeros(size), np.zeros(size), np.zeros(size)
+    xi[0], theta[0], omega[0] = start
+    angles, rates = [], []
+    for k, d in enumerate(durations):
+        z, a = np.zeros(size), np.zeros(size)
+        if cops and k < until:
+            z[1 + k] = 1.0
+        elif not cops and k < until:
+            z[0] = references[k]
+        if accelerations:
+            a[1 + cops + k] = 1.0
+        if k < until:
+            e = math.exp(robot.omega * d)
+            xi = e * xi - (e - 1) * (z + robot.cmp_per_trunk_acceleration * a)
+        elif config.trunk_debt:
+            before, after = (math.exp(-robot.omega * durations[until:j].sum()) for j in (k, k + 1))
+            xi = xi - robot.cmp_per_trunk_acceleration * (before - after) * a
+        theta, omega = theta + d * omega + d * d / 2 * a, omega + d * a
+        angles.append(theta)
+        rates.append(omega)
+    return _States(xi, angles, rates)
