@@ -50,10 +50,15 @@ def save_network(path, inputs=36, robot=None):
     return str(path)
 
 
+def numbers_of(kind):
+    """Names of the fields that are numbers."""
+    return [field.name for field in fields(kind) if isinstance(field.default, float)]
+
+
 # Limits and physical constants
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(RobotModel)])
+@pytest.mark.parametrize("name", numbers_of(RobotModel))
 @pytest.mark.parametrize("value", [-60.0, 0.0, math.nan, math.inf])
 def test_physical_constants_are_positive_and_finite(name, value):
     with pytest.raises(InvalidValueError, match=rf"RobotModel\.{name} must be positive.*{value}"):
@@ -67,7 +72,7 @@ def test_a_range_whose_ends_meet_or_cross_is_refused(name, gap):
         GaitLimits(**{f"{name}_min": 0.7, f"{name}_max": 0.7 + gap})
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(GaitLimits)])
+@pytest.mark.parametrize("name", numbers_of(GaitLimits))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_limits_are_finite(name, value):
     with pytest.raises(InvalidValueError, match=rf"GaitLimits\.{name} must be finite, got {value}"):
@@ -283,7 +288,7 @@ def test_whole_actions_are_not_scored_as_residuals(tmp_path):
     assert "PushRecovery/Biped-v0" in line
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(RobotModel)])
+@pytest.mark.parametrize("name", numbers_of(RobotModel))
 @pytest.mark.parametrize("value", [1e-300, 0.99e-4, 1.01e6, 1e300])
 def test_physical_constants_have_bounds(name, value):
     with pytest.raises(InvalidValueError, match=rf"RobotModel\.{name} must lie in \[0.0001, 1e\+06\]"):
@@ -292,9 +297,9 @@ def test_physical_constants_have_bounds(name, value):
 
 @pytest.mark.parametrize("kind", [RobotModel, GaitLimits])
 def test_constants_beyond_floats_are_refused(kind):
-    for field in fields(kind):
-        with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{field.name} must be .*finite"):
-            kind(**{field.name: 10**400})
+    for name in numbers_of(kind):
+        with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{name} must be .*finite"):
+            kind(**{name: 10**400})
 
 
 @pytest.mark.parametrize("value", [1e-300, 0.0099, 0.0, -1.0])

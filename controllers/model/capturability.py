@@ -65,7 +65,8 @@ class CaptureConstants(NamedTuple):
     cop_x_max: float  # [m], 0 for a point foot
     cop_y_max: float  # [m]
     trunk_gain: float  # CMP per trunk acceleration, j / (m g) [m s^2]
-    trunk_acceleration_max: float  # [rad/s^2], 0 without a flywheel
+    trunk_pitch_max: float  # largest trunk acceleration [rad/s^2]; 0 without a flywheel about the axis
+    trunk_roll_max: float
     trunk_angle_max: float  # [rad]
 
 
@@ -77,7 +78,7 @@ def capture_constants(
 ) -> NDArray[np.float64]:
     """`CaptureConstants` as an array (CONSTANTS,).
 
-    A point foot has no sole, no flywheel no torque.
+    A point foot has no sole, no flywheel no torque, neither about an axis that the waist lacks.
     """
     torque_limit = robot.trunk_torque_max / robot.trunk_inertia
     return np.array(
@@ -92,7 +93,8 @@ def capture_constants(
             cop_x_max=limits.cop_x_max * foot,
             cop_y_max=limits.cop_y_max * foot,
             trunk_gain=robot.cmp_per_trunk_acceleration,
-            trunk_acceleration_max=min(torque_limit, limits.trunk_acceleration_max) * flywheel,
+            trunk_pitch_max=min(torque_limit, limits.trunk_accelerations[0]) * flywheel,
+            trunk_roll_max=min(torque_limit, limits.trunk_accelerations[1]) * flywheel,
             trunk_angle_max=robot.trunk_angle_max,
         )
     )
@@ -105,14 +107,13 @@ def constants_of(packed: Any) -> CaptureConstants:
 
 
 @njit(cache=True)
-def trunk_reserve(angle, rate, constants):  # pragma: no cover
+def trunk_reserve(angle, rate, push, constants):  # pragma: no cover
     """B towards positive lean from a trunk state: discounted CMP shift of the fastest swing to theta_max [m].
 
     B = (j / (m g)) int omega exp(-omega s) theta'' ds: accelerate for t_1, brake for t_2, stop at
     theta_max. A trunk that cannot stop in time brakes all the way and ends at the stop.
     """
-    omega, gain = constants.omega, constants.trunk_gain
-    push, limit = constants.trunk_acceleration_max, constants.trunk_angle_max
+    omega, gain, limit = constants.omega, constants.trunk_gain, constants.trunk_angle_max
     if push <= 0.0:
         return 0.0
     top = math.sqrt(max(push * (limit - angle) + 0.5 * rate * rate, 0.0))
@@ -144,10 +145,10 @@ def offset_bounds_kernel(elapsed, angle, rate, constants, bounds):  # pragma: no
     inner = c.width_min - wide
     bounds[LOW + 1] = (soon if inner < 0.0 else late) * inner
     bounds[HIGH + 1] = soon * (c.width_max - narrow)
-    cop_max = c.cop_x_max, c.cop_y_max
+    cop_max, push = (c.cop_x_max, c.cop_y_max), (c.trunk_pitch_max, c.trunk_roll_max)
     for axis in range(2):
-        bounds[LOW + axis] -= cop_max[axis] + trunk_reserve(-angle[axis], -rate[axis], c)
-        bounds[HIGH + axis] += cop_max[axis] + trunk_reserve(angle[axis], rate[axis], c)
+        bounds[LOW + axis] -= cop_max[axis] + trunk_reserve(-angle[axis], -rate[axis], push[axis], c)
+        bounds[HIGH + axis] += cop_max[axis] + trunk_reserve(angle[axis], rate[axis], push[axis], c)
 
 
 @njit(cache=True)

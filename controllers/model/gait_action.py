@@ -11,14 +11,18 @@ from .gait_box import COP, GAIT_SIZE
 def scale_action(gait, obs, low, high, double_support, action):  # pragma: no cover
     """Gait variables (7,) as a float32 action (7,); the arithmetic of `GaitLimits.to_action`.
 
-    The CoP is scaled from what it may be at the observation, see `cop_range`.
+    The CoP is scaled from what it may be at the observation, see `cop_range`. An entry without a range, the
+    trunk's about an axis that the waist lacks, is 0.
     """
     for j in range(GAIT_SIZE):
         bottom, top = low[j], high[j]
         if j == COP or j == COP + 1:
             bottom, top = cop_range(j - COP, obs, low, high, double_support)
-        scaled = 2.0 * (gait[j] - bottom) / (top - bottom) - 1.0
-        action[j] = min(max(scaled, -1.0), 1.0)
+        if top > bottom:
+            scaled = 2.0 * (gait[j] - bottom) / (top - bottom) - 1.0
+            action[j] = min(max(scaled, -1.0), 1.0)
+        else:
+            action[j] = 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError, is_finite_number, shown
+from ..validation import require_kind
 from .robot import RobotModel
 
 GAIT_NAMES = ("step_length", "step_width", "step_duration", "cop_x", "cop_y", "trunk_pitch_acceleration",
@@ -31,7 +32,8 @@ class GaitLimits:
 
     The canonical frame has its origin at the centre of the stance sole, x along the heading and y from the
     stance foot towards the swing side, so that left and right stance are one problem. Trunk accelerations
-    are those of the lean angle towards +x and towards +y: positive moves the CMP the same way.
+    are those of the lean angle towards +x and towards +y: positive moves the CMP the same way. About an axis
+    that the waist lacks the range is the number 0.
     """
 
     length_min: float = -0.5  # [m]
@@ -43,10 +45,14 @@ class GaitLimits:
     cop_x_max: float = 0.10  # [m], both ways: half the foot length
     cop_y_max: float = 0.05  # [m], both ways: half the foot width
     trunk_acceleration_max: float = 18.75  # [rad/s^2], both ways: tau_max / j
+    trunk_pitch: bool = True  # whether the trunk can be accelerated forward and back
+    trunk_roll: bool = True  # whether it can be accelerated aside
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if not is_finite_number(getattr(self, field.name)):
+            if isinstance(field.default, bool):
+                require_kind(f"GaitLimits.{field.name}", getattr(self, field.name), bool)
+            elif not is_finite_number(getattr(self, field.name)):
                 raise InvalidValueError(
                     f"GaitLimits.{field.name} must be finite, got {shown(getattr(self, field.name))}"
                 )
@@ -73,14 +79,22 @@ class GaitLimits:
             cop_x_max=robot.foot_length / 2,
             cop_y_max=robot.foot_width / 2,
             trunk_acceleration_max=robot.trunk_torque_max / robot.trunk_inertia,
+            trunk_pitch=robot.trunk_pitch,
+            trunk_roll=robot.trunk_roll,
         )
+
+    @cached_property
+    def trunk_accelerations(self) -> tuple[float, float]:
+        """Bound of the trunk acceleration in pitch and roll, both ways [rad/s^2]; 0 about a missing axis."""
+        bound = self.trunk_acceleration_max
+        return bound if self.trunk_pitch else 0.0, bound if self.trunk_roll else 0.0
 
     @cached_property
     def low(self) -> NDArray[np.float64]:
         """Lower bounds, (7,), in the units of GAIT_NAMES; read-only."""
         return _frozen(
             [self.length_min, self.width_min, self.duration_min, -self.cop_x_max, -self.cop_y_max,
-             -self.trunk_acceleration_max, -self.trunk_acceleration_max]
+             *(-bound for bound in self.trunk_accelerations)]
         )  # fmt: skip
 
     @cached_property
@@ -88,7 +102,7 @@ class GaitLimits:
         """Upper bounds, (7,); read-only."""
         return _frozen(
             [self.length_max, self.width_max, self.duration_max, self.cop_x_max, self.cop_y_max,
-             self.trunk_acceleration_max, self.trunk_acceleration_max]
+             *self.trunk_accelerations]
         )  # fmt: skip
 
     @cached_property
@@ -97,9 +111,10 @@ class GaitLimits:
         return _frozen([self.low, self.high])
 
     def to_action(self, gait: ArrayLike) -> NDArray[np.float32]:
-        """Gait variables (..., 7) -> actions in [-1, 1], clipped, float32."""
-        scaled = 2.0 * (np.asarray(gait, dtype=np.float64) - self.low) / (self.high - self.low) - 1.0
-        return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+        """Gait variables (..., 7) -> actions in [-1, 1], clipped, float32; 0 for one without a range."""
+        span = self.high - self.low
+        share = 2.0 * (np.asarray(gait, dtype=np.float64) - self.low) / np.where(span > 0.0, span, 1.0)
+        return np.clip(np.where(span > 0.0, share - 1.0, 0.0), -1.0, 1.0).astype(np.float32)
 
     def from_action(self, action: ArrayLike) -> NDArray[np.float64]:
         """Actions (..., 7) in [-1, 1], clipped -> gait variables."""

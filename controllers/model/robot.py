@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from ..errors import InvalidValueError, is_finite_number, shown
+from ..validation import require_kind
 
 GRAVITY = 9.81  # [m/s^2]
 SMALLEST, LARGEST = 1e-4, 1e6  # of any constant of a robot, in its unit
@@ -23,7 +24,8 @@ class RobotModel:
     """What the planner knows of a robot; the defaults are the paper's Table II.
 
     The paper leaves the foot's size and the pelvis width open; 0.20 x 0.10 m and 0.20 m are plausible and
-    its claims hold with them.
+    its claims hold with them. Where the waist lacks an axis there is no flywheel about it; inertia, torque
+    and angle of a trunk without any axis have no meaning and may be any numbers in range.
     """
 
     mass: float = 60.0  # [kg]
@@ -34,10 +36,15 @@ class RobotModel:
     foot_length: float = 0.20  # [m]
     foot_width: float = 0.10  # [m]
     pelvis_width: float = 0.20  # l_p [m], lateral distance of the feet when standing
+    trunk_pitch: bool = True  # whether the waist can swing the trunk forward and back
+    trunk_roll: bool = True  # whether it can swing it aside
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if isinstance(field.default, bool):
+                require_kind(f"RobotModel.{field.name}", value, bool)
+                continue
             if not (is_finite_number(value) and value > 0):
                 raise InvalidValueError(
                     f"RobotModel.{field.name} must be positive and finite, got {shown(value)}"

@@ -269,13 +269,14 @@ def _axis_bounds(problem: TrajectoryProblem, grid: _Grid, axis: int) -> Array:
     n, steps = len(grid.step), len(grid.touchdowns)
     free = 1.0 - grid.before(problem.reaction)
     half = (box.cop_x_max, box.cop_y_max)[axis] * problem.foot * free
-    torque = min(robot.trunk_torque_max / robot.trunk_inertia, box.trunk_acceleration_max)
-    push = torque * problem.flywheel * free
-    stop = np.full(n + 1, robot.trunk_angle_max if problem.flywheel else np.inf)
+    flywheel = problem.flywheel and box.trunk_accelerations[axis] > 0.0
+    torque = min(robot.trunk_torque_max / robot.trunk_inertia, box.trunk_accelerations[axis])
+    push = torque * flywheel * free
+    stop = np.full(n + 1, robot.trunk_angle_max if flywheel else np.inf)
     anything = np.full(n + 1, np.inf)
     angle, rate = np.column_stack([-stop, stop]), np.column_stack([-anything, anything])
     angle[0], rate[0] = state.trunk_angle[axis], state.trunk_rate[axis]
-    if problem.flywheel:
+    if flywheel:
         rate[n] = 0.0
     step = (box.length_min, box.length_max) if axis == 0 else (box.width_min, box.width_max)
     return np.vstack(

@@ -19,6 +19,8 @@ DEFAULT_FACTOR = 1.0
 def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -> NDArray[np.float32]:
     """Residual scale (7,) in action units: factor x PHYSICAL_SCALE x 2 / (high - low).
 
+    It is 0 for an entry without a range.
+
     Args:
         limits: The gait box onto which the actions in [-1, 1] are scaled.
         factor: Multiplies every entry [-], >= 0.
@@ -29,7 +31,9 @@ def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -
     if not (math.isfinite(factor) and factor >= 0):
         raise InvalidValueError(f"residual factor must be finite and >= 0, got {factor}")
     physical = factor * np.asarray(PHYSICAL_SCALE)
-    return np.asarray(physical * 2.0 / (limits.high - limits.low), dtype=np.float32)
+    span = limits.high - limits.low
+    scale = physical * 2.0 / np.where(span > 0.0, span, np.inf)
+    return np.asarray(scale, dtype=np.float32)
 
 
 def check_residual_scale(scale: ArrayLike) -> NDArray[np.float32]:

@@ -37,7 +37,6 @@ class StepConstants(NamedTuple):
     upright_damping: float  # [1/s]
     carry: float  # share of the push estimate that is still to come: 1 - exp(-omega push_carry)
     trunk_gain: float  # CMP per trunk acceleration that the debt of the trunk counts with [m s^2]
-    trunk_acceleration_max: float  # [rad/s^2]
     push_threshold: float  # [m]
     double_support: float  # d [s]
     period: float  # for which the first inputs are held [s]
@@ -76,7 +75,6 @@ def pack_constants(
             upright_damping=config.upright_damping,
             carry=-math.expm1(-robot.omega * config.push_carry),
             trunk_gain=robot.cmp_per_trunk_acceleration * config.trunk_debt,
-            trunk_acceleration_max=limits.trunk_acceleration_max,
             push_threshold=config.push_threshold,
             double_support=config.double_support,
             period=config.first_interval_min,

@@ -116,7 +116,10 @@ def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
 
     Braking with -a for |rate| / a seconds moves the CMP by -gain a, in all, discounted to now,
     int omega exp(-omega s) gain a ds = gain a (1 - exp(-omega |rate| / a)), away from the lean's motion.
+    Without a torque, about an axis that the waist lacks, there is no debt.
     """
+    if acceleration <= 0.0:
+        return 0.0
     return math.copysign(gain * acceleration * -math.expm1(-omega * abs(rate) / acceleration), rate)
 
 
@@ -146,7 +149,7 @@ def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cove
     tau_high = max(math.exp(omega * high[DURATION]), tau_low)
     problem[TAU_NOMINAL] = math.exp(omega * nominal[NOMINAL_DURATION])
     for axis in range(2):
-        debt = stopping_debt(obs[_RATE + axis], c.trunk_gain, c.trunk_acceleration_max, omega)
+        debt = stopping_debt(obs[_RATE + axis], c.trunk_gain, high[TRUNK + axis], omega)
         problem[GAIN + axis] = (row[DCM_AHEAD + axis] + debt - row[SHIFT + axis]) * scale
         step = nominal[NOMINAL_STEP + axis]
         problem[STEP_NOMINAL + axis] = reach * step

@@ -80,7 +80,7 @@ class DoubleSupportPlanner:
         self.longest = limits.duration_max + LONGEST_MARGIN
         self.constants = Constants(
             robot.omega, robot.cmp_per_trunk_acceleration, float(self.cop_max[0]), float(self.cop_max[1]),
-            limits.trunk_acceleration_max, robot.trunk_torque_max / robot.trunk_inertia,
+            *limits.trunk_accelerations, robot.trunk_torque_max / robot.trunk_inertia,
             config.trunk_gravity / robot.trunk_inertia, robot.trunk_angle_max, config.double_support,
             config.first_interval_min, config.sampling_time, config.tail_intervals,
             config.tail_sampling_time, config.trunk_debt, config.beta_cop, config.beta_trunk,
@@ -196,8 +196,8 @@ class DoubleSupportPlanner:
         c = self.constants
         bounds = np.array(
             [
-                acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
-                for angle in row[LEAN:LEAN_RATE]
+                acceleration_interval(angle, c.gravity, c.torque, bound)
+                for angle, bound in zip(row[LEAN:LEAN_RATE], (c.pitch, c.roll), strict=True)
             ]
         ).T
         state = row[DCM:INPUTS].reshape(4, 2)

@@ -42,7 +42,8 @@ class Constants(NamedTuple):
     gain: float  # j / (m g) [m s^2]
     cop_x: float  # half size of a sole less the margin [m]
     cop_y: float
-    acceleration: float  # [rad/s^2]
+    pitch: float  # largest trunk acceleration [rad/s^2]; 0 about an axis that the waist lacks
+    roll: float
     torque: float  # tau_max / j [rad/s^2]
     gravity: float  # gravity torque per sin(lean) / j [rad/s^2]
     angle: float  # [rad]
@@ -251,10 +252,16 @@ def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
 
 
 @njit(cache=True)
+def _accelerations(axis: int, angle: float, c: Constants) -> tuple[float, float]:
+    """Bounds of the trunk acceleration at a lean [rad/s^2]."""
+    return acceleration_interval(angle, c.gravity, c.torque, c.pitch if axis == 0 else c.roll)
+
+
+@njit(cache=True)
 def _bound(axis: int, other: float, angle: float, y: Any, g: Grid, c: Constants, w: Memory) -> bool:
     """Bounds of M v about the optimum y; True where it keeps them."""
     at, half, inside = axis * g.rows, c.cop_x if axis == 0 else c.cop_y, True
-    low, high = acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
+    low, high = _accelerations(axis, angle, c)
     for i in range(g.rows):
         lower, upper = -c.angle, c.angle
         if i < g.cops:
@@ -307,7 +314,7 @@ def _write_plan(row: Any, out: Any, g: Grid, c: Constants, w: Memory) -> None:
     for axis in range(2):
         out[RESULT_TRUNK + axis] = 0.0
         if c.use_trunk:
-            low, high = acceleration_interval(row[LEAN + axis], c.gravity, c.torque, c.acceleration)
+            low, high = _accelerations(axis, row[LEAN + axis], c)
             out[RESULT_TRUNK + axis] = min(max(w.optimum[axis * g.rows + g.cops], low), high)
         out[RESULT_DCM_END + axis] = _free(axis, row, g, c, w)
         for i in range(g.inputs):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,9 +37,13 @@ def make_regulator(
 ) -> Regulator:
     """Stage 2 of a configuration; the default form may be called on `threads` threads.
 
+    About an axis that the waist lacks no trunk acceleration is planned.
+
     Raises:
         InvalidValueError: the paper's form is asked for double support, which it has no bounds for.
     """
+    if not any(limits.trunk_accelerations):
+        config = replace(config, use_trunk=False)
     if not (config.use_cop or config.use_trunk):
         return NoStage2()
     if config.double_support > 0 and config.form == "jerk":
@@ -51,6 +57,14 @@ def make_regulator(
 
 
 def _single_support(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> Regulator:
+    if config.use_trunk and not all(limits.trunk_accelerations):
+        return OneAxisTrunk(robot, limits, config, threads)
+    return _any_trunk(robot, limits, config, threads)
+
+
+def _any_trunk(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int) -> Regulator:
+    if not (config.use_cop or config.use_trunk):
+        return NoStage2()
     if config.form == "zoh" and config.solver == "daqp":
         return DefaultForm(robot, limits, config, threads)
     return OneByOne(robot, limits, config)
@@ -117,6 +131,30 @@ class OneByOne:
         if obs[ELAPSED] < self._config.first_interval_min:
             return np.zeros(2), np.array([gait[TRUNK], -gait[TRUNK + 1]])
         return gait[COP : COP + 2], gait[TRUNK : TRUNK + 2]
+
+
+class OneAxisTrunk:
+    """A trunk that swings about one axis only: about the other the program has no trunk acceleration.
+
+    The axes do not couple in single support, so each comes from a program for both of them.
+    """
+
+    decides = True
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1):
+        self._with = _any_trunk(robot, limits, config, threads)
+        self._without = _any_trunk(robot, limits, replace(config, use_trunk=False), threads)
+        self.workers = min(self._with.workers, self._without.workers)
+        axis = limits.trunk_accelerations.index(0.0)
+        pairs = COP, TRUNK, RESULT + RESULT_COP, RESULT + RESULT_TRUNK, RESULT + RESULT_DCM_END
+        self._columns = [first + axis for first in pairs]
+
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        other = rows.copy()
+        self._with.regulate(observations, rows, worker)
+        self._without.regulate(observations, other, worker)
+        rows[:, self._columns] = other[:, self._columns]
 
 
 class WithDoubleSupport:

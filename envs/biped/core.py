@@ -51,7 +51,6 @@ from .robots.control_fields import inputs, outputs
 from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
-TRUNK_ACCELERATION = (5, 6)  # pitch and roll among the gait variables
 
 
 class BipedCore:
@@ -92,7 +91,6 @@ class BipedCore:
         self._threads = RangeThreads(threads)
         self.body = body or biped()
         self._stateless = set(range(n))  # robots that were never put anywhere
-        self._missing = [TRUNK_ACCELERATION[i] for i, name in enumerate(self.body.plan.waist) if name is None]
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
         arrays = self.simulations.arrays
@@ -219,8 +217,6 @@ class BipedCore:
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7).
 
-        The trunk's acceleration about an axis that the waist does not have is left out.
-
         Raises:
             InvalidValueError: a robot has no state yet.
         """
@@ -229,9 +225,6 @@ class BipedCore:
                 f"robots {sorted(self._stateless)} have no state yet: reset each of the {self.n} before the "
                 "first step"
             )
-        if self._missing:
-            gaits = gaits.copy()
-            gaits[:, self._missing] = 0.0
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return

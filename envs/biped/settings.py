@@ -23,7 +23,7 @@ BIPED_GAIT = GaitSettings(
     BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass, **_TUNED["gait"]
 )
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "limits": tuple(entry.name for entry in fields(GaitLimits)),
+    "limits": tuple(entry.name for entry in fields(GaitLimits) if isinstance(entry.default, float)),
     "gait": tuple(name for name in GaitSettings._fields if name not in OF_ROBOT),
     "gains": Gains._fields,
     "bounds": BoundSettings._fields,
@@ -66,9 +66,10 @@ class BipedSettings:
         )
 
     def of_robot(self, robot: RobotModel) -> BipedSettings:
-        """These settings for a robot of another mass, CoM height or trunk."""
+        """These settings for a robot of another mass, CoM height, trunk or waist."""
         own = robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass
-        return replace(self, gait=self.gait._replace(**dict(zip(OF_ROBOT, own, strict=True))))
+        limits = replace(self.limits, trunk_pitch=robot.trunk_pitch, trunk_roll=robot.trunk_roll)
+        return replace(self, limits=limits, gait=self.gait._replace(**dict(zip(OF_ROBOT, own, strict=True))))
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Section -> field -> value, all that `changed` takes."""

@@ -7,24 +7,23 @@ import math
 import mujoco
 import numpy as np
 
-from ....controllers.model.robot import RobotModel
+from ....controllers.model.robot import SMALLEST, RobotModel
 from .indices import MISSING, Indices
-
-NO_TRUNK = 1e-6  # inertia, torque and angle of a trunk that cannot be moved
 
 
 def robot_model(model: mujoco.MjModel, indices: Indices, com_height: float) -> RobotModel:
     """Mass, trunk, feet and pelvis width of a robot in its reference posture.
 
     The trunk's inertia j is that of all that the waist carries, about the pitch axis of the waist; torque and
-    angle are the least of the waist's axes. Where there is no waist they are as good as zero.
+    angle are the least of the waist's axes. Without a waist they do not count.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     soles = data.site_xpos[list(indices.soles)]
     length, width, _ = 2.0 * model.geom_size[indices.sole_boxes[0]]
-    inertia, torque, angle = NO_TRUNK, NO_TRUNK, NO_TRUNK
+    inertia, torque, angle = SMALLEST, SMALLEST, SMALLEST
+    pitch, roll = (joint != MISSING for joint in indices.joints[1:3])
     waist = [(joint, motor) for joint, motor in zip(indices.joints[1:3], indices.motors[:2], strict=True)
              if joint != MISSING]  # fmt: skip
     if waist:
@@ -41,6 +40,8 @@ def robot_model(model: mujoco.MjModel, indices: Indices, com_height: float) -> R
         foot_length=float(length),
         foot_width=float(width),
         pelvis_width=float(abs(soles[0, 1] - soles[1, 1])),
+        trunk_pitch=pitch,
+        trunk_roll=roll,
     )
 
 

@@ -72,3 +72,15 @@ def test_a_trunk_too_fast_to_stop_costs_margin():
 def test_bad_push(bad):
     with pytest.raises(InvalidValueError):
         max_recoverable_force(ROBOT, *bad)
+
+
+@pytest.mark.parametrize(("axis", "missing"), [(0, "trunk_pitch"), (1, "trunk_roll")])
+def test_the_trunk_gives_nothing_about_an_axis_that_the_waist_lacks(axis, missing):
+    limits = GaitLimits.of(RobotModel(**{missing: False}))
+    state = 0.1, (0.2, -0.1), (0.5, 0.7)
+    found = recoverable_offset(ROBOT, limits, *state)
+    whole = recoverable_offset(ROBOT, LIMITS, *state)
+    rigid = recoverable_offset(ROBOT, LIMITS, *state, flywheel=False)
+    for end in ("low", "high"):
+        assert getattr(found, end)[axis] == getattr(rigid, end)[axis]
+        assert getattr(found, end)[1 - axis] == getattr(whole, end)[1 - axis]

@@ -10,6 +10,7 @@ from push_recovery.controllers.model.gait_box import (
     TRUNK,
     GaitLimits,
 )
+from push_recovery.controllers.model.robot import RobotModel
 
 LIMITS = GaitLimits()
 
@@ -48,3 +49,19 @@ def test_columns_are_those_of_the_names():
         assert GAIT_NAMES[column : column + 2] == (x, y)
     assert GAIT_NAMES[DURATION] == "step_duration"
     assert len(GAIT_NAMES) == GAIT_SIZE == len(LIMITS.low)
+
+
+def test_an_axis_that_the_waist_lacks_has_no_range():
+    limits = GaitLimits.of(RobotModel(trunk_torque_max=80.0, trunk_roll=False))  # 80 N m / 8 kg m^2
+    np.testing.assert_array_equal(limits.box[:, 5:], [[-10.0, 0.0], [10.0, 0.0]])
+    np.testing.assert_array_equal(GaitLimits(trunk_pitch=False).box[:, 5:], [[0.0, -18.75], [0.0, 18.75]])
+    gait = np.array([0.1, 0.2, 0.5, 0.0, 0.0, 5.0, 7.0])
+    np.testing.assert_array_equal(limits.to_action(gait)[5:], [0.5, 0.0])
+    np.testing.assert_array_equal(limits.from_action(np.ones(7))[5:], [10.0, 0.0])
+
+
+@pytest.mark.parametrize("kind", [GaitLimits, RobotModel])
+@pytest.mark.parametrize("name", ["trunk_pitch", "trunk_roll"])
+def test_an_axis_is_there_or_not(kind, name):
+    with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{name} must be a bool, got 1"):
+        kind(**{name: 1})

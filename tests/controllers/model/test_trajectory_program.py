@@ -46,7 +46,13 @@ def test_closed_form_equals_the_linear_program(psi_deg, foot, flywheel):
 
 @pytest.mark.parametrize(
     ("robot", "velocity"),
-    [(ROBOT, (0.5, 0.0)), (OTHER, (0.0, 0.0)), (RobotModel(pelvis_width=0.12), (0, 0.05))],
+    [
+        (ROBOT, (0.5, 0.0)),
+        (OTHER, (0.0, 0.0)),
+        (RobotModel(pelvis_width=0.12), (0, 0.05)),
+        (RobotModel(trunk_roll=False), (0.0, 0.0)),
+        (RobotModel(trunk_pitch=False), (0.3, 0.0)),
+    ],
 )
 @pytest.mark.parametrize("psi_deg", [-90, 0, 60])
 def test_other_gaits_and_robots(robot, velocity, psi_deg):

@@ -12,3 +12,9 @@ def test_a_correction_of_one_is_so_many_metres_seconds_and_radians():
     physical = np.array([0.12, 0.10, 0.15, 0.06, 0.03, 12.0, 12.0])
     assert default_residual_scale(GaitLimits()) == pytest.approx(2.0 * physical / spans, rel=1e-6)
     assert default_residual_scale(GaitLimits(), 0.5) == pytest.approx(physical / spans, rel=1e-6)
+
+
+def test_an_entry_without_a_range_is_not_corrected():
+    scale = default_residual_scale(GaitLimits(trunk_roll=False))
+    assert scale[6] == 0.0
+    assert scale[5] == pytest.approx(24.0 / 37.5)
