@@ -185,12 +185,6 @@ def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
     assert Runner(PENDULUM).chunk("two-stage") == SLOTS
 
 
-def test_holds_within_holds_multiply():
-    rule = action_rule(ActionHold(ActionHold(make_env(PENDULUM), 2), 3))
-    assert rule is not None
-    assert (rule.hold, rule.residual) == (6, None)
-
-
 def test_an_environment_that_acts_in_its_own_way_runs_alone():
     class Shaken(PendulumEnv):
         def step(self, action):
