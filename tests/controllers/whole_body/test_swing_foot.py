@@ -76,3 +76,18 @@ def test_batch_gives_the_bits_of_single_feet():
 def test_batch_refuses_wrong_shapes():
     with pytest.raises(InvalidValueError, match="states"):
         swing_update_batch(np.zeros((2, 9)), np.zeros((3, 2)), np.zeros(2), np.ones(2), DT)
+
+
+def test_a_foot_with_too_little_time_comes_down_at_two_metres_a_second_and_is_late():
+    """From 8 cm, 20 ms before T: a quintic would peak at 1.875 x 0.08 / 0.02 = 7.5 m/s."""
+    state, dt = np.zeros(9), 0.001
+    state[2], heights, speeds = 0.08, [0.08], [0.0]
+    for i in range(200):
+        swing_update(state, 0.0, 0.0, 0.38 + i * dt, 0.4, dt, 0.06, 0.3)
+        heights.append(state[2])
+        speeds.append(state[5])
+    assert -2.0 < min(speeds) < -0.5
+    assert heights[20] > 0.04  # it is late
+    # the height is the integral of the speed all the way, also where the foot is late
+    np.testing.assert_allclose(np.diff(heights), 0.5 * dt * (np.array(speeds[1:]) + speeds[:-1]), atol=2e-6)
+    assert speeds[-1] == pytest.approx(-0.3, abs=1e-6)
