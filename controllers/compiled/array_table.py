@@ -4,10 +4,11 @@ Numba checks and unpacks every array of a call, about 0.15 us each; a control cy
 spends as much time there as on control. A table row is (address, shape, strides) of an array that Python
 keeps alive; the compiled side rebuilds views of it.
 
-Parts, NamedTuples of arrays, lie in a table one after the other. Where each begins follows from how many
-arrays the parts before it have (`first_rows`); a number written by hand would be wrong, and another array
-read, as soon as a part gets one more. Rows are counted by annotation and written by value: `parts_table`
-refuses a part in which the two disagree, since every later part would be read from another's memory.
+Parts, NamedTuples of arrays, lie in a table one after the other. Where each begins, and of what type and
+dimension its arrays are, follows from the annotations of their fields (`Floats2`: two-dimensional float64):
+`part_of` gives a part to compiled code by its name. Rows are written by value: `parts_table` refuses a part
+in which annotation and value disagree, since it would be read wrongly, and every later one from another's
+memory.
 """
 
 # The arguments of an intrinsic are those of its signature, less the typing context.
@@ -17,19 +18,32 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Iterable
-from functools import cache
-from typing import Any, get_origin, get_type_hints
+from functools import cache, partial
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numba import types
+from numba.core.cgutils import get_item_pointer
 from numba.extending import intrinsic
-from numba.np.numpy_support import carray
-from numpy.lib.stride_tricks import as_strided
+from numba.np.arrayobj import populate_array
+from numba.np.numpy_support import carray, from_dtype
 from numpy.typing import NDArray
 
 from .kernels import njit
 
 DIMENSIONS = 3
+ITEM = 8  # bytes of an entry
+
+Floats1 = Annotated[NDArray[np.float64], 1]  # the dimension is for the compiled side
+Floats2 = Annotated[NDArray[np.float64], 2]
+Floats3 = Annotated[NDArray[np.float64], 3]
+Ints1 = Annotated[NDArray[np.int64], 1]
+Ints2 = Annotated[NDArray[np.int64], 2]
+Kind = tuple[np.dtype, int]  # type of the entries, dimension
+_FLOAT, _INT = np.dtype(np.float64), np.dtype(np.int64)
+_KINDS: dict[Any, Kind] = {
+    Floats1: (_FLOAT, 1), Floats2: (_FLOAT, 2), Floats3: (_FLOAT, 3), Ints1: (_INT, 1), Ints2: (_INT, 2)
+}  # fmt: skip
 
 
 def address_table(arrays: Iterable[NDArray]) -> NDArray[np.int64]:
@@ -48,20 +62,25 @@ def parts_table(parts: Iterable[Any]) -> NDArray[np.int64]:
     """Address table of all arrays of parts, in their order; settings and the like are left out.
 
     Args:
-        parts: NamedTuples whose arrays are annotated as such.
+        parts: NamedTuples whose arrays are annotated as `Floats1` and its like.
 
     Raises:
-        TypeError: if a field holds an array and is not annotated as one, or the other way round.
+        TypeError: if a field holds another array than its annotation says, or only one of them is an array.
     """
     arrays = []
     for part in parts:
-        annotated, held = array_fields(type(part)), tuple(isinstance(value, np.ndarray) for value in part)
+        annotated, held = field_kinds(type(part)), tuple(_kind(value) for value in part)
         if annotated != held:
             wrong = [name for name, a, b in zip(part._fields, annotated, held, strict=True) if a != b]
             which = f"{type(part).__name__}: {', '.join(wrong)}"
-            raise TypeError(f"annotation and value disagree on whether a field is an array, {which}")
-        arrays += [value for value, is_array in zip(part, held, strict=True) if is_array]
+            raise TypeError(f"a field's annotation and value are not the same kind of array, {which}")
+        arrays += [value for value, kind in zip(part, held, strict=True) if kind is not None]
     return address_table(arrays)
+
+
+def _kind(value: Any) -> Kind | None:
+    """Type and dimension of an array, None for anything else."""
+    return (value.dtype, value.ndim) if isinstance(value, np.ndarray) else None
 
 
 def first_rows(parts: type) -> Any:
@@ -72,23 +91,19 @@ def first_rows(parts: type) -> Any:
     hints, rows, row = get_type_hints(parts), [], 0
     for part in hints.values():
         rows.append(row)
-        row += sum(array_fields(part))
+        row += len(array_kinds(part))
     return namedtuple("FirstRows", hints)(*rows)
 
 
 @cache
-def array_fields(part: type) -> tuple[bool, ...]:
-    """Whether each field of a NamedTuple is annotated as an array."""
-    return tuple(is_array_type(kind) for kind in get_type_hints(part).values())
+def field_kinds(part: type) -> tuple[Kind | None, ...]:
+    """Type and dimension of each field of a NamedTuple that is annotated as an array, None for another."""
+    return tuple(_KINDS.get(kind) for kind in get_type_hints(part, include_extras=True).values())
 
 
-def is_array_type(kind: Any) -> bool:
-    """Whether an annotation means an array: np.ndarray, subscripted or not, or any alias of it.
-
-    NDArray is a subscripted np.ndarray up to numpy 2.4 and a TypeAliasType from 2.5.
-    """
-    origin = get_origin(kind) or kind
-    return is_array_type(origin.__value__) if hasattr(origin, "__value__") else origin is np.ndarray
+def array_kinds(part: type) -> list[Kind]:
+    """Type and dimension of the arrays of a NamedTuple."""
+    return [kind for kind in field_kinds(part) if kind is not None]
 
 
 @intrinsic
@@ -99,77 +114,56 @@ def _float_pointer(typingctx, address):
     return types.CPointer(types.float64)(types.int64), codegen
 
 
-@intrinsic
-def _int_pointer(typingctx, address):
-    def codegen(context, builder, signature, args):
-        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.int64)(types.int64), codegen
-
-
 @njit(cache=True)
 def floats_at(address, count):
     """View (count,) float64 of what lies at an address."""
     return carray(_float_pointer(address), (count,))
 
 
-@njit(cache=True)
-def floats_1(row):
-    """View (n,) float64 of a table row."""
-    return as_strided(carray(_float_pointer(row[0]), (1,)), (row[1],), (row[4],))
+@intrinsic(prefer_literal=True)
+def part_of(typingctx, table, parts, name):
+    """One part of a `parts_table` in compiled code; the tuple of its arrays where it has other fields, too.
+
+    `parts` is the class of the NamedTuple of parts that the table was made of, `name` a literal. What is not
+    read of the part costs nothing.
+    """
+    return _part_of(table, parts, name, "A")
 
 
-@njit(cache=True)
-def floats_2(row):
-    """View (n, m) float64 of a table row."""
-    return as_strided(carray(_float_pointer(row[0]), (1,)), (row[1], row[2]), (row[4], row[5]))
+@intrinsic(prefer_literal=True)
+def dense_part_of(typingctx, table, parts, name):
+    """`part_of` where all arrays are C-contiguous: half the cost of strided views."""
+    return _part_of(table, parts, name, "C")
 
 
-@njit(cache=True)
-def floats_3(row):
-    """View (n, m, l) float64 of a table row."""
-    return as_strided(
-        carray(_float_pointer(row[0]), (1,)), (row[1], row[2], row[3]), (row[4], row[5], row[6])
-    )
+def _part_of(table: Any, parts: Any, name: Any, layout: str) -> Any:
+    """Signature and code of an intrinsic that rebuilds the arrays of a part."""
+    if not isinstance(name, types.StringLiteral):
+        return None
+    part, row = get_type_hints(parts.instance_class)[name.literal_value], first_rows(parts.instance_class)
+    row = getattr(row, name.literal_value)
+    views = [types.Array(from_dtype(entry), ndim, layout) for entry, ndim in array_kinds(part)]
+    whole = types.NamedTuple(views, part) if len(views) == len(part._fields) else types.Tuple(views)
+
+    def codegen(context, builder, signature, args):
+        arrays = [
+            _view(context, builder, signature.args[0], args[0], row + i, view) for i, view in enumerate(views)
+        ]
+        return context.make_tuple(builder, signature.return_type, arrays)
+
+    return whole(table, parts, name), codegen
 
 
-@njit(cache=True)
-def ints_1(row):
-    """View (n,) int64 of a table row."""
-    return as_strided(carray(_int_pointer(row[0]), (1,)), (row[1],), (row[4],))
+def _view(context: Any, builder: Any, kind: Any, table: Any, row: int, view: Any) -> Any:
+    """The array of a type `view` that a row of a table of a type `kind` tells of."""
+    rows, place = context.make_array(kind)(context, builder, table), partial(context.get_constant, types.intp)
 
+    def entry(column: int) -> Any:
+        return builder.load(get_item_pointer(context, builder, kind, rows, [place(row), place(column)]))
 
-@njit(cache=True)
-def ints_2(row):
-    """View (n, m) int64 of a table row."""
-    return as_strided(carray(_int_pointer(row[0]), (1,)), (row[1], row[2]), (row[4], row[5]))
-
-
-@njit(cache=True)
-def dense_floats_1(row):
-    """View (n,) float64 of a table row whose array is C-contiguous: half the cost of a strided view."""
-    return carray(_float_pointer(row[0]), (row[1],))
-
-
-@njit(cache=True)
-def dense_floats_2(row):
-    """View (n, m) float64 of a table row whose array is C-contiguous."""
-    return carray(_float_pointer(row[0]), (row[1], row[2]))
-
-
-@njit(cache=True)
-def dense_floats_3(row):
-    """View (n, m, l) float64 of a table row whose array is C-contiguous."""
-    return carray(_float_pointer(row[0]), (row[1], row[2], row[3]))
-
-
-@njit(cache=True)
-def dense_ints_1(row):
-    """View (n,) int64 of a table row whose array is C-contiguous."""
-    return carray(_int_pointer(row[0]), (row[1],))
-
-
-@njit(cache=True)
-def dense_ints_2(row):
-    """View (n, m) int64 of a table row whose array is C-contiguous."""
-    return carray(_int_pointer(row[0]), (row[1], row[2]))
+    array = context.make_array(view)(context, builder)
+    data = builder.inttoptr(entry(0), context.get_data_type(view.dtype).as_pointer())
+    shape = [entry(1 + axis) for axis in range(view.ndim)]
+    strides = [entry(1 + DIMENSIONS + axis) for axis in range(view.ndim)]
+    populate_array(array, data, shape, strides, itemsize=place(ITEM), meminfo=None)
+    return array._getvalue()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..compiled.array_table import Floats1, Floats2
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, add, scaled, subtract, vector_at
 from ..model.capturability import capture_margin_kernel
@@ -59,10 +60,10 @@ CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM
 class Contacts(NamedTuple):
     """What the contacts gave n robots since they were last observed, and how fast they were then."""
 
-    force: Array  # (n, 20) live generalised forces of contacts and joint limits (qfrc_constraint) [N, N m]
-    impulse: Array  # (n, 3) in world axes [N s]
-    time: Array  # (n,) since the last observation [s]
-    velocity: Array  # (n, 3) of the CoM at the last observation [m/s]
+    force: Floats2  # (n, 20) live generalised forces of contacts and joint limits (qfrc_constraint) [N, N m]
+    impulse: Floats2  # (n, 3) in world axes [N s]
+    time: Floats1  # (n,) since the last observation [s]
+    velocity: Floats2  # (n, 3) of the CoM at the last observation [m/s]
 
 
 @njit(cache=True, forceinline=True)

@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled.array_table import Floats1, Floats2
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import subtract, vector_of
 from ..model.frame import canonical, heading_frame, side_sign
@@ -81,14 +82,14 @@ _DCM, _COM, _PUSH = DCM.start, COM.start, PUSH_ESTIMATE.start
 class SelfModel(NamedTuple):
     """What n robots have learned."""
 
-    mass: Array  # (n,) over the model's
-    weighed: Array  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
-    asked: Array  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
-    drift: Array  # (n, 2) in the heading frame [m]
-    step: Array  # (n, STEP_SIZE) of the step that goes on and the last one
-    felt: Array  # (n, 3) what the push estimate was, and how it jumps
-    grip: Array  # (n,) friction that whole-body control may count on
-    stood: Array  # (n, 5) where the stance sole stood, and how it slides
+    mass: Floats1  # (n,) over the model's
+    weighed: Floats2  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
+    asked: Floats2  # (n, 2) impulse expected of the floor since the last observation, world axes [N s]
+    drift: Floats2  # (n, 2) in the heading frame [m]
+    step: Floats2  # (n, STEP_SIZE) of the step that goes on and the last one
+    felt: Floats2  # (n, 3) what the push estimate was, and how it jumps
+    grip: Floats1  # (n,) friction that whole-body control may count on
+    stood: Floats2  # (n, 5) where the stance sole stood, and how it slides
 
 
 def empty_self_model(n: int) -> SelfModel:

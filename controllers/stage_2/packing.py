@@ -16,12 +16,10 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from ..compiled.array_table import (
-    dense_floats_1,
-    dense_floats_2,
-    dense_floats_3,
-    dense_ints_1,
-    dense_ints_2,
-    first_rows,
+    Floats1,
+    Floats2,
+    Ints2,
+    dense_part_of,
 )
 from ..compiled.kernels import njit
 from .tables import Tables
@@ -51,19 +49,19 @@ class Constants(NamedTuple):
 class Memory(NamedTuple):
     """Scratch of the compiled loop; rewritten by every solve."""
 
-    matrices: NDArray[np.float64]  # (E, rows * n)
-    handles: NDArray[np.int64]  # (E, 6)
-    lower: NDArray[np.float64]  # (rows,)
-    upper: NDArray[np.float64]
-    optimum: NDArray[np.float64]  # (rows,): A u of the unconstrained optimum u
-    solution: NDArray[np.float64]  # (n,)
+    matrices: Floats2  # (E, rows * n)
+    handles: Ints2  # (E, 6)
+    lower: Floats1  # (rows,)
+    upper: Floats1
+    optimum: Floats1  # (rows,): A u of the unconstrained optimum u
+    solution: Floats1  # (n,)
 
 
 class Shared(NamedTuple):
     """What the loop of every worker reads, beside the tables."""
 
-    numbers: NDArray[np.float64]  # (SCALARS,), the fields of `Constants`
-    box: NDArray[np.float64]  # (2, 7), of the gait variables: low, high
+    numbers: Floats1  # (SCALARS,), the fields of `Constants`
+    box: Floats2  # (2, 7), of the gait variables: low, high
 
 
 class Parts(NamedTuple):
@@ -76,42 +74,32 @@ class Parts(NamedTuple):
 
 SCALARS = len(Constants._fields)
 NUMBERS = SCALARS - 2  # the flags are the last of them
-FIRST = first_rows(Parts)  # row of the table at which each part begins
 
 
 @njit(cache=True)
 def constants_of(t: Any) -> Constants:
-    """The scalars, from row FIRST.shared."""
-    numbers = dense_floats_1(t[FIRST.shared])
+    """The scalars of the loop."""
+    numbers = dense_part_of(t, Parts, "shared").numbers
     use_cop, use_trunk = numbers[NUMBERS] != 0.0, numbers[NUMBERS + 1] != 0.0
     return Constants(*(to_fixed_tuple(numbers[:NUMBERS], NUMBERS) + (use_cop, use_trunk)))
 
 
 @njit(cache=True)
 def box_of(t: Any) -> Any:
-    """The box of the gait variables (2, 7), from the row behind the scalars."""
-    return dense_floats_2(t[FIRST.shared + 1])
+    """The box of the gait variables (2, 7)."""
+    return dense_part_of(t, Parts, "shared").box
 
 
 @njit(cache=True)
 def tables_of(t: Any) -> Tables:
-    """Rows from FIRST.tables on."""
-    r = FIRST.tables
-    return Tables(
-        dense_ints_1(t[r]), dense_ints_1(t[r + 1]), dense_ints_1(t[r + 2]), dense_floats_2(t[r + 3]),
-        dense_floats_3(t[r + 4]), dense_floats_3(t[r + 5]), dense_floats_2(t[r + 6]),
-        dense_floats_3(t[r + 7]),
-    )  # fmt: skip
+    """What is the same for all rows of the problem."""
+    return dense_part_of(t, Parts, "tables")
 
 
 @njit(cache=True)
 def memory_of(t: Any) -> Memory:
-    """Rows from FIRST.memory on."""
-    r = FIRST.memory
-    return Memory(
-        dense_floats_2(t[r]), dense_ints_2(t[r + 1]), dense_floats_1(t[r + 2]), dense_floats_1(t[r + 3]),
-        dense_floats_1(t[r + 4]), dense_floats_1(t[r + 5]),
-    )  # fmt: skip
+    """Scratch of one worker."""
+    return dense_part_of(t, Parts, "memory")
 
 
 def new_memory(matrices: NDArray[np.float64], rows: int, n: int) -> Memory:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.array_table import Floats2, Floats3, Ints1
 from ..errors import InvalidValueError
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
@@ -32,14 +33,14 @@ class Tables(NamedTuple):
     Rows of the constraint matrix M = A R_full^-1: one per input (bounds), then one per node (trunk angle).
     """
 
-    rest: NDArray[np.int64]  # (E,): number of inputs of the whole intervals, n - first
-    cops: NDArray[np.int64]  # (E,): how many of them are CoPs
-    nodes: NDArray[np.int64]  # (E,): number of trunk nodes
-    steps: NDArray[np.float64]  # (E, nodes): time of a node after the end of the first interval [s]
-    inputs: NDArray[np.float64]  # (E, n, 4): U_i
-    angles: NDArray[np.float64]  # (E, nodes, 4): trunk angle due to U_i
-    weights: NDArray[np.float64]  # (E, n): terminal DCM per input, DCM - DCM_free = -weights . u
-    gram: NDArray[np.float64]  # (E, 4, 4)
+    rest: Ints1  # (E,): number of inputs of the whole intervals, n - first
+    cops: Ints1  # (E,): how many of them are CoPs
+    nodes: Ints1  # (E,): number of trunk nodes
+    steps: Floats2  # (E, nodes): time of a node after the end of the first interval [s]
+    inputs: Floats3  # (E, n, 4): U_i
+    angles: Floats3  # (E, nodes, 4): trunk angle due to U_i
+    weights: Floats2  # (E, n): terminal DCM per input, DCM - DCM_free = -weights . u
+    gram: Floats3  # (E, 4, 4)
 
 
 class Horizon(NamedTuple):

@@ -20,13 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numba.np.numpy_support import carray
 
+from ..compiled.array_table import Floats1, Floats2, Ints1
 from ..compiled.kernels import njit
 from ..compiled.stack_array import stack_floats
 from ..compiled.vector_3 import ZERO, Vector
 from ..solvers.least_distance import LeastDistance, solve_least_distance
 from .bounds_met import CONTACT, JOINT_TORQUE, SOLE_EDGE
 from .deviation_maps import TASKS, Legs, write_deviation_maps
-from .kinematics import NU, Array, Heading, Ints, Physics
+from .kinematics import NU, Array, Heading, Physics
 
 FACES = 8  # of the friction cone
 WRENCH_ROWS = 7 + FACES
@@ -59,15 +60,15 @@ class Bounds(NamedTuple):
     """Bounds and the workspace of one least-distance problem; rewritten by every solve."""
 
     settings: BoundSettings
-    motors: Array  # (2, 14) torque limit [N m] and speed without load [rad/s]
-    torque_range: Array  # (2, 14) least and largest torque at the present speeds [N m]
-    scale: Array  # (14,) Q^(-1/2)
-    handle: Ints  # of the solver
-    matrix: Array  # (ROWS, TASKS)
-    lower: Array  # (ROWS,)
-    upper: Array  # (ROWS,)
-    solution: Array  # (TASKS,) v
-    grip: Array  # (1,) friction that the robot in hand counts on
+    motors: Floats2  # (2, 14) torque limit [N m] and speed without load [rad/s]
+    torque_range: Floats2  # (2, 14) least and largest torque at the present speeds [N m]
+    scale: Floats1  # (14,) Q^(-1/2)
+    handle: Ints1  # of the solver
+    matrix: Floats2  # (ROWS, TASKS)
+    lower: Floats1  # (ROWS,)
+    upper: Floats1  # (ROWS,)
+    solution: Floats1  # (TASKS,) v
+    grip: Floats1  # (1,) friction that the robot in hand counts on
 
 
 def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:

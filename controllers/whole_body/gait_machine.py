@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled.array_table import Floats1, Floats2, Ints1
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import Vector, vector_at, vector_of
 from ..model.frame import (
@@ -43,18 +44,18 @@ Point = tuple[float, float]  # on the floor, world axes [m]
 class Gait(NamedTuple):
     """State of the gait machine of n robots."""
 
-    stance: Ints  # (n,) 0 left, 1 right
-    steps: Ints  # (n,) completed steps
-    elapsed: Array  # (n,) since the step began [s]
-    time: Array  # (n,) since reset [s]
-    heading: Array  # (n,) of the stance sole and the canonical frame [rad]
-    swing: Array  # (n, 9) reference of the swing sole: position, velocity, acceleration
-    height: Array  # (n, 4) reference of the CoM's height, its velocity, acceleration; floor's height
-    plan: Array  # (n, 7) gait variables, held for a planning period
-    failure: Ints  # (n,) index into FAILURES
-    wrench: Array  # (n, 6) that the last torque asks of the stance sole
-    turn: Array  # (n,) commanded [rad/s]
-    yaw: Array  # (n, 7) references of swing sole and pelvis beyond the heading, see `turning`
+    stance: Ints1  # (n,) 0 left, 1 right
+    steps: Ints1  # (n,) completed steps
+    elapsed: Floats1  # (n,) since the step began [s]
+    time: Floats1  # (n,) since reset [s]
+    heading: Floats1  # (n,) of the stance sole and the canonical frame [rad]
+    swing: Floats2  # (n, 9) reference of the swing sole: position, velocity, acceleration
+    height: Floats2  # (n, 4) reference of the CoM's height, its velocity, acceleration; floor's height
+    plan: Floats2  # (n, 7) gait variables, held for a planning period
+    failure: Ints1  # (n,) index into FAILURES
+    wrench: Floats2  # (n, 6) that the last torque asks of the stance sole
+    turn: Floats1  # (n,) commanded [rad/s]
+    yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turning`
 
 
 class GaitSettings(NamedTuple):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.array_table import Floats1, Floats2, Floats3, Ints1
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import ZERO, Vector, add, cross, scaled, subtract, to_world, vector_at, vector_of
 
@@ -32,22 +33,22 @@ Heading = tuple[float, float]  # cosine and sine of a heading
 class Physics(NamedTuple):
     """Live arrays of n simulations (`stepping`) and constants of their robot, in world axes and SI units."""
 
-    qpos: Array  # (n, 21)
-    qvel: Array  # (n, 20)
-    xpos: Array  # (n, bodies, 3)
-    xmat: Array  # (n, bodies, 9)
-    xanchor: Array  # (n, joints, 3)
-    xaxis: Array  # (n, joints, 3)
-    com: Array  # (n, bodies, 3) CoM of each body's subtree
-    mass_matrix: Array  # (n, nM) sparse; rows and columns in a table of their own
-    bias: Array  # (n, 20) h(q, qd), gravity included
-    load: Array  # (n, 2) normal force under the left and the right sole [N]
-    ctrl: Array  # (n, 14) torques [N m], written by the controller
-    xfrc: Array  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
-    soles: Array  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
-    ankle_height: Array  # (1,) ankle above a flat sole [m]
-    mirror: Array  # (14,) sign of each joint's coordinate in the mirrored robot
-    leg_form: Ints  # (1,) MEETING_AXES or ANY_AXES
+    qpos: Floats2  # (n, 21)
+    qvel: Floats2  # (n, 20)
+    xpos: Floats3  # (n, bodies, 3)
+    xmat: Floats3  # (n, bodies, 9)
+    xanchor: Floats3  # (n, joints, 3)
+    xaxis: Floats3  # (n, joints, 3)
+    com: Floats3  # (n, bodies, 3) CoM of each body's subtree
+    mass_matrix: Floats2  # (n, nM) sparse; rows and columns in a table of their own
+    bias: Floats2  # (n, 20) h(q, qd), gravity included
+    load: Floats2  # (n, 2) normal force under the left and the right sole [N]
+    ctrl: Floats2  # (n, 14) torques [N m], written by the controller
+    xfrc: Floats3  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
+    soles: Floats2  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
+    ankle_height: Floats1  # (1,) ankle above a flat sole [m]
+    mirror: Floats1  # (14,) sign of each joint's coordinate in the mirrored robot
+    leg_form: Ints1  # (1,) MEETING_AXES or ANY_AXES
 
 
 class SoleMotion(NamedTuple):

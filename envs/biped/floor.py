@@ -14,9 +14,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from ...controllers.compiled.array_table import floats_at
+from ...controllers.compiled.array_table import Floats1, Ints1, Ints2, floats_at
 from ...controllers.compiled.kernels import njit
-from ...controllers.whole_body.kinematics import Array, Ints
+from ...controllers.whole_body.kinematics import Array
 from ..scenario.noise import counter_seed, uniform
 from ..scenario.scenario import Scenario
 from .robots.compiled_robot import CompiledRobot
@@ -30,11 +30,11 @@ FIRST_TILE = "tile_0"
 class Floor(NamedTuple):
     """The floors of n robots."""
 
-    step: Array  # (n,) tiles are up to this high [m]; 0: the floor is a plane
-    seed: Ints  # (n,)
-    side: Array  # (n,) 1, or -1 where y is mirrored
-    places: Ints  # (n, 3) addresses of the boxes' places in the model, of the feet's; or 0
-    half_sole: Array  # (2,) half the length and the width of a sole [m]
+    step: Floats1  # (n,) tiles are up to this high [m]; 0: the floor is a plane
+    seed: Ints1  # (n,)
+    side: Floats1  # (n,) 1, or -1 where y is mirrored
+    places: Ints2  # (n, 3) addresses of the boxes' places in the model, of the feet's; or 0
+    half_sole: Floats1  # (2,) half the length and the width of a sole [m]
 
 
 def level_floors(n: int, half_sole: tuple[float, float]) -> Floor:

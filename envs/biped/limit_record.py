@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...controllers.compiled.array_table import Floats1, Floats2, Ints1
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
@@ -26,7 +27,7 @@ from ...controllers.whole_body.bounds_met import (
     TRUNK_LEAN,
     TRUNK_TORQUE,
 )
-from ...controllers.whole_body.kinematics import Array, Ints
+from ...controllers.whole_body.kinematics import Array
 
 OF_STEP = STEP_LENGTH | STEP_WIDTH | STEP_TIME
 AT_BOUND = 1e-4  # [m]; actions are rounded to float32
@@ -40,11 +41,11 @@ _ANGLE = TRUNK_ANGLE.start
 class LimitRecord(NamedTuple):
     """What n robots have met; the arrays are written by the compiled loop."""
 
-    first: Array  # (n, 12) when each limit was first met [s], inf: never
-    span: Array  # (n, 12) for how long it was met [s]
-    plan: Ints  # (n,) bits of the plan in force
-    landing: Ints  # (n,) TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan
-    edges: Array  # (13,) bounds of the plan, common to all robots, see `plan_edges`
+    first: Floats2  # (n, 12) when each limit was first met [s], inf: never
+    span: Floats2  # (n, 12) for how long it was met [s]
+    plan: Ints1  # (n,) bits of the plan in force
+    landing: Ints1  # (n,) TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan
+    edges: Floats1  # (13,) bounds of the plan, common to all robots, see `plan_edges`
 
 
 class LimitReport(NamedTuple):

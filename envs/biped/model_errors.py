@@ -15,11 +15,12 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from ...controllers.compiled.array_table import Floats2, Floats3, Ints1
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
-from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Ints, Physics
+from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Physics
 from ..physics.stepping import PHYSICS_DT, Handles, advance, advance_measured, believe, simulated
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.noise import counter_seed, normal_pair
@@ -44,14 +45,14 @@ _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no 
 class RobotErrors(NamedTuple):
     """What the compiled loop needs of the errors of n robots."""
 
-    physical: Ints  # (n,) 1 where a physics step is more than a plain one
-    believes: Ints  # (n,) 1 where what control takes for the robot is not what the physics has
-    delay: Ints  # (n,) of the torques [physics steps]
-    noise: Array  # (n, 2) deviation of the DCM [m] and of the joints [rad]
-    seed: Ints  # (n,)
-    period: Ints  # (n,) planning periods since reset
-    step: Ints  # (n,) physics steps since reset, counted where `physical`
-    torques: Array  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
+    physical: Ints1  # (n,) 1 where a physics step is more than a plain one
+    believes: Ints1  # (n,) 1 where what control takes for the robot is not what the physics has
+    delay: Ints1  # (n,) of the torques [physics steps]
+    noise: Floats2  # (n, 2) deviation of the DCM [m] and of the joints [rad]
+    seed: Ints1  # (n,)
+    period: Ints1  # (n,) planning periods since reset
+    step: Ints1  # (n,) physics steps since reset, counted where `physical`
+    torques: Floats3  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
 
 
 def no_errors(n: int) -> RobotErrors:

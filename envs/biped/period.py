@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, ints_2
+from ...controllers.compiled.array_table import Floats1, Floats2, part_of
 from ...controllers.compiled.kernels import njit
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
@@ -43,13 +43,13 @@ SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields),
 class View(NamedTuple):
     """What goes in and out besides the state of the robots."""
 
-    command: Array  # (n, 3) in force [m/s], [m/s], [rad/s]
-    previous_action: Array  # (n, 7)
-    capture: Array  # constants of the capture margin
-    observation: Array  # (n, 36), written
-    margin: Array  # (n,) capture margin [m], written
-    world: Array  # (n, 6) DCM, CoP and CMP in the world [m], written
-    truth: Array  # (n, 36) observation without its noise, written
+    command: Floats2  # (n, 3) in force [m/s], [m/s], [rad/s]
+    previous_action: Floats2  # (n, 7)
+    capture: Floats1  # constants of the capture margin
+    observation: Floats2  # (n, 36), written
+    margin: Floats1  # (n,) capture margin [m], written
+    world: Floats2  # (n, 6) DCM, CoP and CMP in the world [m], written
+    truth: Floats2  # (n, 36) observation without its noise, written
 
 
 class Arena(NamedTuple):
@@ -69,62 +69,9 @@ class Arena(NamedTuple):
     floors: Floor
 
 
-FIRST = first_rows(Arena)  # row of the address table at which each part begins
-
-
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
     """All scalar constants in one array."""
     return np.array([*settings, *gains, *bounds])
-
-
-@njit(cache=True)
-def physics_of(t: Ints) -> Physics:
-    """Rows from FIRST.physics on."""
-    r = FIRST.physics
-    return Physics(
-        floats_2(t[r]), floats_2(t[r + 1]), floats_3(t[r + 2]), floats_3(t[r + 3]), floats_3(t[r + 4]),
-        floats_3(t[r + 5]), floats_3(t[r + 6]), floats_2(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
-        floats_2(t[r + 10]), floats_3(t[r + 11]), floats_2(t[r + 12]), floats_1(t[r + 13]),
-        floats_1(t[r + 14]), ints_1(t[r + 15]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def gait_of(t: Ints) -> Gait:
-    """Rows from FIRST.gait on."""
-    r = FIRST.gait
-    return Gait(
-        ints_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_1(t[r + 4]),
-        floats_2(t[r + 5]), floats_2(t[r + 6]), floats_2(t[r + 7]), ints_1(t[r + 8]), floats_2(t[r + 9]),
-        floats_1(t[r + 10]), floats_2(t[r + 11]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def pushes_of(t: Ints) -> Pushes:
-    """Rows from FIRST.pushes on."""
-    r = FIRST.pushes
-    return Pushes(
-        floats_3(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), ints_2(t[r + 3]), floats_2(t[r + 4]),
-        ints_2(t[r + 5]), floats_3(t[r + 6]), ints_2(t[r + 7]), floats_3(t[r + 8]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def exchange_of(t: Ints) -> View:
-    """Rows from FIRST.exchange on."""
-    r = FIRST.exchange
-    return View(
-        floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]), floats_1(t[r + 4]),
-        floats_2(t[r + 5]), floats_2(t[r + 6]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def contacts_of(t: Ints) -> Contacts:
-    """Rows from FIRST.contacts on."""
-    r = FIRST.contacts
-    return Contacts(floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), floats_2(t[r + 3]))
 
 
 @njit(cache=True)
@@ -134,71 +81,18 @@ def settings_of(c: Array) -> GaitSettings:
 
 
 @njit(cache=True)
-def handles_of(t: Ints) -> Handles:
-    """Rows from FIRST.handles on."""
-    r = FIRST.handles
-    return Handles(ints_2(t[r]), ints_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]))
-
-
-@njit(cache=True)
-def errors_of(t: Ints) -> RobotErrors:
-    """Rows from FIRST.errors on."""
-    r = FIRST.errors
-    return RobotErrors(
-        ints_1(t[r]), ints_1(t[r + 1]), ints_1(t[r + 2]), floats_2(t[r + 3]), ints_1(t[r + 4]),
-        ints_1(t[r + 5]), ints_1(t[r + 6]), floats_3(t[r + 7]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def limits_of(t: Ints) -> LimitRecord:
-    """Rows from FIRST.limits on."""
-    r = FIRST.limits
-    return LimitRecord(
-        floats_2(t[r]), floats_2(t[r + 1]), ints_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def schedule_of(t: Ints) -> Schedule:
-    """Rows from FIRST.schedule on."""
-    r = FIRST.schedule
-    return Schedule(floats_2(t[r]), floats_3(t[r + 1]), ints_1(t[r + 2]))
-
-
-@njit(cache=True)
-def known_of(t: Ints) -> SelfModel:
-    """Rows from FIRST.known on."""
-    r = FIRST.known
-    return SelfModel(
-        floats_1(t[r]), floats_2(t[r + 1]), floats_2(t[r + 2]), floats_2(t[r + 3]), floats_2(t[r + 4]),
-        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def floors_of(t: Ints) -> Floor:
-    """Rows from FIRST.floors on."""
-    r = FIRST.floors
-    return Floor(floats_1(t[r]), ints_1(t[r + 1]), floats_1(t[r + 2]), ints_2(t[r + 3]), floats_1(t[r + 4]))
-
-
-@njit(cache=True)
 def bounds_of(t: Ints, c: Array) -> Bounds:
-    """The last constants, and rows from FIRST.bounds on."""
-    r = FIRST.bounds
+    """The last constants, and the arrays of the bounds."""
     settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
-    return Bounds(
-        settings, floats_2(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]),
-        floats_2(t[r + 4]), floats_1(t[r + 5]), floats_1(t[r + 6]), floats_1(t[r + 7]), floats_1(t[r + 8]),
-    )  # fmt: skip
+    return Bounds(settings, *part_of(t, Arena, "bounds"))
 
 
 @njit(cache=True, nogil=True)
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
     """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1."""
-    gait, settings, errors, limits = gait_of(t), settings_of(c), errors_of(t), limits_of(t)
-    exchange = exchange_of(t)
+    gait, settings = part_of(t, Arena, "gait"), settings_of(c)
+    errors, limits = part_of(t, Arena, "errors"), part_of(t, Arena, "limits")
+    exchange = part_of(t, Arena, "exchange")
     seen, previous = exchange.observation, exchange.previous_action
     for k in range(first, end):
         if gait.failure[k] == 0:
@@ -223,11 +117,13 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     One robot makes all its steps before the next begins, with its data still in the processor's cache. A
     robot that has fallen rests. One whose state overflows falls at once, before control divides by it.
     """
-    phys, gait, pushes, contacts = physics_of(t), gait_of(t), pushes_of(t), contacts_of(t)
-    handles, errors, known = handles_of(t), errors_of(t), known_of(t)
-    floors = floors_of(t)
+    phys, gait = part_of(t, Arena, "physics"), part_of(t, Arena, "gait")
+    pushes, contacts = part_of(t, Arena, "pushes"), part_of(t, Arena, "contacts")
+    handles, errors = part_of(t, Arena, "handles"), part_of(t, Arena, "errors")
+    known, floors = part_of(t, Arena, "known"), part_of(t, Arena, "floors")
+    limits, bounds = part_of(t, Arena, "limits"), bounds_of(t, c)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    settings, bounds, limits = settings_of(c), bounds_of(t, c), limits_of(t)
+    settings = settings_of(c)
     for k in range(first, end):
         if gait.failure[k] != 0:
             continue
@@ -258,10 +154,11 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
 
     One whose state is not finite keeps the observation that it had.
     """
-    phys, gait, settings, contacts = physics_of(t), gait_of(t), settings_of(c), contacts_of(t)
-    command, previous, capture, out, margin, world, truth = exchange_of(t)
-    errors, limits, starts = errors_of(t), limits_of(t), pushes_of(t).start
-    schedule, known = schedule_of(t), known_of(t)
+    phys, gait, settings = part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), settings_of(c)
+    command, previous, capture, out, margin, world, truth = part_of(t, Arena, "exchange")
+    contacts, starts = part_of(t, Arena, "contacts"), part_of(t, Arena, "pushes").start
+    errors, limits = part_of(t, Arena, "errors"), part_of(t, Arena, "limits")
+    schedule, known = part_of(t, Arena, "schedule"), part_of(t, Arena, "known")
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
         if gait.failure[k] == NOT_FINITE:

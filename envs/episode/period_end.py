@@ -14,7 +14,7 @@ import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from ...controllers.compiled.array_table import first_rows, floats_1, floats_2, floats_3, ints_1, parts_table
+from ...controllers.compiled.array_table import Floats1, Floats2, Ints1, part_of, parts_table
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.frame import canonical, canonical_frame
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
@@ -44,32 +44,32 @@ class Motion(NamedTuple):
 class Robots(NamedTuple):
     """What the core says of n robots after a period; the first five are those of `Motion`."""
 
-    steps: Ints
-    com: Array
-    time: Array
-    side: Ints
-    heading: Array
-    failure: Ints  # (n,) why they have fallen, 0: they have not
-    observation: Array  # (n, 36), without noise
-    margin: Array  # (n,) capture margin [m]
-    command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
-    action: Array  # (n, 7) in force in the period
-    push_start: Array  # (n, P) [s], inf while the gait event has not come
-    push_duration: Array  # (n, P) [s]
+    steps: Ints1
+    com: Floats2
+    time: Floats1
+    side: Ints1
+    heading: Floats1
+    failure: Ints1  # (n,) why they have fallen, 0: they have not
+    observation: Floats2  # (n, 36), without noise
+    margin: Floats1  # (n,) capture margin [m]
+    command: Floats2  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
+    action: Floats2  # (n, 7) in force in the period
+    push_start: Floats2  # (n, P) [s], inf while the gait event has not come
+    push_duration: Floats2  # (n, P) [s]
 
 
 class Episodes(NamedTuple):
     """What the episodes of n robots know of themselves."""
 
-    pushes: Ints  # (n,) how many
-    changed: Array  # (n,) when the command changes for the last time [s], 0: never
-    fixed: Array  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
-    settle: Array  # (n,) [s]
-    uphill: Array  # (n, 2) what the slope moves the DCM by, world axes [m]
-    before: Array  # (n, 7) action in force in the period before, written for the next one
-    planned: Array  # (n,) step duration T that the last action asked for [s], written
-    terms: Array  # (n, 7) of the reward, in the order of REWARD_TERMS, written
-    total: Array  # (n,) reward, written
+    pushes: Ints1  # (n,) how many
+    changed: Floats1  # (n,) when the command changes for the last time [s], 0: never
+    fixed: Floats1  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
+    settle: Floats1  # (n,) [s]
+    uphill: Floats2  # (n, 2) what the slope moves the DCM by, world axes [m]
+    before: Floats2  # (n, 7) action in force in the period before, written for the next one
+    planned: Floats1  # (n,) step duration T that the last action asked for [s], written
+    terms: Floats2  # (n, 7) of the reward, in the order of REWARD_TERMS, written
+    total: Floats1  # (n,) reward, written
 
 
 class PeriodConstants(NamedTuple):
@@ -92,9 +92,6 @@ class Judged(NamedTuple):
     monitor: MonitorState
 
 
-FIRST = first_rows(Judged)  # row of the address table at which each part begins
-
-
 def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> Ints:
     """Address table of all arrays, part by part; they must stay alive."""
     return parts_table(Judged(robots, episodes, monitor))
@@ -104,37 +101,6 @@ def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double
     """`PeriodConstants`, then the box of the gait variables: low, high."""
     constants = PeriodConstants(robot.omega, robot.pelvis_width, delay, double_support)
     return np.array([*constants, *limits.low, *limits.high], dtype=np.float64)
-
-
-@njit(cache=True)
-def robots_of(t):  # pragma: no cover
-    """Rows from FIRST.robots on."""
-    r = FIRST.robots
-    return Robots(
-        ints_1(t[r]), floats_2(t[r + 1]), floats_1(t[r + 2]), ints_1(t[r + 3]), floats_1(t[r + 4]),
-        ints_1(t[r + 5]), floats_2(t[r + 6]), floats_1(t[r + 7]), floats_2(t[r + 8]), floats_2(t[r + 9]),
-        floats_2(t[r + 10]), floats_2(t[r + 11]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def episodes_of(t):  # pragma: no cover
-    """Rows from FIRST.episodes on."""
-    r = FIRST.episodes
-    return Episodes(
-        ints_1(t[r]), floats_1(t[r + 1]), floats_1(t[r + 2]), floats_1(t[r + 3]), floats_2(t[r + 4]),
-        floats_2(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]), floats_1(t[r + 8]),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def monitor_of(t):  # pragma: no cover
-    """Rows from FIRST.monitor on."""
-    r = FIRST.monitor
-    return MonitorState(
-        ints_1(t[r]), ints_1(t[r + 1]), floats_2(t[r + 2]), floats_3(t[r + 3]), floats_2(t[r + 4]),
-        floats_1(t[r + 5]), floats_1(t[r + 6]), floats_2(t[r + 7]),
-    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -149,7 +115,8 @@ def last_push_end(robots, k, count):  # pragma: no cover
 @njit(cache=True)
 def end_period(t, c, gaits, ends):  # pragma: no cover
     """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
-    robots, episodes, monitor = robots_of(t), episodes_of(t), monitor_of(t)
+    robots, episodes = part_of(t, Judged, "robots"), part_of(t, Judged, "episodes")
+    monitor = part_of(t, Judged, "monitor")
     omega, width, delay, double_support = to_fixed_tuple(c[:CONSTANTS], CONSTANTS)
     low, high = c[CONSTANTS : CONSTANTS + GAIT_SIZE], c[CONSTANTS + GAIT_SIZE :]
     nominal, start, started, uphill = np.empty(NOMINAL_SIZE), np.empty(2), np.empty(2), np.empty(2)

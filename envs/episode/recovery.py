@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.compiled.array_table import Floats1, Floats2, Floats3, Ints1
 from ...controllers.compiled.kernels import njit
 from ...controllers.model.double_support import transfer_weight
 from ...controllers.model.frame import canonical, heading_frame
@@ -34,14 +35,14 @@ _DCM, _SWING = DCM.start, SWING_POSITION.start
 class MonitorState(NamedTuple):
     """What is remembered of n robots; the three latest touchdowns, newest first."""
 
-    steps: Ints  # (n,) completed when last looked at
-    touchdowns: Ints  # (n,) since reset
-    time: Array  # (n, 3) [s]
-    com: Array  # (n, 3, 2) in the world [m]
-    error: Array  # (n, 3) of the DCM against the nominal gait [m]
-    speed_error: Array  # (n,) over the last two steps [m/s]
-    recovered_at: Array  # (n,) [s], NaN while not recovered
-    heading: Array  # (n, 3) of the steps that began then [rad]
+    steps: Ints1  # (n,) completed when last looked at
+    touchdowns: Ints1  # (n,) since reset
+    time: Floats2  # (n, 3) [s]
+    com: Floats3  # (n, 3, 2) in the world [m]
+    error: Floats2  # (n, 3) of the DCM against the nominal gait [m]
+    speed_error: Floats1  # (n,) over the last two steps [m/s]
+    recovered_at: Floats1  # (n,) [s], NaN while not recovered
+    heading: Floats2  # (n, 3) of the steps that began then [rad]
 
 
 @njit(cache=True)

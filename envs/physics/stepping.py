@@ -26,6 +26,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from ...controllers.compiled.array_table import Ints1, Ints2
 from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
 from .fields import ONE, Field, whole
@@ -43,10 +44,10 @@ BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of 
 class Handles(NamedTuple):
     """What `advance` needs of n simulations."""
 
-    addresses: Ints  # (n, 2 + runs) of the model, of its data, of every run in the data
-    rows: Ints  # (runs, 3) address in the first simulation's array, bytes to the next one's, bytes to copy
-    calls: Ints  # (10,) addresses of STEP, BELIEF, mj_rne; number of runs that go in, of STATE, of MEASURED
-    belief: Ints  # (3 + runs,) as a row of `addresses`: common model, a worker's own data; then its qfrc_bias
+    addresses: Ints2  # (n, 2 + runs) of the model, of its data, of every run in the data
+    rows: Ints2  # (runs, 3) address in the first simulation's array, bytes to the next one's, bytes to copy
+    calls: Ints1  # (10,) addresses of STEP, BELIEF, mj_rne; number of runs that go in, of STATE, of MEASURED
+    belief: Ints1  # (3 + runs,) as a row of `addresses`: common model, a worker's own data; its qfrc_bias
 
 
 class Simulations:

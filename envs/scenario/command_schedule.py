@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.compiled.array_table import Floats2, Floats3, Ints1
 from ...controllers.compiled.kernels import njit
 from .scenario import Scenario
 
@@ -19,9 +20,9 @@ DUE = 1e-9  # a change this soon after the period begins is due: times are sums 
 class Schedule(NamedTuple):
     """What the n robots will be told, at most C changes each."""
 
-    time: Array  # (n, C) since reset [s], rising; inf: there are no more
-    command: Array  # (n, C, 3) velocity in the heading frame [m/s], turn [rad/s]
-    next: Ints  # (n,) index of the first change to come
+    time: Floats2  # (n, C) since reset [s], rising; inf: there are no more
+    command: Floats3  # (n, C, 3) velocity in the heading frame [m/s], turn [rad/s]
+    next: Ints1  # (n,) index of the first change to come
 
 
 def empty_schedule(n: int, count: int = 0) -> Schedule:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.compiled.array_table import Floats2, Floats3, Ints2
 from .push import BODIES, FRAMES, PENDING, GaitEvent, Push, Side
 from .scenario import Scenario
 
@@ -47,15 +48,15 @@ def push_arrays(pushes: Sequence[Push], first_side: Side) -> PushArrays:
 class Pushes(NamedTuple):
     """The fields of `PushArrays` for n robots with at most P pushes each, and the impulse delivered."""
 
-    force: Array  # (n, P, 3) [N]
-    duration: Array  # (n, P) [s]
-    start: Array  # (n, P) [s], PENDING until the gait event has come
-    step: Ints  # (n, P)
-    fraction: Array  # (n, P)
-    body: Ints  # (n, P) index into BODIES
-    offset: Array  # (n, P, 3) from the body's CoM, body axes [m]
-    frame: Ints  # (n, P) of the force, index into FRAMES
-    delivered: Array  # (n, P, 3) impulse so far [N s]
+    force: Floats3  # (n, P, 3) [N]
+    duration: Floats2  # (n, P) [s]
+    start: Floats2  # (n, P) [s], PENDING until the gait event has come
+    step: Ints2  # (n, P)
+    fraction: Floats2  # (n, P)
+    body: Ints2  # (n, P) index into BODIES
+    offset: Floats3  # (n, P, 3) from the body's CoM, body axes [m]
+    frame: Ints2  # (n, P) of the force, index into FRAMES
+    delivered: Floats3  # (n, P, 3) impulse so far [N s]
 
 
 def empty_pushes(n: int, count: int) -> Pushes:

@@ -1,24 +1,31 @@
 """Compiled code finds every array in the address table where the table has it."""
 
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numba import njit
+from numba.core.errors import TypingError
 from push_recovery.controllers.compiled.array_table import (
     DIMENSIONS,
+    Floats1,
+    Ints2,
+    dense_part_of,
     first_rows,
-    is_array_type,
+    part_of,
     parts_table,
 )
 from push_recovery.envs.biped import period as biped_arena
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode import period_end as gait_period
 from push_recovery.envs.scenario.scenario import Scenario
-from typing_extensions import TypeAliasType
 
-ARENA = {name: getattr(biped_arena, f"{name}_of") for name in biped_arena.Arena._fields}
-JUDGED = {name: getattr(gait_period, f"{name}_of") for name in gait_period.Judged._fields}
+ARENA, JUDGED = biped_arena.Arena, gait_period.Judged
+
+
+def reader(parts, name):
+    """Compiled code that reads one part of a table."""
+    return njit(lambda table: part_of(table, parts, name))
 
 
 @pytest.fixture(scope="module")
@@ -44,18 +51,20 @@ def same(found, held):
             assert own == other, name
 
 
-@pytest.mark.parametrize("name", ARENA)
+@pytest.mark.parametrize("name", ARENA._fields)
 def test_the_arena_is_read_where_it_is(episodes, name):
     core = episodes.core
     arena, table = core._arenas[0], core._tables[0]
-    constants = (core._constants,) if name == "bounds" else ()
-    same(ARENA[name](table, *constants), getattr(arena, name))
+    if name == "bounds":  # which has settings, too
+        same(biped_arena.bounds_of(table, core._constants), arena.bounds)
+    else:
+        same(reader(ARENA, name)(table), getattr(arena, name))
 
 
-@pytest.mark.parametrize("name", JUDGED)
+@pytest.mark.parametrize("name", JUDGED._fields)
 def test_the_judge_reads_its_arrays_where_they_are(episodes, name):
     judged = gait_period.Judged(episodes.robots, episodes._episodes, episodes.monitor.state)
-    same(JUDGED[name](episodes._table), getattr(judged, name))
+    same(reader(JUDGED, name)(episodes._table), getattr(judged, name))
 
 
 class Settings(NamedTuple):
@@ -64,12 +73,12 @@ class Settings(NamedTuple):
 
 class One(NamedTuple):
     settings: Settings
-    a: NDArray[np.float64]
-    b: NDArray[np.int64]
+    a: Floats1
+    b: Ints2
 
 
 class Two(NamedTuple):
-    c: NDArray[np.float64]
+    c: Floats1
 
 
 class Parts(NamedTuple):
@@ -78,58 +87,54 @@ class Parts(NamedTuple):
     two: Two
 
 
+ONE, TWO = One(Settings(1.0), np.zeros(3), np.zeros((2, 2), np.int64)), Two(np.zeros(5))
+
+
 def test_a_part_begins_after_the_arrays_of_those_before_it():
     rows = first_rows(Parts)
     assert rows._asdict() == {"one": 0, "other": 2, "two": 4}
-    one, two = One(Settings(1.0), np.zeros(3), np.zeros((2, 2), np.int64)), Two(np.zeros(5))
+    one, two = ONE, TWO
     table = parts_table(Parts(one, one, two))
     assert table.shape == (5, 1 + 2 * DIMENSIONS)
     assert table[rows.other, 0] == one.a.ctypes.data
     assert table[rows.two, :2].tolist() == [two.c.ctypes.data, 5]
 
 
-Scalar = TypeVar("Scalar", bound=np.generic)
-AliasedArray = TypeAliasType("AliasedArray", np.ndarray[Any, np.dtype[Scalar]], type_params=(Scalar,))
+def test_what_is_read_is_written_where_it_is_held():
+    """Strides that are no array's own order, a part behind others, and settings beside the arrays."""
+    floats, ints = np.arange(12.0)[::-3], np.arange(24).reshape(4, 6).T[1::2, ::3]
+    one, two = One(Settings(1.0), floats, ints), Two(np.arange(3.0))
+    table = parts_table(Parts(one, one, two))
+    a, b = reader(Parts, "other")(table)  # not a One: its settings are not in the table
+    assert a.tolist() == [11.0, 8.0, 5.0, 2.0]
+    assert b.tolist() == [[1, 19], [3, 21], [5, 23]]
+    found = reader(Parts, "two")(table)
+    assert type(found) is Two
+    found.c[1] = 7.0
+    assert two.c.tolist() == [0.0, 7.0, 2.0]
 
 
-class Aliased(NamedTuple):
-    """As NDArray is from numpy 2.5 on."""
-
-    a: AliasedArray[np.float64]
-    gain: float
-    b: AliasedArray[np.int64]
-
-
-class AliasedParts(NamedTuple):
-    first: Aliased
-    second: Two
+def test_dense_parts_are_contiguous_in_compiled_code():
+    two = Two(np.arange(3.0))
+    found = njit(lambda table: dense_part_of(table, Parts, "two"))(parts_table(Parts(ONE, ONE, two)))
+    assert found.c.flags.c_contiguous
+    assert place(found.c) == place(two.c)
 
 
-def test_an_alias_of_an_array_is_counted_as_one():
-    assert first_rows(AliasedParts)._asdict() == {"first": 0, "second": 2}
-    first, second = Aliased(np.zeros(3), 1.0, np.zeros(2, np.int64)), Two(np.zeros(5))
-    table = parts_table(AliasedParts(first, second))
-    assert table[:, 0].tolist() == [first.a.ctypes.data, first.b.ctypes.data, second.c.ctypes.data]
-
-
-@pytest.mark.parametrize(
-    ("kind", "is_one"),
-    [
-        (np.ndarray, True),
-        (NDArray[np.float64], True),
-        (TypeAliasType("Floats", NDArray[np.float64]), True),
-        (TypeAliasType("Number", float), False),
-        (float, False),
-        (tuple[float, float], False),
-    ],
-)
-def test_which_annotations_mean_an_array(kind, is_one):
-    assert is_array_type(kind) is is_one
+def test_a_part_is_named_when_the_code_is_compiled():
+    with pytest.raises(TypingError):
+        njit(lambda table, name: part_of(table, Parts, name))(parts_table(Parts(ONE, ONE, TWO)), "two")
 
 
 @pytest.mark.parametrize(
     ("part", "name"),
-    [(One(Settings(1.0), np.zeros(3), None), "b"), (One(np.zeros(1), np.zeros(3), np.zeros(2)), "settings")],
+    [
+        (One(Settings(1.0), np.zeros(3), None), "b"),
+        (One(np.zeros(1), np.zeros(3), np.zeros((2, 2), np.int64)), "settings"),
+        (One(Settings(1.0), np.zeros((3, 1)), np.zeros((2, 2), np.int64)), "a"),
+        (One(Settings(1.0), np.zeros(3), np.zeros((2, 2))), "b"),
+        (One(Settings(1.0), np.zeros(3, np.float32), np.zeros((2, 2), np.int64)), "a"),
+    ],
 )
 def test_a_part_whose_arrays_are_not_its_annotations_is_refused(part, name):
     """Its rows would be counted wrongly, and compiled code would read other memory."""

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.compiled.array_table import first_rows
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
@@ -11,7 +12,7 @@ from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
 from push_recovery.controllers.stage_2.dense import explicit_problem
 from push_recovery.controllers.stage_2.interface import RESULT_SIZE, CopPlan
 from push_recovery.controllers.stage_2.kernel import plan_rows
-from push_recovery.controllers.stage_2.packing import FIRST, Memory
+from push_recovery.controllers.stage_2.packing import Memory, Parts
 from push_recovery.controllers.stage_2.planner import CopPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
@@ -145,7 +146,7 @@ def test_a_plan_depends_on_its_arguments_alone():
 def test_every_worker_has_scratch_of_its_own_and_gives_the_same_plans():
     states = rows(100, seed=9)
     alone, planner = PLANNER.plan_batch(states), CopPlanner(ROBOT, LIMITS, CONFIG, 3)
-    first = FIRST.memory
+    first = first_rows(Parts).memory
     scratches = {int(address) for packed in planner.packed for address in packed[first:, 0]}
     assert len(scratches) == 3 * len(Memory._fields)
     for packed in planner.packed:
