@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.files import write_atomically
+from ..controllers.files import read_file, write_atomically
 from ..controllers.json_text import parse_json
 from .settings import TrainingSettings
 
@@ -85,8 +85,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
             )
         path = found[-1]
     try:
-        state = parse_json("state.json", (path / "state.json").read_bytes())
-        tensors = load((path / "tensors.safetensors").read_bytes())
+        state = parse_json("state.json", read_file(path / "state.json"))
+        tensors = load(read_file(path / "tensors.safetensors"))
         if state["format_version"] != FORMAT_VERSION:
             raise InvalidValueError(f"format {state['format_version']}, this version reads {FORMAT_VERSION}")
         settings = TrainingSettings.from_json(state["settings"])

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import InvalidValueError
-from ..files import write_atomically
+from ..files import read_file, write_atomically
 from ..json_text import parse_json
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
@@ -122,7 +122,7 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
 
 def _read_description(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_bytes()
+        text = read_file(path)
     except OSError as error:
         raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
     about = parse_json(f"the policy description {path}", text)
@@ -146,7 +146,7 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
     from safetensors.numpy import load
 
     try:
-        content = path.read_bytes()
+        content = read_file(path)
     except OSError as error:
         raise InvalidValueError(f"can't read the policy weights {path}: {error.strerror}") from error
     if hashlib.sha256(content).hexdigest() != about["weights_sha256"]:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidValueError, UnknownNameError
-from ..files import write_atomically
+from ..files import read_file, write_atomically
 from ..json_text import parse_json
 from .arms import ARMS
 from .planner_config import PlannerConfig
@@ -126,7 +126,7 @@ def load_preset(preset: str) -> PresetFile:
             raise UnknownNameError("preset", preset, [*preset_names(), "FILE.json"])
         return PresetFile(preset)
     try:
-        text = Path(preset).read_bytes()
+        text = read_file(preset)
     except (OSError, ValueError) as error:
         raise InvalidValueError(f"cannot read preset file {preset!r}: {error}") from error
     return _parse(text, preset)

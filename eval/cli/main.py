@@ -66,5 +66,7 @@ def _print_overview() -> None:
 
 
 def _complain(message: object, code: int) -> int:
-    print(f"{PROGRAM}: error: {' '.join(str(message).split())}", file=sys.stderr)
+    words = " ".join(str(message).split())
+    line = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)  # files may hold
+    print(f"{PROGRAM}: error: {line}", file=sys.stderr)  # what moves a terminal's cursor or renames it
     return code

@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.files import read_file
 from ...controllers.settings.presets import is_preset_file, load_preset
 from .names import NAMESPACE
 from .user_object import import_from_here
@@ -93,7 +94,7 @@ def preset_digest(env_id: str) -> dict[str, str]:
     preset = EnvName.parse(env_id).preset
     if not is_preset_file(preset):
         return {}
-    return {"preset_sha256": hashlib.sha256(Path(preset).read_bytes()).hexdigest()}
+    return {"preset_sha256": hashlib.sha256(read_file(preset)).hexdigest()}
 
 
 def env_label(env_id: str) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.policy_file import policy_paths
 from ..output.rows import RowFile
@@ -47,7 +48,7 @@ class PolicySource:
         if self.in_memory:
             return _object_digest(self.origin)
         if is_policy_file(self.origin):
-            content = b"".join(path.read_bytes() for path in policy_paths(self.origin))
+            content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):
             content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
         else:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
-from ...controllers.files import is_file, write_text
+from ...controllers.files import is_file, read_file, write_text
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -77,7 +77,7 @@ def load_suite(path: Path) -> Suite:
         InvalidValueError: the file is missing, no suite, or its hash does not match.
     """
     try:
-        content = path.read_bytes()
+        content = read_file(path)
     except OSError as error:
         raise InvalidValueError(f"cannot read suite file {str(path)!r}: {error}") from error
     data = parse_json(f"suite file {str(path)!r}", content)

@@ -1,10 +1,17 @@
 import dataclasses
 import hashlib
+import io
 import json
+import os
+import pickle
+import struct
+import sys
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
@@ -14,6 +21,17 @@ from push_recovery.controllers.policies.policy_file import policy_paths
 from push_recovery.controllers.policies.residual import compose, default_residual_scale
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
+
+
+@dataclasses.dataclass
+class Planted:
+    """A pickle that makes a folder when it is loaded."""
+
+    place: str
+
+    def __reduce__(self):
+        return os.mkdir, (self.place,)
+
 
 SCALE = default_residual_scale(GaitLimits())
 
@@ -221,11 +239,16 @@ def test_text_that_is_no_json_and_json_that_is_no_object(tmp_path):
             NetworkPolicy.load(path)
 
 
-def test_an_unknown_base_policy_is_refused(tmp_path):
-    residual = {"policy": "three-stage", "preset": "default", "scale": [1.0] * 7, "config": None}
-    path = edit(tmp_path, residual=residual)
-    with pytest.raises(PushRecoveryError, match="three-stage"):
-        NetworkPolicy.load(path)
+def test_a_base_policy_is_an_arm_by_name_and_never_a_module(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "foreign_code.py").write_text("raise SystemExit('imported')\n")
+    for name in ("three-stage", "foreign_code:Policy"):
+        residual = {"policy": name, "preset": "default", "scale": [1.0] * 7, "config": None, "gate": None}
+        path = edit(tmp_path, residual=residual)
+        with pytest.raises(UnknownNameError, match=f"unknown policy '{name}'"):
+            NetworkPolicy.load(path)
+    assert "foreign_code" not in sys.modules
 
 
 def test_the_base_keeps_the_weights_of_its_training(tmp_path):
@@ -259,6 +282,33 @@ def test_truncated_or_swapped_weights_are_refused(tmp_path):
     path.with_suffix(".json").write_text(json.dumps(edited))
     with pytest.raises(InvalidValueError, match="damaged"):
         NetworkPolicy.load(path)
+
+
+@pytest.mark.parametrize("kind", ["pickle", "archive", "header beyond the file", "shape beyond the file"])
+def test_weights_of_another_kind_run_nothing_and_take_no_memory(tmp_path, kind):
+    path = policy().save(tmp_path / "p")
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("data", bytes(10**7))
+    header = json.dumps(
+        {"layers.0.weight": {"dtype": "F32", "shape": [2**31, 2**31], "data_offsets": [0, 4]}}
+    ).encode()
+    content = {
+        "pickle": pickle.dumps(Planted(str(tmp_path / "ran"))),
+        "archive": archive.getvalue(),
+        "header beyond the file": struct.pack("<Q", 2**62) + b"{}",
+        "shape beyond the file": struct.pack("<Q", len(header)) + header + bytes(4),
+    }[kind]
+    path.write_bytes(content)
+    about = path.with_suffix(".json")
+    edited = json.loads(about.read_text()) | {"weights_sha256": hashlib.sha256(content).hexdigest()}
+    about.write_text(json.dumps(edited))
+    tracemalloc.start()
+    with pytest.raises(InvalidValueError, match=r"p\.safetensors are damaged"):
+        NetworkPolicy.load(path)
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+    assert not (tmp_path / "ran").exists()
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path):

@@ -1,15 +1,23 @@
 """Every registered environment: both checkers, JSON keywords, vector form."""
 
 import json
+import sys
+from pathlib import Path
+from types import ModuleType
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RecordVideo
+from push_recovery.envs.physics.offscreen import RenderError
+from push_recovery.envs.scenario.push import Push
+from push_recovery.envs.scenario.scenario import Scenario
 
 import push_recovery  # noqa: F401
 
+PUSHED = Scenario("pushed", (Push((300.0, 0.0, 0.0), 0.1, 0.0),))
 IDS = sorted(name for name in gym.registry if name.startswith("PushRecovery/"))
 
 
@@ -52,6 +60,46 @@ def test_spec_makes_the_same_environment_again(name):
         runs.append(np.array([made.step(action)[0] for action in actions]))
         made.close()
     assert runs[0].tobytes() == runs[1].tobytes()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasiums_video_recorder_takes_the_pictures_at_the_planning_rate(name, tmp_path, monkeypatch):
+    clips = []
+
+    class Clip:
+        """What Gymnasium makes a film of, in place of moviepy's."""
+
+        def __init__(self, frames, fps):
+            clips.append((np.array(frames), fps))
+
+        def write_videofile(self, path, logger):
+            Path(path).touch()
+
+    writer = ModuleType("moviepy.video.io.ImageSequenceClip")
+    writer.ImageSequenceClip = Clip
+    for module in (
+        ModuleType("moviepy"),
+        ModuleType("moviepy.video"),
+        ModuleType("moviepy.video.io"),
+        writer,
+    ):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    env = gym.make(name, render_mode="rgb_array", control_hz=50.0)
+    recorder = RecordVideo(env, str(tmp_path), episode_trigger=lambda episode: True, disable_logger=True)
+    try:
+        recorder.reset(options={"scenario": PUSHED})
+        for _ in range(4):
+            recorder.step(np.zeros(7, np.float32))
+    except RenderError as error:
+        pytest.skip(str(error))
+    finally:
+        recorder.close()
+    ((frames, fps),) = clips
+    assert fps == 50
+    assert frames.shape == (5, 480, 640, 3)
+    assert frames.dtype == np.uint8
+    assert (frames[0] != frames[-1]).any()
+    assert [path.name for path in tmp_path.iterdir()] == ["rl-video-episode-0.mp4"]
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import toy_gait_env as toy
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.commands.names import Names
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.names import SUITE_NAMES
@@ -170,6 +171,17 @@ def test_failures_inside_are_exit_1_without_traceback(monkeypatch, capsys):
     monkeypatch.setattr(Names, "run", fail)
     assert main(["list"]) == 1
     assert capsys.readouterr().err == "push-recovery: error: RuntimeError: broken in two lines\n"
+
+
+def test_an_error_says_what_a_file_holds_without_moving_the_cursor(monkeypatch, capsys):
+    def fail(options):
+        raise InvalidValueError("made for \x1b[2J\x1b]0;title\x07 and \ud800, not ψ")
+
+    monkeypatch.setattr(Names, "run", fail)
+    assert main(["list"]) == 2
+    assert capsys.readouterr().err == (
+        "push-recovery: error: made for \\x1b[2J\\x1b]0;title\\x07 and \\ud800, not ψ\n"
+    )
 
 
 def test_play_writes_a_contact_sheet(policy, tmp_path, capsys):
