@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,3 +94,35 @@ def test_humanoid_runs_in_turn_with_the_bipeds(monkeypatch):
     monkeypatch.setattr(bench_humanoid, "ROBOTS", 2)
     content = bench_humanoid.humanoid_timings(POLICY)
     assert content == {"humanoid_rtf": 20.0, "biped_rtf": 60.0, "over_humanoid": 3.0}
+
+
+def clock(*microseconds):
+    """A clock whose calls lie so far apart, over and over."""
+    state = {"now": 0, "calls": 0}
+
+    def read():
+        state["now"] += round(1e3 * microseconds[state["calls"] % len(microseconds)])
+        state["calls"] += 1
+        return state["now"]
+
+    return SimpleNamespace(perf_counter_ns=read)
+
+
+def test_control_costs_what_the_core_takes_beyond_physics(monkeypatch):
+    """Five physics steps of 2 ms take 1 ms bare, 4 ms with control: 10 simulated s a second, 600 us each."""
+    assert isinstance(POLICY, TwoStagePolicy)
+    monkeypatch.setattr(bench_batch, "CALLS", 3)
+    monkeypatch.setattr(bench_batch, "time", clock(77.0, 1000.0, 4000.0))
+    content = time_control(POLICY)
+    assert content["raw_physics_rtf"] == pytest.approx(10.0)
+    assert content["whole_body_us"] == {"median": pytest.approx(600.0), "p99": pytest.approx(600.0)}
+
+
+def test_a_batch_is_timed_part_by_part_for_each_robot(monkeypatch):
+    """Two robots: 1, 2 and 4 ms of physics, planner and core are half as much each."""
+    assert isinstance(POLICY, TwoStagePolicy)
+    monkeypatch.setattr(bench_batch, "PERIODS", 3)
+    monkeypatch.setattr(bench_batch, "time", clock(77.0, 1000.0, 2000.0, 4000.0))
+    timing = bench_batch.time_batch(POLICY, 2, 1)
+    assert (timing.robots, timing.threads, timing.period) == (2, 1, pytest.approx(0.01))
+    assert (timing.physics, timing.plan, timing.core) == pytest.approx((500.0, 1000.0, 2000.0))

@@ -1,5 +1,6 @@
 import json
 import sys
+from types import SimpleNamespace
 
 import pytest
 import toy_gait_env as toy
@@ -8,6 +9,7 @@ from push_recovery.eval.bench.keys import GROUPS, KEYS
 from push_recovery.eval.bench.run import BenchError, start_time
 from push_recovery.eval.bench.tables import key_cells, robot_cells, solver_cells
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout.environments import make_env
 
 
 def test_bench_leaves_out_what_the_environment_lacks(capsys):
@@ -67,3 +69,12 @@ def test_help_names_every_key(capsys):
     assert main(["bench", "--help"]) == 0
     text = capsys.readouterr().out
     assert all(key in text for key in (KEYS | GROUPS))
+
+
+def test_the_real_time_factor_is_of_the_timed_part_alone(monkeypatch):
+    """One second after the warm-up, which takes two seconds by the clock."""
+    times = iter([10.0, 12.0])
+    monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=lambda: next(times)))
+    rtf, observations = module.closed_loop(make_env("PushRecovery/Pendulum-v0"), 1.0)
+    assert rtf == pytest.approx(0.5)
+    assert observations.shape == (200, 36)  # with the warm-up's 100
