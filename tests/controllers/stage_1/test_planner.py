@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.model.double_support import transfer_weight
-from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.gait_box import DURATION, STEP, GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import (
     COMMAND,
@@ -20,12 +20,10 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.stage_1.columns import (
-    DURATION,
     HELD,
     OFFSET,
     REMAINING,
     ROW_SIZE,
-    STEP,
     TARGET,
 )
 from push_recovery.controllers.stage_1.planner import StepPlanner
