@@ -16,11 +16,12 @@ class BodyPlan:
     """The roles that gait machine and whole-body control know, and the names that have them.
 
     Control knows a floating base, a waist of at most two axes and two legs of six joints each. Order and axes
-    of the hip's three joints and of the ankle's two are free; joints named in `held` keep their angle.
+    of the hip's three joints and of the ankle's two are free. Joints named in `held` keep their angle, as
+    those of arms or of a waist that yaws; they may lie between the pelvis and the legs or the waist, too.
     """
 
     pelvis: str  # body with the free joint, which both legs hang from; x forward, z up where it is upright
-    trunk: str  # body above the waist
+    trunk: str  # body above the waist; without a waist it may be the pelvis
     legs: tuple[tuple[str, ...], tuple[str, ...]]  # left, right: from hip to sole, the fourth is the knee
     soles: Pair  # sites in the centres of the soles, x forward, z up
     loads: Pair  # sensors of the normal force under each sole [N]
@@ -40,9 +41,9 @@ class BodyPlan:
                 )
         if len(self.bend) != LEG_JOINTS:
             raise InvalidValueError(f"BodyPlan.bend has {LEG_JOINTS} angles [rad], got {self.bend!r}")
-        if self.trunk == self.pelvis:
+        if self.trunk == self.pelvis and any(self.waist):
             raise InvalidValueError(
-                f"trunk and pelvis of a BodyPlan are two bodies, got {self.trunk!r} twice"
+                f"trunk and pelvis of a BodyPlan with a waist are two bodies, got {self.trunk!r} twice"
             )
         names = [*chain(*self.legs), *(name for name in self.waist if name), *(name for name, _ in self.held)]
         if twice := sorted({name for name in names if names.count(name) > 1}):

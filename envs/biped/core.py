@@ -29,7 +29,7 @@ from ...controllers.whole_body.kinematics import Array, Physics
 from ...controllers.whole_body.turning import SIZE as YAWS
 from ..physics.stepping import PHYSICS_DT, Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
-from ..scenario.push import SIDES
+from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
 from .floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
@@ -193,6 +193,8 @@ class BipedCore:
         if pushes is not self.pushes or schedule is not self.schedule:
             self.pushes, self.schedule = pushes, schedule
             self._bind()
+        if self.body.indices.trunk == self.body.indices.pelvis:
+            self.pushes.body[k] = BODIES.index("pelvis")
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)

@@ -11,6 +11,7 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.whole_body.kinematics import Array
 from .leg_kinematics import LegGeometry, leg_geometry, level_leg
 from .robots.compiled_robot import CompiledRobot
+from .robots.held import put_held
 
 CONVERGED = 1e-13  # error of the CoM of a posture [m]
 REACHED = 1e-9  # largest error of CoM and soles [m], [rad]
@@ -67,8 +68,7 @@ def posture(
     geometry = leg_geometry_of(robot)
     data.qpos[:] = 0.0
     data.qpos[list(indices.qpos[:7])] = *(com - GUESS), 1.0, 0.0, 0.0, 0.0
-    for name, angle in robot.plan.held:
-        data.qpos[robot.model.jnt_qposadr[robot.model.joint(name).id]] = angle
+    put_held(robot.model, robot.plan, data)
     if geometry is None:
         _bend(robot, data)
         error = _newton(robot, data, com, soles)

@@ -16,6 +16,7 @@ from ....controllers.whole_body.bounds import NEVER
 from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array
 from ...physics.stepping import PHYSICS_DT
 from .description import RobotDescription
+from .held import hold_joints, put_held
 from .indices import MISSING, TILT, Indices, find_indices
 from .robot_model import robot_model
 
@@ -42,20 +43,19 @@ class CompiledRobot:
         """Names of its parts."""
         return self.description.plan
 
-    @staticmethod
-    def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-        """The model of a spec, with the physics step of all robots."""
+    def compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
+        """The model of a spec of this robot, with the physics step of all robots and its held joints held."""
         model = spec.compile()
         model.opt.timestep = PHYSICS_DT
+        hold_joints(model, self.plan)
         return model
 
     @cached_property
     def robot(self) -> RobotModel:
         """What the planner knows of it."""
-        stated = self.description.model
-        return (
-            robot_model(self.model, self.indices, self.description.com_height) if stated is None else stated
-        )
+        if self.description.model is not None:
+            return self.description.model
+        return robot_model(self.in_reference_posture(), self.indices, self.description.com_height)
 
     @cached_property
     def motors(self) -> Array:
@@ -93,14 +93,14 @@ class CompiledRobot:
     @cached_property
     def ankle_height(self) -> float:
         """Of the joint above the last over a flat sole in the reference posture [m]."""
-        data = self._in_reference_posture()
+        data = self.in_reference_posture()
         height = data.xanchor[self.indices.legs[0][-2], 2] - data.site_xpos[self.indices.soles[0], 2]
         return round(float(height), 12)  # free of the rounding of the chain of bodies
 
     @cached_property
     def leg_form(self) -> int:
         """MEETING_AXES where the closed form of `leg_inverse` holds for both legs."""
-        data = self._in_reference_posture()
+        data = self.in_reference_posture()
         for joints in self.indices.legs:
             anchors, axes = data.xanchor[list(joints)], data.xaxis[list(joints)]
             apart = [anchors[1] - anchors[0], anchors[2] - anchors[0], anchors[5] - anchors[4]]
@@ -118,7 +118,7 @@ class CompiledRobot:
         Raises:
             InvalidValueError: partners whose axes are no mirror images.
         """
-        axes, signs = self._in_reference_posture().xaxis, np.array([1.0, -1.0] + 12 * [0.0])
+        axes, signs = self.in_reference_posture().xaxis, np.array([1.0, -1.0] + 12 * [0.0])
         for i, (left, right) in enumerate(zip(*self.indices.legs, strict=True)):
             sign = float(axes[right] @ (axes[left] * [-1.0, 1.0, -1.0]))
             if abs(sign) < 1.0 - TILT:
@@ -129,9 +129,11 @@ class CompiledRobot:
             signs[2 + i] = signs[8 + i] = np.sign(sign)
         return signs
 
-    def _in_reference_posture(self) -> mujoco.MjData:
+    def in_reference_posture(self) -> mujoco.MjData:
+        """The robot upright, all joints at 0 but the held ones, with the kinematics of that."""
         data = mujoco.MjData(self.model)
         data.qpos[list(self.indices.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+        put_held(self.model, self.plan, data)
         mujoco.mj_kinematics(self.model, data)
         return data
 

@@ -21,7 +21,9 @@ Pairs = list[tuple[int, int]]
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
     """Torques, and forces on pelvis and trunk."""
-    pushed = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk)]
+    pushed = [(PELVIS, indices.pelvis)]
+    if indices.trunk != indices.pelvis:  # otherwise `BipedCore.reset` turns its pushes into the pelvis'
+        pushed.append((TRUNK, indices.trunk))
     return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
         "xfrc_applied", BODIES, 6, pushed
     )
@@ -32,8 +34,8 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
     joints = known(indices.joints)
     return (
-        picked("qpos", (len(indices.qpos),), known(indices.qpos)),
-        picked("qvel", (len(indices.dof),), known(indices.dof)),
+        _with_held("qpos", indices.qpos, indices.held_qpos),
+        _with_held("qvel", indices.dof, indices.held_dof),
         rows("xpos", BODIES, 3, bodies),
         rows("xmat", BODIES, 9, bodies),
         rows("xanchor", len(indices.joints), 3, joints),
@@ -44,6 +46,11 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
         picked("sensordata", (len(indices.loads),), known(indices.loads)),
         picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
     )
+
+
+def _with_held(name: str, own: tuple[int, ...], held: tuple[int, ...]) -> Field:
+    """A field of the state: what control knows, then the held joints, whose place `believe` needs."""
+    return picked(name, (len(own) + len(held),), known((*own, *held)))
 
 
 def known(numbers: tuple[int, ...]) -> Pairs:
@@ -57,8 +64,13 @@ def mass_matrix_pairs(model: mujoco.MjModel, indices: Indices) -> Iterator[tuple
         if own == MISSING:
             yield int(ROW[j]) + len(columns(j)) - 1, ONE
             continue
-        first = int(model.M_rowadr[own])
-        entries = model.M_colind[first : first + int(model.M_rownnz[own])].tolist()
         for place, i in enumerate(columns(j)):
             if indices.dof[i] != MISSING:
-                yield int(ROW[j]) + place, first + entries.index(indices.dof[i])
+                yield int(ROW[j]) + place, entry(model, own, indices.dof[i])
+
+
+def entry(model: mujoco.MjModel, i: int, j: int) -> int:
+    """Entry of MuJoCo's sparse M for two degrees of freedom on one chain, in the outer one's row."""
+    outer, inner = max(i, j), min(i, j)
+    first = int(model.M_rowadr[outer])
+    return first + model.M_colind[first : first + int(model.M_rownnz[outer])].tolist().index(inner)

@@ -29,6 +29,8 @@ class Indices:
     soles: tuple[int, int]  # sites
     loads: tuple[int, int]  # entries of sensordata
     sole_boxes: tuple[int, int]  # geoms
+    held_qpos: tuple[int, ...] = ()  # coordinates of the joints that keep their angle
+    held_dof: tuple[int, ...] = ()  # and their degrees of freedom
 
     @property
     def legs(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -70,12 +72,10 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
     free = int(model.body_jntadr[pelvis])
     if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
         raise InvalidValueError(f"pelvis {plan.pelvis!r} must have the robot's free joint")
-    waist = [MISSING if name is None else number_of(model, "joint", name) for name in plan.waist]
-    legs = [[number_of(model, "joint", name) for name in leg] for leg in plan.legs]
+    waist = [MISSING if name is None else hinge(model, name) for name in plan.waist]
+    legs = [[hinge(model, name) for name in leg] for leg in plan.legs]
     hinges = [*waist, *legs[0], *legs[1]]
-    for joint in hinges:
-        if joint != MISSING and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
-            raise InvalidValueError(f"joint {model.joint(joint).name!r} must be a hinge")
+    held = [hinge(model, name) for name, _ in plan.held]
     base_qpos, base_dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
     found = Indices(
         pelvis=pelvis,
@@ -84,20 +84,36 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
         joints=(free, *hinges),
         qpos=(*range(base_qpos, base_qpos + 7), *(_address(model.jnt_qposadr, joint) for joint in hinges)),
         dof=(*range(base_dof, base_dof + 6), *(_address(model.jnt_dofadr, joint) for joint in hinges)),
-        motors=tuple(_motor_of(model, joint) for joint in hinges),
+        motors=tuple(MISSING if joint == MISSING else motor_of(model, joint) for joint in hinges),
         soles=_two(model, "site", plan.soles),
         loads=(_load(model, plan.loads[0]), _load(model, plan.loads[1])),
         sole_boxes=_two(model, "geom", plan.sole_boxes),
+        held_qpos=tuple(_address(model.jnt_qposadr, joint) for joint in held),
+        held_dof=tuple(_address(model.jnt_dofadr, joint) for joint in held),
     )
-    held = {int(model.jnt_dofadr[number_of(model, "joint", name)]) for name, _ in plan.held}
-    check_tree(model, found, held)
+    check_roles(model, found)
+    check_tree(model, found)
     check_waist(model, found)
     return found
 
 
-def check_tree(model: mujoco.MjModel, found: Indices, held: set[int]) -> None:
-    """Raise InvalidValueError where base, waist and legs are no chains, but for `held` degrees of freedom."""
-    chains = {"waist": found.joints[1:3], "left leg": found.legs[0], "right leg": found.legs[1]}
+def check_roles(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError for a joint of the robot that the plan gives no role."""
+    for dof in range(model.nv):
+        if dof not in {*found.dof, *found.held_dof}:
+            raise InvalidValueError(
+                f"joint {model.joint(model.dof_jntid[dof]).name!r} has no role in the BodyPlan; name it in "
+                "`held` with the angle that it shall keep"
+            )
+
+
+def check_tree(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError where base, waist and legs are no chains, but for held degrees of freedom.
+
+    The two axes of the waist may follow each other in either order.
+    """
+    waist = sorted(found.joints[1:3], key=lambda joint: model.jnt_dofadr[joint])
+    chains = {"waist": waist, "left leg": found.legs[0], "right leg": found.legs[1]}
     for chain, joints in chains.items():
         before = found.dof[5]
         for joint in joints:
@@ -105,7 +121,7 @@ def check_tree(model: mujoco.MjModel, found: Indices, held: set[int]) -> None:
                 continue
             own = int(model.jnt_dofadr[joint])
             parent = int(model.dof_parentid[own])
-            while parent in held:
+            while parent in found.held_dof:
                 parent = int(model.dof_parentid[parent])
             if parent != before:
                 raise InvalidValueError(
@@ -132,10 +148,25 @@ def _address(addresses: np.ndarray, joint: int) -> int:
     return MISSING if joint == MISSING else int(addresses[joint])
 
 
-def _motor_of(model: mujoco.MjModel, joint: int) -> int:
-    """Number of the torque motor that drives a joint."""
-    if joint == MISSING:
-        return MISSING
+def hinge(model: mujoco.MjModel, name: str) -> int:
+    """Number of a hinge.
+
+    Raises:
+        UnknownNameError: no joint of that name.
+        InvalidValueError: one of another kind.
+    """
+    joint = number_of(model, "joint", name)
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+        raise InvalidValueError(f"joint {name!r} must be a hinge")
+    return joint
+
+
+def motor_of(model: mujoco.MjModel, joint: int) -> int:
+    """Number of the torque motor that drives a joint.
+
+    Raises:
+        InvalidValueError: none, more than one, or one that does not give the torque that it is told.
+    """
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     motors = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
     name = model.joint(joint).name

@@ -11,15 +11,13 @@ from ....controllers.model.robot import SMALLEST, RobotModel
 from .indices import MISSING, Indices
 
 
-def robot_model(model: mujoco.MjModel, indices: Indices, com_height: float) -> RobotModel:
-    """Mass, trunk, feet and pelvis width of a robot in its reference posture.
+def robot_model(data: mujoco.MjData, indices: Indices, com_height: float) -> RobotModel:
+    """Mass, trunk, feet and pelvis width of a robot whose `data` is in its reference posture.
 
     The trunk's inertia j is that of all that the waist carries, about the pitch axis of the waist; torque and
     angle are the least of the waist's axes. Without a waist they do not count.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    model = data.model
     soles = data.site_xpos[list(indices.soles)]
     length, width, _ = 2.0 * model.geom_size[indices.sole_boxes[0]]
     inertia, torque, angle = SMALLEST, SMALLEST, SMALLEST
@@ -27,7 +25,7 @@ def robot_model(model: mujoco.MjModel, indices: Indices, com_height: float) -> R
     waist = [(joint, motor) for joint, motor in zip(indices.joints[1:3], indices.motors[:2], strict=True)
              if joint != MISSING]  # fmt: skip
     if waist:
-        inertia = trunk_inertia(model, data, indices)
+        inertia = trunk_inertia(data, indices)
         torque = min(float(model.actuator_forcerange[motor, 1]) for _, motor in waist)
         ranges = [np.abs(model.jnt_range[joint]).min() for joint, _ in waist if model.jnt_limited[joint]]
         angle = float(min([*ranges, math.pi / 2.0]))
@@ -45,8 +43,9 @@ def robot_model(model: mujoco.MjModel, indices: Indices, com_height: float) -> R
     )
 
 
-def trunk_inertia(model: mujoco.MjModel, data: mujoco.MjData, indices: Indices) -> float:
+def trunk_inertia(data: mujoco.MjData, indices: Indices) -> float:
     """Inertia of all that the waist carries about its first axis [kg m^2], of a placed `data`."""
+    model = data.model
     joint = next(joint for joint in indices.joints[1:3] if joint != MISSING)
     axis, anchor, total = data.xaxis[joint], data.xanchor[joint], 0.0
     for body in range(model.nbody):

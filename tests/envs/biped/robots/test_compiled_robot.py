@@ -17,6 +17,7 @@ from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compil
 from push_recovery.envs.biped.robots.description import robot_description
 from push_recovery.envs.biped.robots.indices import MISSING
 from push_recovery.envs.biped.robots.robot_model import robot_model
+from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
 from push_recovery.envs.biped.robots.variants.robots import (
     ANKLE_ROLL_FIRST,
     HIPS_PITCH_ROLL_YAW,
@@ -30,7 +31,7 @@ SOLES = np.array([[0.05, 0.11, 0.0], [-0.03, -0.09, 0.0]])
 
 
 def test_the_bipeds_model_has_table_ii():
-    model = robot_model(biped().model, biped().indices, 0.8)
+    model = robot_model(biped().in_reference_posture(), biped().indices, 0.8)
     assert model.mass == pytest.approx(60.0, abs=1e-12)
     assert model.trunk_inertia == pytest.approx(7.0 + 30.0 * 0.18**2, abs=1e-12)  # Table II has 8
     assert (model.trunk_torque_max, model.pelvis_width) == (150.0, 0.2)
@@ -64,7 +65,9 @@ def test_the_closed_forms_are_kept_where_they_hold():
     assert [geometry is None for geometry in held] == [False, True, True, False]
 
 
-@pytest.mark.parametrize("description", [ROBOT, *VARIANTS], ids=lambda description: description.name)
+@pytest.mark.parametrize(
+    "description", [ROBOT, *VARIANTS, *HELD_VARIANTS], ids=lambda description: description.name
+)
 def test_a_posture_has_its_com_and_soles_where_asked(description):
     robot = compiled_robot(description)
     com, velocity = np.array([0.01, 0.02, 0.75]), np.array([0.2, -0.1, 0.05])
@@ -81,7 +84,7 @@ def test_a_posture_has_its_com_and_soles_where_asked(description):
         assert data.joint(f"{side}_knee").qpos[0] > 0.1
 
 
-@pytest.mark.parametrize("description", VARIANTS, ids=lambda description: description.name)
+@pytest.mark.parametrize("description", [*VARIANTS, *HELD_VARIANTS], ids=lambda description: description.name)
 def test_control_reads_mujocos_own_mass_matrix_and_axes(description):
     core = BipedEpisodes(1, robot=description).core
     model, data, indices = core.body.model, mujoco.MjData(core.body.model), core.body.indices

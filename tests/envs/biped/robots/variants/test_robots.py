@@ -1,9 +1,10 @@
-"""Three variants of the biped walk and recover on the biped's preset."""
+"""Variants of the biped walk and recover on the biped's preset."""
 
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
 from push_recovery.envs.biped.robots.variants.robots import VARIANTS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -15,7 +16,7 @@ SCENARIOS = (
 )
 
 
-@pytest.mark.parametrize("description", VARIANTS, ids=lambda description: description.name)
+@pytest.mark.parametrize("description", [*VARIANTS, *HELD_VARIANTS], ids=lambda description: description.name)
 def test_it_walks_and_recovers(description):
     episodes = BipedEpisodes(len(SCENARIOS), robot=description)
     policy = make_policy("two-stage", episodes.robot, episodes.limits, "biped")
