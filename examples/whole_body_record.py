@@ -10,7 +10,7 @@ import numpy as np
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
-from push_recovery.controllers.whole_body.bounds_met import LIMITS
+from push_recovery.controllers.whole_body.bounds_met import BOUNDS
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity, sole_motion, sole_position
 from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
@@ -20,7 +20,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 START = GaitEvent(4, "left")  # of the pushes
 KNEES = [5, 11]  # motors of the knees, in the order of the model
 HIPS, ANKLES = [3, 9], [7, 13]  # joints of the legs' ends in xanchor
-KEPT = [LIMITS.index(name) for name in ("joint_torque", "sole_edge", "contact")]  # by whole-body control
+KEPT = [BOUNDS.index(name) for name in ("joint_torque", "sole_edge", "contact")]  # by whole-body control
 Changes = Mapping[str, Mapping[str, float]]  # of BipedSettings: section -> field -> value
 
 
@@ -65,7 +65,7 @@ class Recorder:
         gait, phys, s = core.gait, core.physics, BIPED_GAIT
         soles = np.array([sole_position(phys, 0, i) for i in range(2)])
         before, now = self._before, (int(gait.stance[0]), phys.com[0, 0].copy(), soles, gait.swing[0].copy())
-        speed, spans = phys.qvel[0, 6:].copy(), core.limit_record.span[0, KEPT].copy()
+        speed, spans = phys.qvel[0, 6:].copy(), core.bounds_record.span[0, KEPT].copy()
         self._before = (*now, speed, spans)
         if before is None:
             return

@@ -178,7 +178,7 @@ def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: A
 
 @njit(cache=True)
 def bounds_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, float], bounds: Bounds) -> int:
-    """Bits of `limit_record` that a wrench (6,) and torques (14,) are at the bounds of.
+    """Bits of `bounds_record` that a wrench (6,) and torques (14,) are at the bounds of.
 
     `cop` (world axes, from the sole's centre) is the point that the yaw moment counts about [m].
     """
@@ -206,7 +206,7 @@ def keep_bounds(
 ) -> int:
     """Replace wrench (6,) and torque (14,) by those of the least deviation that keeps the bounds.
 
-    Returns the bits of `limit_record` that they are at the bounds of.
+    Returns the bits of `bounds_met` that they are at the bounds of.
     """
     Wd, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
     write_deviation_maps(phys, k, legs, Wd, Td)

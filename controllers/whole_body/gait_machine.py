@@ -110,7 +110,7 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
 
 
 @njit(cache=True)
-def landing_limit(phys: Physics, gait: Gait, k: int) -> int:
+def landing_error(phys: Physics, gait: Gait, k: int) -> int:
     """TOUCHDOWN_ERROR where the swing foot has landed off the planned place or time, otherwise 0."""
     stance, plan = gait.stance[k], gait.plan[k]
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
@@ -175,7 +175,7 @@ def lever_and_missing(
 def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
-    Returns the limits met, as bits of `limit_record`.
+    Returns the bounds met, as bits of `bounds_met`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = heading_frame(gait.heading[k]), side_sign(stance)
@@ -232,7 +232,7 @@ def control(
     `landing` (n,) keeps TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan.
     """
     if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, DURATION], s):
-        landing[k] = landing_limit(phys, gait, k)
+        landing[k] = landing_error(phys, gait, k)
         touch_down(phys, gait, k)
     met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
     if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:

@@ -220,7 +220,7 @@ def whole_body_torque(
 ) -> int:
     """Write the joint torques (14,) [N m] of robot k and the wrench (6,) they ask of the stance sole.
 
-    `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `limit_record`.
+    `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `bounds_met`.
     """
     qdd, total = carray(stack_floats(20), (NV,)), carray(stack_floats(20), (NV,))
     inverses = LegInverses(carray(stack_floats(36), (2, 6, 3)), carray(stack_floats(36), (2, 6, 3)))

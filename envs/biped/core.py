@@ -32,8 +32,8 @@ from ..scenario.command_schedule import assign_changes, empty_schedule
 from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
+from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
-from .limit_record import LimitReport, clear_record, empty_record, plan_edges, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import (
     Arena,
@@ -124,7 +124,7 @@ class BipedCore:
         self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
         self._limits = limits
-        self.limit_record = empty_record(n, plan_edges(robot, limits, PlannerConfig(), 0.0))
+        self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
         self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
 
     def __getstate__(self) -> object:
@@ -142,7 +142,7 @@ class BipedCore:
     ) -> None:
         """Set the constants of gait machine and whole-body control; whose plans the limits are told of."""
         self.settings = settings
-        self.limit_record.edges[:] = plan_edges(self.robot, self._limits, planner, settings.commit)
+        self.bounds_record.edges[:] = plan_bounds(self.robot, self._limits, planner, settings.commit)
         self._bounds = [make_bounds(bounds, self.body.motors) for _ in range(self._threads.threads)]
         self._constants = arena_constants(settings, gains, bounds)
         self._bind()
@@ -154,7 +154,7 @@ class BipedCore:
             self.truth,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
-        rest = self.errors, self.limit_record, self.schedule, self.known, self.floors
+        rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
         self._arenas = [
             Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
             for w, (bounds, _) in enumerate(self._bounds)
@@ -198,7 +198,7 @@ class BipedCore:
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
-        clear_record(self.limit_record, k)
+        clear_record(self.bounds_record, k)
         self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)
 
@@ -212,9 +212,9 @@ class BipedCore:
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
 
-    def limits_met(self, k: int) -> LimitReport:
+    def bounds_met(self, k: int) -> BoundsReport:
         """The limits that robot k has met since its first push began."""
-        return report_limits(self.limit_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
+        return report_bounds(self.bounds_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7).

@@ -31,8 +31,8 @@ from ...controllers.whole_body.turning import TURN
 from ..physics.stepping import Handles, advance
 from ..scenario.command_schedule import Schedule, follow
 from ..scenario.push_arrays import Pushes
+from .bounds_record import BoundsRecord, note_bounds, plan_bounds_met
 from .floor import Floor, place_tiles
-from .limit_record import LimitRecord, note_limits, plan_limits
 from .model_errors import DCM_NOISE, RobotErrors, advance_with_errors, show
 from .pushes import apply_pushes
 
@@ -63,7 +63,7 @@ class Arena(NamedTuple):
     contacts: Contacts
     handles: Handles  # of the simulations
     errors: RobotErrors
-    limits: LimitRecord
+    met: BoundsRecord
     schedule: Schedule
     known: SelfModel
     floors: Floor
@@ -91,14 +91,14 @@ def bounds_of(t: Ints, c: Array) -> Bounds:
 def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
     """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1."""
     gait, settings = part_of(t, Arena, "gait"), settings_of(c)
-    errors, limits = part_of(t, Arena, "errors"), part_of(t, Arena, "limits")
+    errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
     exchange = part_of(t, Arena, "exchange")
     seen, previous = exchange.observation, exchange.previous_action
     for k in range(first, end):
         if gait.failure[k] == 0:
             errors.period[k] += 1
         accept(gait, k, settings, gaits[k], actions[k], previous[k])
-        limits.plan[k] = plan_limits(seen[k], gait.plan[k], limits.plan[k], limits.edges)
+        record.plan[k] = plan_bounds_met(seen[k], gait.plan[k], record.plan[k], record.edges)
 
 
 @njit(cache=True)
@@ -121,7 +121,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     pushes, contacts = part_of(t, Arena, "pushes"), part_of(t, Arena, "contacts")
     handles, errors = part_of(t, Arena, "handles"), part_of(t, Arena, "errors")
     known, floors = part_of(t, Arena, "known"), part_of(t, Arena, "floors")
-    limits, bounds = part_of(t, Arena, "limits"), bounds_of(t, c)
+    record, bounds = part_of(t, Arena, "met"), bounds_of(t, c)
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
     settings = settings_of(c)
     for k in range(first, end):
@@ -129,9 +129,9 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             continue
         bounds.grip[0] = known.grip[k]
         for _ in range(steps):
-            met = control(phys, gait, k, settings, gains, bounds, limits.landing, dt) | limits.plan[k]
+            met = control(phys, gait, k, settings, gains, bounds, record.landing, dt) | record.plan[k]
             apply_pushes(phys, gait, k, pushes, dt)
-            note_limits(limits, k, met, pushes.start[k], gait.time[k], dt)
+            note_bounds(record, k, met, pushes.start[k], gait.time[k], dt)
             pass_time(gait, k, dt)
             if floors.places[k, 0] != 0:
                 place_tiles(floors, k)
@@ -157,7 +157,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
     phys, gait, settings = part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), settings_of(c)
     command, previous, capture, out, margin, world, truth = part_of(t, Arena, "exchange")
     contacts, starts = part_of(t, Arena, "contacts"), part_of(t, Arena, "pushes").start
-    errors, limits = part_of(t, Arena, "errors"), part_of(t, Arena, "limits")
+    errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
     schedule, known = part_of(t, Arena, "schedule"), part_of(t, Arena, "known")
     for k in range(first, end):
         check_failure(phys, gait, k, settings)
@@ -175,7 +175,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
         if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
             show_known(known, k, gait, span, out[k])
         if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
-            note_limits(limits, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
+            note_bounds(record, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 
 
 @njit(cache=True, nogil=True)

@@ -7,10 +7,10 @@ from typing import Any
 import gymnasium as gym
 
 from ...controllers.policies.interface import Policy, as_policy
-from ...envs.biped.limit_record import LimitReport
+from ...envs.biped.bounds_record import BoundsReport
 from ...envs.scenario.scenario import Scenario
 from .loop import Ints, Watch, run_episodes
-from .outcome import NO_LIMITS, Ending, Outcome
+from .outcome import NO_BOUNDS, Ending, Outcome
 
 
 def planning_period(env: gym.Env) -> float:
@@ -86,7 +86,7 @@ class GymRobot:
             recovered_at=info.get("recovered_at"),
             failure_reason=info.get("failure_reason"),
             total_reward=self._total,
-            limits=limits_met(getattr(self.env.unwrapped, "episodes", None), 0),
+            bounds=bounds_met(getattr(self.env.unwrapped, "episodes", None), 0),
         )
 
     def _look(self) -> None:
@@ -94,7 +94,7 @@ class GymRobot:
             self._watch(self)
 
 
-def limits_met(episodes: Any, k: int) -> LimitReport:
+def bounds_met(episodes: Any, k: int) -> BoundsReport:
     """The bounds that robot k of the episodes has met; none where its core keeps no record."""
-    met = getattr(getattr(episodes, "core", None), "limits_met", None)
-    return NO_LIMITS if met is None else met(k)
+    met = getattr(getattr(episodes, "core", None), "bounds_met", None)
+    return NO_BOUNDS if met is None else met(k)

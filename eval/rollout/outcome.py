@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from ...envs.biped.limit_record import LimitReport
+from ...envs.biped.bounds_record import BoundsReport
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import wilson_interval
 
-NO_LIMITS = LimitReport({}, {})
+NO_BOUNDS = BoundsReport({}, {})
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
 
 
@@ -25,7 +25,7 @@ class Ending:
     recovered_at: float | None  # time from which the recovery criterion held [s]
     failure_reason: str | None
     total_reward: float
-    limits: LimitReport = NO_LIMITS  # bounds met; none where the core keeps no record
+    bounds: BoundsReport = NO_BOUNDS  # met; none where the core keeps no record
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class Outcome:
     psi_deg: float | None  # its direction, counter-clockwise from forward [deg]
     pushes: int
     command: tuple[float, float]  # [m/s]
-    first_limit: str | None = None  # of envs/biped/limit_record.py, met first since the first push began
-    limits_met: Mapping[str, float] = field(default_factory=dict)  # limit -> when first [s], in that order
-    limit_shares: Mapping[str, float] = field(default_factory=dict)  # limit -> share of the time since then
+    first_limit: str | None = None  # of envs/biped/bounds_record.py, met first since the first push began
+    limits_met: Mapping[str, float] = field(default_factory=dict)  # bound -> when first [s], in that order
+    limit_shares: Mapping[str, float] = field(default_factory=dict)  # bound -> share of the time since then
 
     @classmethod
     def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
         """The row of an episode that has ended after so many environment steps."""
         first = scenario.pushes[0] if scenario.pushes else None
         moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
-        settled, limits = ending.recovered_at, ending.limits
+        settled, bounds = ending.recovered_at, ending.bounds
         return cls(
             scenario_id=scenario.id,
             policy=policy_name,
@@ -69,9 +69,9 @@ class Outcome:
             psi_deg=math.degrees(first.direction) if first and moving else None,
             pushes=len(scenario.pushes),
             command=(scenario.command.vx, scenario.command.vy),
-            first_limit=next(iter(limits.met), None),
-            limits_met={name: round(time, 6) for name, time in limits.met.items()},
-            limit_shares={name: round(share, 6) for name, share in limits.shares.items()},
+            first_limit=next(iter(bounds.met), None),
+            limits_met={name: round(time, 6) for name, time in bounds.met.items()},
+            limit_shares={name: round(share, 6) for name, share in bounds.shares.items()},
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.episode.held_action import Held, Mask, hold_action
 from ...envs.scenario.scenario import Scenario
 from .loop import Ints, Watch
-from .one import limits_met
+from .one import bounds_met
 from .outcome import Ending
 from .wrapped_action import ActionRule, Actions
 
@@ -93,7 +93,7 @@ class Slots:
                 recovered_at=episodes.monitor.recovered_at(k),
                 failure_reason=episodes.failures[episodes.failure()[k]],
                 total_reward=0.0,
-                limits=limits_met(episodes, k),
+                bounds=bounds_met(episodes, k),
             )
 
     def _look(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ...controllers.whole_body.bounds_met import LIMITS
+from ...controllers.whole_body.bounds_met import BOUNDS
 from ..rollout.outcome import Outcome
 
 Row = Mapping[str, Any]
@@ -32,7 +32,7 @@ def bounds_of(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
     Bounds that no row met are left out.
     """
     rows, found = list(rows), {}
-    for name in LIMITS:
+    for name in BOUNDS:
         shares = [row.get("limit_shares", {}).get(name, 0.0) for row in rows]
         if any(shares):
             found[name] = {
@@ -58,7 +58,7 @@ def bound_cells(rows: Iterable[Row]) -> list[tuple[str, ...]]:
     falls, recovered = summary["falls"], summary["recovered"]
     nothing = {"first": 0, "met": 0.0, "time": 0.0}
     cells = []
-    for name in LIMITS:
+    for name in BOUNDS:
         if name in falls or name in recovered:
             fell, stood = falls.get(name, nothing), recovered.get(name, nothing)
             numbers = fell["met"], fell["time"], stood["met"], stood["time"]
@@ -89,5 +89,5 @@ def fall_cell(falls: Sequence[Row]) -> str:
     if not falls or falls[0]["first_limit"] is None:
         return "-"
     shares = falls[0]["limit_shares"]
-    longest = sorted(shares, key=lambda name: (-shares[name], LIMITS.index(name)))[:3]
+    longest = sorted(shares, key=lambda name: (-shares[name], BOUNDS.index(name)))[:3]
     return f"{falls[0]['first_limit']}; " + ", ".join(f"{name} {shares[name]:.2f}" for name in longest)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.bounds_met import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR
-from push_recovery.controllers.whole_body.gait_machine import landing_limit, lever_and_missing, touch_down
+from push_recovery.controllers.whole_body.gait_machine import landing_error, lever_and_missing, touch_down
 from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.biped.settings import BIPED_GAIT
 
@@ -36,20 +36,20 @@ def landed(random_state, robot_in):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_foot_lands_off_its_plan_from_three_centimetres_on(landed, stance, entry, sign):
     core, _, _ = landed(stance)
-    assert landing_limit(core.physics, core.gait, 0) == 0
+    assert landing_error(core.physics, core.gait, 0) == 0
     core.gait.plan[0, entry] += sign * 0.99 * LANDED_OFF
-    assert landing_limit(core.physics, core.gait, 0) == 0
+    assert landing_error(core.physics, core.gait, 0) == 0
     core.gait.plan[0, entry] += sign * 0.02 * LANDED_OFF
-    assert landing_limit(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
+    assert landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_foot_lands_off_its_time(landed, sign):
     core, _, _ = landed(0)
     core.gait.elapsed[0] = 0.5 + sign * 0.99 * LANDED_LATE
-    assert landing_limit(core.physics, core.gait, 0) == 0
+    assert landing_error(core.physics, core.gait, 0) == 0
     core.gait.elapsed[0] = 0.5 + sign * 1.01 * LANDED_LATE
-    assert landing_limit(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
+    assert landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
 
 
 @pytest.mark.parametrize("stance", [0, 1])

@@ -1,7 +1,7 @@
 """The bounds that bipeds meet, from rollouts to tables."""
 
 import pytest
-from push_recovery.controllers.whole_body.bounds_met import LIMITS
+from push_recovery.controllers.whole_body.bounds_met import BOUNDS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -40,14 +40,14 @@ def test_falls_and_recoveries_are_counted_apart():
 def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
     shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
     falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
-    longest = sorted(("contact", "leg_reach"), key=LIMITS.index)  # of equal ones in the order of the limits
+    longest = sorted(("contact", "leg_reach"), key=BOUNDS.index)  # of equal ones in the order of the bounds
     assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
     assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
 
 
 def test_cells_follow_the_order_of_the_limits():
     cells = bound_cells(ROWS)
-    assert [cell[0] for cell in cells] == [name for name in LIMITS if name in {"cop", "contact"}]
+    assert [cell[0] for cell in cells] == [name for name in BOUNDS if name in {"cop", "contact"}]
     assert cells[0] == ("cop", "2", "0.67", "0.20", "0.50", "0.10")
     assert {len(cell) for cell in cells} == {len(COLUMNS)}
     assert bound_cells(ROWS[4:5]) == []

@@ -1,4 +1,4 @@
-"""Which limits a biped meets, each by the smallest change that meets it."""
+"""Which bounds a biped meets, each by the smallest change that meets it."""
 
 import math
 
@@ -9,9 +9,9 @@ from push_recovery.controllers.settings.presets import preset_config
 from push_recovery.controllers.stage_1.swing_time import swing_time
 from push_recovery.controllers.whole_body import bounds_met as bits
 from push_recovery.controllers.whole_body.bounds import bounds_met, make_bounds
-from push_recovery.controllers.whole_body.gait_machine import landing_limit
+from push_recovery.controllers.whole_body.gait_machine import landing_error
 from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.envs.biped import limit_record as limits
+from push_recovery.envs.biped import bounds_record as record_of
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.biped.robots.biped.robot import biped
 from push_recovery.envs.biped.settings import BIPED_BOUNDS
@@ -21,7 +21,8 @@ from push_recovery.envs.scenario.scenario import Scenario
 BOUNDS = BIPED_BOUNDS
 EPISODES = BipedEpisodes(2)
 FINAL = EPISODES.core.settings.commit
-EDGES = EPISODES.core.limit_record.edges
+EDGES = EPISODES.core.bounds_record.edges
+PLAN_BOUNDS = record_of.PlanBounds(*EDGES.tolist())
 MIDDLE = np.array([0.1, 0.25, 0.45, 0.0, 0.0, 0.0, 0.0])
 OBSERVATION = np.zeros(36)
 OBSERVATION[[0, 9, 10]] = 0.1, -0.1, 0.2  # elapsed, swing foot
@@ -31,7 +32,7 @@ def plan_bits(changes=(), observation=OBSERVATION, before=0):
     plan = MIDDLE.copy()
     for index, value in changes:
         plan[index] = value
-    return limits.plan_limits(observation, plan, before, EDGES)
+    return record_of.plan_bounds_met(observation, plan, before, EDGES)
 
 
 @pytest.mark.parametrize(
@@ -41,8 +42,8 @@ def plan_bits(changes=(), observation=OBSERVATION, before=0):
         (0, BIPED_LIMITS.length_min, -1, bits.STEP_LENGTH),
         (1, BIPED_LIMITS.width_max, 1, bits.STEP_WIDTH),
         (1, BIPED_LIMITS.width_min, -1, bits.STEP_WIDTH),
-        (3, EDGES[5], 1, bits.COP),
-        (4, -EDGES[6], -1, bits.COP),
+        (3, PLAN_BOUNDS.cop_x_max, 1, bits.COP_EDGE),
+        (4, -PLAN_BOUNDS.cop_y_max, -1, bits.COP_EDGE),
         (5, BIPED_LIMITS.trunk_acceleration_max, 1, bits.TRUNK_TORQUE),
         (6, -BIPED_LIMITS.trunk_acceleration_max, -1, bits.TRUNK_TORQUE),
     ],
@@ -55,7 +56,7 @@ def test_a_plan_meets_the_bound_that_it_lies_on_and_no_other(index, bound, sign,
 
 def test_the_step_is_as_soon_as_the_swing_foot_allows():
     distance = math.hypot(MIDDLE[0] - OBSERVATION[9], MIDDLE[1] - OBSERVATION[10])
-    soonest = OBSERVATION[0] + swing_time(distance, 0.0, EDGES[11])
+    soonest = OBSERVATION[0] + swing_time(distance, 0.0, PLAN_BOUNDS.swing_acceleration)
     assert soonest > BIPED_LIMITS.duration_min
     assert plan_bits([(2, soonest)]) == bits.STEP_TIME
     assert plan_bits([(2, soonest + 0.005)]) == 0
@@ -68,8 +69,8 @@ def test_the_step_is_as_soon_as_the_swing_foot_allows():
 def test_a_final_step_keeps_what_its_last_decision_met():
     late = OBSERVATION.copy()
     late[0] = MIDDLE[2] - 0.5 * FINAL
-    before = bits.STEP_TIME | bits.COP
-    assert EDGES[12] == FINAL
+    before = bits.STEP_TIME | bits.COP_EDGE
+    assert PLAN_BOUNDS.final == FINAL
     assert plan_bits((), late, before) == bits.STEP_TIME
     assert plan_bits((), OBSERVATION, before) == 0
 
@@ -120,7 +121,7 @@ def test_a_landing_is_judged_by_place_and_time(random_state, robot_in, stance):
     for offset, late, met in [(0, 0, 0), (0.02, 0.02, 0), (0.04, 0, 1), (0, 0.04, 1), (0, -0.04, 1)]:
         core.gait.plan[0, :3] = place[0] + 0.6 * offset, place[1] - 0.8 * offset, 0.4
         core.gait.elapsed[0] = 0.4 + late
-        assert landing_limit(core.physics, core.gait, 0) == met * bits.TOUCHDOWN_ERROR
+        assert landing_error(core.physics, core.gait, 0) == met * bits.TOUCHDOWN_ERROR
 
 
 def run(force):
@@ -130,35 +131,35 @@ def run(force):
     EPISODES.begin(0, scenario)
     EPISODES.begin(1, scenario.mirrored())
     while not EPISODES.step(policy.predict(EPISODES.core.observation)[0]).truncated.any():
-        assert not EPISODES.core.limits_met(0).met or EPISODES.core.gait.time[0] >= 1.0
-    return [EPISODES.core.limits_met(k) for k in range(2)]
+        assert not EPISODES.core.bounds_met(0).met or EPISODES.core.gait.time[0] >= 1.0
+    return [EPISODES.core.bounds_met(k) for k in range(2)]
 
 
 def test_an_undisturbed_gait_meets_no_limit():
     assert run(0.1) == [({}, {}), ({}, {})]
 
 
-def test_a_push_meets_limits_from_its_start_on_and_left_is_as_right():
+def test_a_push_meets_bounds_from_its_start_on_and_left_is_as_right():
     left, right = run(150.0)
-    assert 0 < len(left.met) < len(bits.LIMITS)
+    assert 0 < len(left.met) < len(bits.BOUNDS)
     assert list(left.met) == list(left.shares) == sorted(left.met, key=lambda name: left.met[name])
     assert min(left.met.values()) >= 1.0
     assert all(0.0 < share <= 1.0 for share in left.shares.values())
     assert left.met == pytest.approx(right.met, abs=0.02)
     EPISODES.begin(0, Scenario("b"))
-    assert EPISODES.core.limits_met(0) == ({}, {})
+    assert EPISODES.core.bounds_met(0) == ({}, {})
 
 
 def test_a_report_tells_limits_in_the_order_in_which_they_were_met():
-    record = limits.empty_record(1, EDGES)
+    record = record_of.empty_record(1, EDGES)
     starts = np.array([2.0, 1.0])
-    limits.note_limits(record, 0, bits.COP, starts, 0.5, 0.1)  # before any push
-    limits.note_limits(record, 0, bits.DCM_TRACKING, starts, 1.0, 0.5)
-    limits.note_limits(record, 0, bits.DCM_TRACKING | bits.COP | bits.STEP_WIDTH, starts, 1.5, 0.5)
-    report = limits.report_limits(record, 0, 1.0, 3.0)
+    record_of.note_bounds(record, 0, bits.COP_EDGE, starts, 0.5, 0.1)  # before any push
+    record_of.note_bounds(record, 0, bits.DCM_TRACKING, starts, 1.0, 0.5)
+    record_of.note_bounds(record, 0, bits.DCM_TRACKING | bits.COP_EDGE | bits.STEP_WIDTH, starts, 1.5, 0.5)
+    report = record_of.report_bounds(record, 0, 1.0, 3.0)
     assert list(report.met.items()) == [("dcm_tracking", 1.0), ("step_width", 1.5), ("cop", 1.5)]
     assert report.shares == {"dcm_tracking": 0.5, "step_width": 0.25, "cop": 0.25}
     # met all the time, and a rounding error longer; the push began one second into the episode
-    assert limits.report_limits(record, 0, 2.0, 3.0).shares["dcm_tracking"] == 1.0
-    limits.clear_record(record, 0)
-    assert limits.report_limits(record, 0, 1.0, 3.0) == ({}, {})
+    assert record_of.report_bounds(record, 0, 2.0, 3.0).shares["dcm_tracking"] == 1.0
+    record_of.clear_record(record, 0)
+    assert record_of.report_bounds(record, 0, 1.0, 3.0) == ({}, {})
