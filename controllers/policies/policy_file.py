@@ -63,7 +63,17 @@ def write_policy(
     tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
     weights = save(tensors)
-    description = {
+    description = _description(network, normalisation, about)
+    description |= {"weights_sha256": hashlib.sha256(weights).hexdigest(), "training": training or {}}
+    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
+    write_atomically(weights_path, weights)
+    write_atomically(description_path, text)
+    return weights_path
+
+
+def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescription) -> dict[str, Any]:
+    """What the file beside the weights says of them, all but their digest and how they came about."""
+    return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "env_id": about.env_id,
@@ -79,13 +89,7 @@ def write_policy(
         "residual": None if about.residual is None else asdict(about.residual),
         "robot": asdict(about.robot),
         "limits": asdict(about.limits),
-        "weights_sha256": hashlib.sha256(weights).hexdigest(),
-        "training": training or {},
     }
-    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
-    write_atomically(weights_path, weights)
-    write_atomically(description_path, text)
-    return weights_path
 
 
 def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription]:

@@ -102,7 +102,20 @@ def _address(name: str) -> int:
 
 
 class LeastDistance:
-    """One problem of fixed shape; `handle` is what `solve_least_distance` takes."""
+    """One problem of fixed shape; `handle` is what `solve_least_distance` takes.
+
+    The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`.
+
+    Args:
+        M: (m, n), C-contiguous.
+        soft_weight: (m,), zero marks a hard row.
+        lower: (m,), allocated if not given; so are the other two.
+        upper: (m,).
+        x: (n,), the solution v.
+
+    Raises:
+        PushRecoveryError: the installed daqp does not have the expected layout.
+    """
 
     def __init__(
         self,
@@ -112,20 +125,6 @@ class LeastDistance:
         upper: NDArray[np.float64] | None = None,
         x: NDArray[np.float64] | None = None,
     ):
-        """Set up a workspace.
-
-        The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`.
-
-        Args:
-            M: (m, n), C-contiguous.
-            soft_weight: (m,), zero marks a hard row.
-            lower: (m,), allocated if not given; so are the other two.
-            upper: (m,).
-            x: (n,), the solution v.
-
-        Raises:
-            PushRecoveryError: the installed daqp does not have the expected layout.
-        """
         m, n = M.shape
         if not (M.flags.c_contiguous and M.dtype == np.float64):
             raise PushRecoveryError("M must be C-contiguous float64")

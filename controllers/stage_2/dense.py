@@ -87,15 +87,7 @@ def write_out(
     share = durations / config.sampling_time
     share[partial:] = 1.0
     own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:accelerations]])
-    H, f = np.diag(own), np.zeros(n)
-    f[:cops] -= own[:cops] * references[:cops]
-    terms = [(config.beta_dcm, states.dcm - np.eye(n + 1)[0] * state[3])]
-    if accelerations:
-        terms += [(config.beta_trunk_rate, rate) for rate in states.rates]
-        terms += [(config.beta_trunk_angle, angle) for angle in states.angles]
-    for weight, row in terms:
-        H += weight * np.outer(row[1:], row[1:])
-        f += weight * row[0] * row[1:]
+    H, f = _cost(config, states, own, references[:cops], state[3])
     soft = np.array(states.angles)[:, 1:] if accelerations else np.zeros((0, n))
     offset = np.array(states.angles)[:, 0] if accelerations else np.zeros(0)
     limit = robot.trunk_angle_max
@@ -113,6 +105,24 @@ class _States(NamedTuple):
     dcm: NDArray[np.float64]  # at touchdown [m]; less, with the debt of the trunk, what the tail will cost
     angles: list[NDArray[np.float64]]  # of the trunk after each interval [rad]
     rates: list[NDArray[np.float64]]  # [rad/s]
+
+
+def _cost(
+    config: PlannerConfig, states: _States, own: NDArray[np.float64], references: NDArray[np.float64],
+    target: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """H (n, n) and f (n,): the inputs' own weights (n,), and squares of the states' affine maps."""
+    n, cops = own.size, references.size
+    H, f = np.diag(own), np.zeros(n)
+    f[:cops] -= own[:cops] * references
+    terms = [(config.beta_dcm, states.dcm - np.eye(n + 1)[0] * target)]
+    if n > cops:
+        terms += [(config.beta_trunk_rate, rate) for rate in states.rates]
+        terms += [(config.beta_trunk_angle, angle) for angle in states.angles]
+    for weight, row in terms:
+        H += weight * np.outer(row[1:], row[1:])
+        f += weight * row[0] * row[1:]
+    return H, f
 
 
 def _unrolled(

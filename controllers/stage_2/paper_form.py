@@ -98,20 +98,10 @@ class JerkCopPlanner:
             previous_cop: (2,) CoP now, of this stance foot; with it xi' = omega (xi - CMP) (eq. 6b) [m].
             previous_trunk_acceleration: (2,) theta'' now [rad/s^2].
         """
-        try:
-            state = np.array(
-                [dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, previous_cop,
-                 previous_trunk_acceleration], dtype=np.float64,
-            ).reshape(7, 2)  # fmt: skip
-        except (ValueError, TypeError) as error:
-            raise InvalidValueError(f"stage 2 takes vectors of 2 numbers: {error}") from None
-        if not (np.all(np.isfinite(state)) and remaining <= self.longest):
-            raise InvalidValueError(
-                f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {remaining} s,"
-                f" {state.tolist()}"
-            )
-        if not self.config.use_trunk:
-            state[6] = 0.0
+        state = self._state(
+            remaining, dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, previous_cop,
+            previous_trunk_acceleration,
+        )  # fmt: skip
         durations = grid(self.config, max(remaining, SHORTEST))
         result, statuses = np.zeros((3, 2)), []
         for axis in range(2):
@@ -120,6 +110,25 @@ class JerkCopPlanner:
         result.flags.writeable = False
         status = next((s for s in statuses if s != "solved"), "solved")
         return CopPlan(result[0], result[1], result[2], status)
+
+    def _state(self, remaining: float, *vectors: ArrayLike) -> NDArray[np.float64]:
+        """The vectors that `plan` takes, (7, 2).
+
+        Raises:
+            InvalidValueError: one has the wrong shape or is not finite, or `remaining` is too long.
+        """
+        try:
+            state = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
+        except (ValueError, TypeError) as error:
+            raise InvalidValueError(f"stage 2 takes vectors of 2 numbers: {error}") from None
+        if not (np.all(np.isfinite(state)) and remaining <= self.longest):
+            raise InvalidValueError(
+                f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {remaining} s,"
+                f" {state.tolist()}"
+            )
+        if not self.config.use_trunk:
+            state[-1] = 0.0
+        return state
 
     def program(
         self, remaining: float, axis: int, state: NDArray[np.float64], soft: bool | None = None

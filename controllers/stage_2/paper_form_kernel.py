@@ -76,6 +76,23 @@ def _add(weight: float, row: Any, target: float, w: Workspace) -> None:
 
 
 @njit(cache=True)
+def _advance(
+    d: float, k: int, N: int, use_trunk: bool, xi: Any, dxi: Any, theta: Any, rate: Any, acceleration: Any
+) -> None:
+    """The affine maps of the states over interval k of d [s], eqs. 11-14."""
+    for i in range(xi.shape[0]):
+        xi[i] += d * dxi[i]
+        theta[i] += d * rate[i] + d * d / 2 * acceleration[i]
+        rate[i] += d * acceleration[i]
+    xi[1 + k] += d * d / 2
+    dxi[1 + k] += d
+    if use_trunk:
+        theta[1 + N + k] += d * d * d / 6
+        rate[1 + N + k] += d * d / 2
+        acceleration[1 + N + k] += d
+
+
+@njit(cache=True)
 def build(durations: Any, state: Any, beta_dcm: float, c: Constants, w: Workspace) -> None:
     """Cost and constraint rows, from the affine maps [constant, inputs] of the states along the horizon."""
     N, n = durations.shape[0], w.f.shape[0]
@@ -89,12 +106,7 @@ def build(durations: Any, state: Any, beta_dcm: float, c: Constants, w: Workspac
     for k in range(N):
         d = durations[k]
         share = d / c.dt if k == 0 else 1.0
-        for i in range(n + 1):
-            xi[i] += d * dxi[i]
-            theta[i] += d * rate[i] + d * d / 2 * acceleration[i]
-            rate[i] += d * acceleration[i]
-        xi[1 + k] += d * d / 2
-        dxi[1 + k] += d
+        _advance(d, k, N, c.use_trunk, xi, dxi, theta, rate, acceleration)
         free = 0.0
         if c.repaired:
             free = (
@@ -103,9 +115,6 @@ def build(durations: Any, state: Any, beta_dcm: float, c: Constants, w: Workspac
         w.H[k, k] += c.beta_dcm_acceleration * share
         w.f[k] -= c.beta_dcm_acceleration * share * free
         if c.use_trunk:
-            theta[1 + N + k] += d * d * d / 6
-            rate[1 + N + k] += d * d / 2
-            acceleration[1 + N + k] += d
             w.H[N + k, N + k] += c.beta_jerk * share
             _add(c.beta_rate, rate, 0.0, w)
             _add(c.beta_angle, theta, 0.0, w)

@@ -66,9 +66,8 @@ def horizon(robot: RobotModel, config: PlannerConfig, intervals: int) -> Horizon
     rate = np.where(j < k, durations[j], 0.0)  # (nodes, accelerations)
     angle = np.where(j < k, durations[j] * (steps[k] - steps[j + 1] + durations[j] / 2), 0.0)
     growth = math.exp(robot.omega * dt)
-    dcm = (growth - 1) * growth ** np.arange(
-        intervals - 2, -1, -1.0
-    )  # e^{w (touchdown - end)} (e^{w dt} - 1)
+    # e^{w (touchdown - end)} (e^{w dt} - 1) of each whole interval
+    dcm = (growth - 1) * growth ** np.arange(intervals - 2, -1, -1.0)
     weights = np.zeros(cops + accelerations)
     weights[:cops] = dcm[:cops]
     count = min(accelerations, intervals - 1)
@@ -77,7 +76,39 @@ def horizon(robot: RobotModel, config: PlannerConfig, intervals: int) -> Horizon
         decay = np.exp(-robot.omega * (steps[intervals - 1 :] - steps[intervals - 1]))
         weights[cops + intervals - 1 :] = -robot.cmp_per_trunk_acceleration * np.diff(decay)
 
-    # Residual rows: own weights of the inputs | terminal | rates | angles. Columns: CoPs | accelerations.
+    G, directions = _residuals(config, weights, rate, angle, steps)
+    Q, R = np.linalg.qr(G)
+    projected = Q.T @ directions
+    left = directions - Q @ projected
+    n = weights.size
+    inverse = np.linalg.inv(R) if n else np.zeros((0, 0))
+    inputs = inverse @ projected
+    selector = np.zeros((nodes, n))
+    selector[:, cops:] = angle
+    constraints = np.concatenate([inverse, selector @ inverse])
+    return Horizon(steps, inputs, selector @ inputs, weights, left.T @ left, constraints)
+
+
+def _residuals(
+    config: PlannerConfig,
+    weights: NDArray[np.float64],
+    rate: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    steps: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """G and the directions T, S, O, Z (rows, 4) of a horizon.
+
+    Rows: own weights of the inputs, terminal DCM, rates, angles. Columns of G: CoPs, accelerations.
+
+    Args:
+        config: weights.
+        weights: (n,) of the inputs in the terminal DCM.
+        rate: (nodes, accelerations) trunk rate that an acceleration leads to.
+        angle: (nodes, accelerations) trunk angle.
+        steps: (nodes,) time of a node [s].
+    """
+    nodes, accelerations = rate.shape
+    cops = weights.size - accelerations
     own = np.sqrt(np.concatenate([np.full(cops, config.beta_cop), np.full(accelerations, config.beta_trunk)]))
     n = own.size
     dcm_scale = math.sqrt(config.beta_dcm)
@@ -87,22 +118,13 @@ def horizon(robot: RobotModel, config: PlannerConfig, intervals: int) -> Horizon
     G[n] = dcm_scale * weights
     G[n + 1 : n + 1 + nodes, cops:] = rate_scale * rate
     G[n + 1 + nodes :, cops:] = angle_scale * angle
-    directions = np.zeros((G.shape[0], 4))
+    directions = np.zeros((len(G), 4))
     directions[n, TERMINAL] = dcm_scale
     directions[n + 1 : n + 1 + nodes, RATE] = rate_scale
     directions[n + 1 + nodes :, RATE] = angle_scale * steps
     directions[n + 1 + nodes :, ANGLE] = angle_scale
     directions[:cops, REFERENCE] = own[:cops]
-
-    Q, R = np.linalg.qr(G)
-    projected = Q.T @ directions
-    left = directions - Q @ projected
-    inverse = np.linalg.inv(R) if n else np.zeros((0, 0))
-    inputs = inverse @ projected
-    selector = np.zeros((nodes, n))
-    selector[:, cops:] = angle
-    constraints = np.concatenate([inverse, selector @ inverse])
-    return Horizon(steps, inputs, selector @ inputs, weights, left.T @ left, constraints)
+    return G, directions
 
 
 def build(robot: RobotModel, config: PlannerConfig, longest: float) -> tuple[Tables, NDArray[np.float64]]:
