@@ -14,16 +14,16 @@ from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import progress_bars
-from ..output.rows import RowFile, default_directory
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import own_directory, policy_sources, refuse_unknown_objects
+from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
 from ..score.bounds_met import fall_bounds
 from .closed_form import DirectionLimits, direction_limits
 from .grid import BEYOND, FORCE_CAP, NOMINAL_STEPS, Scanned, directions_deg, multiples, scan_upwards
 
 FORMAT = 2  # of the rows
+KEY = ("policy", "psi_deg")  # of a row
 FOUND = ("survived_N", "largest_survived_N", "failed_N", "falls")  # fields that a report is made of
 IN_PLACE = Command()
 
@@ -144,27 +144,22 @@ def frontier(
         PushRecoveryError: unknown names, a directory of another configuration.
     """
     sources = policy_sources(policies)
-    policies = list(sources)
     angles = directions_deg(directions)
     runner = Runner(settings.env_id, sources)
-    for name in policies:
+    for name in sources:
         runner.policy(name)
     limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
     runner.close()
-    digests = {name: source.digest() for name, source in sources.items()}
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
     config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
-    directory = directory or default_directory(label, config | own_directory(sources, digests))
-    store = RowFile(directory, config, ("policy", "psi_deg"), overwrite, FOUND)
-    store.check_policies(digests)
-    refuse_unknown_objects(store, sources, digests)
+    store, digests = open_rows(label, config, sources, KEY, FOUND, directory, overwrite)
     jobs = [
-        ScanJob(settings, name, psi) for name in policies for psi in angles if (name, psi) not in store.rows
+        ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
     ]
     try:
-        with progress_bars(policies, len(angles)) as bars:
-            count = {name: sum((name, psi) in store.rows for psi in angles) for name in policies}
+        with progress_bars(list(sources), len(angles)) as bars:
+            count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
             for row in parallel(settings.env_id, scan, jobs, workers, sources):
                 store.append({**row, "policy_sha256": digests[row["policy"]]})
                 count[row["policy"]] += 1
@@ -173,5 +168,5 @@ def frontier(
                 )
     finally:
         store.close()
-    rows = {name: [store.rows[name, psi] for psi in angles] for name in policies}
-    return Frontier(settings, rows, limits, directory)
+    rows = {name: [store.rows[name, psi] for psi in angles] for name in sources}
+    return Frontier(settings, rows, limits, store.directory)

@@ -50,6 +50,7 @@ class RowFile:
         overwrite: bool = False,
         fields: tuple[str, ...] = (),
     ):
+        self.directory = directory
         self.path = directory / "outcomes.jsonl"
         self.key, self._fields = key, fields
         config_path = directory / "config.json"

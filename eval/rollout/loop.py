@@ -58,6 +58,7 @@ def run_episodes(
     Raises:
         InvalidValueError: an episode that never ends.
     """
+    # Over 40 lines, as the queue, the robots' states and the ends that are yielded belong to one loop.
     queue, running = enumerate(scenarios), {}
     steps, live = np.zeros(robots.n, np.int64), np.zeros(robots.n, np.bool_)
 
@@ -75,8 +76,7 @@ def run_episodes(
     rows = np.flatnonzero(live)
     while len(rows):
         if steps[rows].max() >= MAX_STEPS:
-            _, scenario = running[int(rows[steps[rows].argmax()])]
-            raise InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")
+            raise _endless(running[int(rows[steps[rows].argmax()])][1])
         action, state = policy.predict(
             robots.observe(rows), state=state, episode_start=steps[rows] == 0, deterministic=True
         )
@@ -96,3 +96,7 @@ def _of_those_left(state: Any, left: NDArray[np.bool_]) -> Any:
     if state is None or not left.any():
         return None
     return state if left.all() else tuple(part[left] for part in state)
+
+
+def _endless(scenario: Scenario) -> InvalidValueError:
+    return InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")

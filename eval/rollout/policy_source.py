@@ -9,6 +9,7 @@ import pickle
 import secrets
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -17,7 +18,7 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.policy_file import policy_paths
-from ..output.rows import RowFile
+from ..output.rows import RowFile, default_directory
 from .load_policy import is_attribute, is_policy_file, load_policy
 from .user_object import acting, import_attribute, source_of
 
@@ -91,7 +92,38 @@ def policy_sources(policies: Any) -> dict[str, PolicySource]:
     return found
 
 
-def own_directory(sources: Sources, digests: Mapping[str, str | None]) -> dict[str, Any]:
+def open_rows(
+    label: str,
+    config: dict[str, Any],
+    sources: Sources,
+    key: tuple[str, ...],
+    fields: tuple[str, ...],
+    directory: Path | None,
+    overwrite: bool,
+) -> tuple[RowFile, dict[str, str | None]]:
+    """The row file of a run of policies, and the digest of each.
+
+    Args:
+        label: of the directory, where none is given.
+        config: what the rows belong to.
+        sources: the policies.
+        key: fields that identify a row.
+        fields: that each row must have besides those.
+        directory: where the rows lie; by default under runs/.
+        overwrite: start over where it already holds rows.
+
+    Raises:
+        InvalidValueError: rows of another configuration, or of another content of a policy.
+    """
+    digests = {name: source.digest() for name, source in sources.items()}
+    directory = directory or default_directory(label, config | _own_directory(sources, digests))
+    store = RowFile(directory, config, key, overwrite, fields)
+    store.check_policies(digests)
+    _refuse_unknown_objects(store, sources, digests)
+    return store, digests
+
+
+def _own_directory(sources: Sources, digests: Mapping[str, str | None]) -> dict[str, Any]:
     """What sets the default directory of objects in memory apart; nothing where all can be named.
 
     An object without a digest gets a directory that no other run has.
@@ -100,7 +132,7 @@ def own_directory(sources: Sources, digests: Mapping[str, str | None]) -> dict[s
     return {"objects": objects} if objects else {}
 
 
-def refuse_unknown_objects(store: RowFile, sources: Sources, digests: Mapping[str, str | None]) -> None:
+def _refuse_unknown_objects(store: RowFile, sources: Sources, digests: Mapping[str, str | None]) -> None:
     """Raise InvalidValueError where rows are present of an object that nothing tells from another."""
     for row in store.rows.values():
         source = sources.get(row["policy"])

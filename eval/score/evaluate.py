@@ -14,15 +14,16 @@ from typing import Any
 from ...controllers.files import write_text
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
-from ..output.rows import RowFile, default_directory
+from ..output.rows import RowFile
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score, impulse_between
-from ..rollout.policy_source import Sources, own_directory, policy_sources, refuse_unknown_objects
+from ..rollout.policy_source import Sources, open_rows, policy_sources
 from ..rollout.workers import Chunk, Runner, parallel, run_chunk
 from .bounds_met import bound_summary
 from .suites import Suite
 
 FORMAT = 2  # of the rows
+KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
 CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
@@ -87,27 +88,22 @@ def evaluate(
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
     sources = policy_sources(policies)
-    runner = Runner(
-        env_id, sources
-    )  # names and files fail here, before any work, and caches are warm for the workers
+    runner = Runner(env_id, sources)
+    # names and files fail here, before any work, and caches are warm for the workers
     for name in sources:
         runner.policy(name)
     sizes = {name: runner.chunk(name) for name in sources}
     runner.close()
     config = configuration(suite, env_id)
     label = f"{suite.name}-{env_label(env_id)}"
-    digests = {name: source.digest() for name, source in sources.items()}
-    directory = directory or default_directory(label, config | own_directory(sources, digests))
-    store = RowFile(directory, config, ("policy", "scenario_id"), overwrite, SCORED)
-    store.check_policies(digests)
-    refuse_unknown_objects(store, sources, digests)
+    store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     began = time.perf_counter()
     try:
         _run_missing(store, suite, env_id, sources, digests, sizes, workers, on_row)
     finally:
         store.close()
     rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in sources}
-    return Evaluation(suite, env_id, rows, directory, time.perf_counter() - began)
+    return Evaluation(suite, env_id, rows, store.directory, time.perf_counter() - began)
 
 
 def _run_missing(

@@ -84,10 +84,7 @@ def tune(
         try:
             rows = _search(search, runs, suite, trials, on_trial)
             best = best_of(rows)
-            checked = {
-                number: runs.run(number, np.array(rows[number]["point"]), held_out, None)
-                for number in dict.fromkeys((START, best["trial"]))
-            }
+            checked = _on_held_out(runs, held_out, [rows[START], best])
         finally:
             runs.close()
     found = findings(config, search.population, rows, checked)
@@ -110,6 +107,12 @@ def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: O
         if on_trial is not None:
             on_trial(row, best)
     return rows
+
+
+def _on_held_out(runs: Trials, held_out: Suite, rows: list[Row]) -> dict[int, Row]:
+    """The trials of rows on pushes that the search has not seen, by number."""
+    points = {row["trial"]: np.array(row["point"]) for row in rows}
+    return {number: runs.run(number, point, held_out, None) for number, point in points.items()}
 
 
 def configuration(settings: TuningSettings, space: Space, suites: tuple[Suite, ...]) -> dict[str, Any]:

@@ -31,7 +31,9 @@ def claims(content: Content) -> Iterator[Claim]:
         content: result object with scenario 1 and scenario 2.
     """
     yield from _scenario_1(content)
-    yield from _gait(content)
+    yield from _cost_of_equation_20(content)
+    yield from _reaction(content)
+    yield from _return(content)
     yield from _scenario_2(content)
     yield from _open()
 
@@ -66,7 +68,10 @@ def _scenario_1(content: Content) -> Iterator[Claim]:
         f"{group['recovered']} recover",
         verdict(b["recovers_315_N"], "with the cost about the free motion"),
     )
-    literal = together["two-stage-paper"]["literal"]
+
+
+def _cost_of_equation_20(content: Content) -> Iterator[Claim]:
+    literal = content["scenario_1_together"]["two-stage-paper"]["literal"]
     yield Claim(
         "The cost of eq. 20 walks",
         "the DCM acceleration itself is penalised (beta_2)",
@@ -80,8 +85,9 @@ def _scenario_1(content: Content) -> Iterator[Claim]:
     )
 
 
-def _gait(content: Content) -> Iterator[Claim]:
-    cases, sway = content["scenario_1_cases"], content["scenario_1_sway"]
+def _reaction(content: Content) -> Iterator[Claim]:
+    """What the gait does until the push is caught (scenario 1)."""
+    cases = content["scenario_1_cases"]
     a, b = cases["stage-1-paper"], cases["two-stage-paper"]
     yield Claim(
         "Before the push all nominal values are realised",
@@ -110,7 +116,13 @@ def _gait(content: Content) -> Iterator[Claim]:
         f"{1e3 * b['cop_to_inner_edge']:.0f} mm of 50 mm",
         verdict(b["cop_to_inner_edge"] > 0.04),
     )
-    soft = next(entry for entry in sway if entry["beta_3"] == 0.01)
+
+
+def _return(content: Content) -> Iterator[Claim]:
+    """How trunk and speed come back (scenario 1)."""
+    cases = content["scenario_1_cases"]
+    b = cases["two-stage-paper"]
+    soft = next(entry for entry in content["scenario_1_sway"] if entry["beta_3"] == 0.01)
     yield Claim(
         "(b) The trunk sways (Fig. 4b)",
         "clearly visible",

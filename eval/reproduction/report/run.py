@@ -79,19 +79,13 @@ def reproduce(
     Raises:
         PushRecoveryError: an unknown section, a page of some sections only, a directory of other code.
     """
-    chosen = [module for module in SECTIONS if section in (ALL, module.NAME)]
-    if not chosen:
-        raise InvalidValueError(f"section must be one of {ALL}, {', '.join(SECTION_NAMES)}, got {section!r}")
-    if page is not None and section != ALL:
-        raise InvalidValueError(f"a page needs all sections, got {section!r}: leave the section out")
+    chosen = _chosen(section, page)
     directory = directory or default_directory("reproduce", config())
     store = open_store(directory, overwrite)
     if overwrite:
         (directory / RESULT).unlink(missing_ok=True)
     rows = run_jobs([job for module in chosen for job in module.jobs(directions)], store, workers)
-    content: dict[str, Any] = {}
-    for module in chosen:
-        content.update(module.summary(rows, directions))
+    content = {name: part for module in chosen for name, part in module.summary(rows, directions).items()}
     together = _merged(directory, content)
     write_text(directory / RESULT, json.dumps(together, indent=1, allow_nan=False) + "\n")
     known = [module for module in SECTIONS if module.NAME.replace("-", "_") in together]
@@ -103,6 +97,16 @@ def reproduce(
     if page is not None:
         pictures += write_page(content, every, directory, page)
     return Reproduction(content, tables, pictures, directory)
+
+
+def _chosen(section: str, page: Path | None) -> list[Any]:
+    """The sections of that name."""
+    chosen = [module for module in SECTIONS if section in (ALL, module.NAME)]
+    if not chosen:
+        raise InvalidValueError(f"section must be one of {ALL}, {', '.join(SECTION_NAMES)}, got {section!r}")
+    if page is not None and section != ALL:
+        raise InvalidValueError(f"a page needs all sections, got {section!r}: leave the section out")
+    return chosen
 
 
 def _merged(directory: Path, content: dict[str, Any]) -> dict[str, Any]:
