@@ -91,3 +91,10 @@ def test_a_foot_with_too_little_time_comes_down_at_two_metres_a_second_and_is_la
     # the height is the integral of the speed all the way, also where the foot is late
     np.testing.assert_allclose(np.diff(heights), 0.5 * dt * (np.array(speeds[1:]) + speeds[:-1]), atol=2e-6)
     assert speeds[-1] == pytest.approx(-0.3, abs=1e-6)
+
+
+@pytest.mark.parametrize("duration", [0.4, 0.6])
+def test_the_foot_is_highest_at_45_percent_of_the_step(duration):
+    heights = fly(duration=lambda t: duration, end=duration)[:, 2]
+    assert heights.argmax() * DT == pytest.approx(0.45 * duration, abs=1.5 * DT)
+    assert heights.max() == pytest.approx(APEX, rel=0.01)
