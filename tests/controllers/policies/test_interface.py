@@ -72,3 +72,17 @@ def test_what_is_known_of_a_plain_policy_is_what_the_policy_below_says():
 
     assert (as_policy(Planning()).config, as_policy(Planning()).statuses) == ("the planner's", ("solved",))
     assert (as_policy(Bare()).config, as_policy(Bare()).statuses) == (None, ())
+
+
+def test_a_tuple_of_seven_numbers_is_an_action_and_one_of_two_an_action_with_a_state():
+    class Says:
+        def __init__(self, found):
+            self.found = found
+
+        def predict(self, observation):
+            return self.found
+
+    seven = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+    assert PlainPolicy(Says(seven)).predict(None) == (seven, None)
+    assert PlainPolicy(Says((seven, "state"))).predict(None) == (seven, "state")
+    assert PlainPolicy(Says([1.0, 2.0])).predict(None) == ([1.0, 2.0], None)
