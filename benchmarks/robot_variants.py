@@ -1,6 +1,6 @@
-"""Walk three variants of the biped for 60 s and scan their largest pushes beside the biped's.
+"""Walk variants of the biped for 60 s and scan their largest pushes beside the biped's and their own F*.
 
-    python benchmarks/robot_variants.py [--directions 8] [--grid 100] [--seconds 60]
+    python benchmarks/robot_variants.py [--only held] [--directions 8] [--grid 100] [--seconds 60]
 
 A push of 0.1 s acts on the pelvis at the start of a left stance after four nominal steps, in place, as in
 `push-recovery frontier`; the largest force that is survived before the first fall counts. The bar is half of
@@ -12,10 +12,12 @@ import math
 import sys
 
 import numpy as np
+from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.robots.biped.robot import ROBOT
 from push_recovery.envs.biped.robots.description import RobotDescription
+from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
 from push_recovery.envs.biped.robots.variants.robots import VARIANTS
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -53,24 +55,36 @@ def survived(description: RobotDescription, directions: int, grid: float) -> np.
     return grid * np.array(first)
 
 
+def limits_of(description: RobotDescription, directions: int) -> np.ndarray:
+    """F* of a robot's own box of steps by direction, (directions,) [N]."""
+    episodes = BipedEpisodes(1, robot=description)
+    angles = 2.0 * math.pi / directions * np.arange(directions)
+    robot, limits = episodes.robot, episodes.limits
+    return np.array([max_recoverable_force(robot, psi, DURATION, limits=limits) for psi in angles])
+
+
 def main() -> int:
     """Measure, print a table and say whether the bar is met."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--directions", type=int, default=8, help="of the pushes (default: 8)")
     parser.add_argument("--grid", type=float, default=100.0, help="of their force [N] (default: 100)")
     parser.add_argument("--seconds", type=float, default=60.0, help="of walking [s] (default: 60)")
+    parser.add_argument("--only", default="", help="variants whose name has this in it (default: all)")
     options = parser.parse_args()
     biped, good = survived(ROBOT, options.directions, options.grid), True
-    print(f"{'robot':34} walks   largest force [N] by direction, counter-clockwise from forward; least share")
+    print(f"{'robot':34} walks   largest force [N] by direction, counter-clockwise from forward; "
+          "least share of the biped's, of its own F*")  # fmt: skip
     print(f"{'biped':34}         {' '.join(f'{force:5.0f}' for force in biped)}")
-    for description in VARIANTS:
+    for description in (one for one in (*VARIANTS, *HELD_VARIANTS) if options.only in one.name):
         walks = [Scenario(f"walk-{i}", (), command) for i, command in enumerate(WALKS)]
         fell = falls(description, walks, options.seconds)
         forces = survived(description, options.directions, options.grid)
         share = float((forces / biped).min())
         good &= not fell.any() and share >= BAR
         steady = f"{len(walks) - int(fell.sum())} of {len(walks)}"
-        print(f"{description.name:34} {steady}  {' '.join(f'{force:5.0f}' for force in forces)}  {share:.2f}")
+        own = float((forces / limits_of(description, options.directions)).min())
+        shown = " ".join(f"{force:5.0f}" for force in forces)
+        print(f"{description.name:34} {steady}  {shown}  {share:.2f}  {own:.2f}", flush=True)
     return 0 if good else 1
 
 

@@ -87,7 +87,7 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
         motors=tuple(MISSING if joint == MISSING else motor_of(model, joint) for joint in hinges),
         soles=_two(model, "site", plan.soles),
         loads=(_load(model, plan.loads[0]), _load(model, plan.loads[1])),
-        sole_boxes=_two(model, "geom", plan.sole_boxes),
+        sole_boxes=_boxes(model, plan.sole_boxes),
         held_qpos=tuple(_address(model.jnt_qposadr, joint) for joint in held),
         held_dof=tuple(_address(model.jnt_dofadr, joint) for joint in held),
     )
@@ -184,6 +184,18 @@ def motor_of(model: mujoco.MjModel, joint: int) -> int:
 
 def _two(model: mujoco.MjModel, kind: str, names: Pair) -> tuple[int, int]:
     return number_of(model, kind, names[0]), number_of(model, kind, names[1])
+
+
+def _boxes(model: mujoco.MjModel, names: Pair) -> tuple[int, int]:
+    """Numbers of the boxes under the feet, whose sizes are those of the soles."""
+    found = _two(model, "geom", names)
+    for geom, name in zip(found, names, strict=True):
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
+            kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
+            raise InvalidValueError(
+                f"sole {name!r} must be a box, got a {kind}; `spec` may put one under each foot in its place"
+            )
+    return found
 
 
 def _load(model: mujoco.MjModel, name: str) -> int:

@@ -143,6 +143,7 @@ def test_names_that_do_not_exist_are_told_with_those_that_do():
         ({"legs": (PLAN.legs[0], PLAN.legs[1][:-1] + ("left_knee",))}, "twice"),
         ({"bend": (0.0,)}, "6 angles"),
         ({"trunk": "pelvis"}, "two bodies"),
+        ({"sole_boxes": ("left_foot", "right_ankle")}, "sole 'right_ankle' must be a box, got a sphere"),
     ],
 )
 def test_a_plan_that_does_not_fit_the_model_is_refused(changes, said):
