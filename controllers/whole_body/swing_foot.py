@@ -17,6 +17,10 @@ from numpy.typing import NDArray
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
 
+VELOCITY, ACCELERATION = (
+    3,
+    6,
+)  # where they begin in a state: position, velocity, acceleration, three axes each
 ARRIVAL_LEAD = 0.010  # the foot is over its target this long before T [s]
 SHORTEST = 0.030  # horizontal horizon is never shorter: a late change of target stays smooth [s]
 APEX_PHASE = 0.45  # of T at which the foot is highest
@@ -50,8 +54,8 @@ def quintic_step(p, v, a, target, velocity, horizon, dt):  # pragma: no cover
 @njit(cache=True)
 def quintic_advance(state, axis, target, velocity, horizon, dt):  # pragma: no cover
     """`quintic_step` for one axis of `state` (9,), in place."""
-    state[axis], state[3 + axis], state[6 + axis] = quintic_step(
-        state[axis], state[3 + axis], state[6 + axis], target, velocity, horizon, dt
+    state[axis], state[VELOCITY + axis], state[ACCELERATION + axis] = quintic_step(
+        state[axis], state[VELOCITY + axis], state[ACCELERATION + axis], target, velocity, horizon, dt
     )
 
 
@@ -61,14 +65,14 @@ def _descend(state, speed, dt):  # pragma: no cover
 
     With e = v + speed: e(s) = (e + (a + e / lag) s) exp(-s / lag); position by its integral.
     """
-    error, acceleration = state[5] + speed, state[8]
+    error, acceleration = state[VELOCITY + 2] + speed, state[ACCELERATION + 2]
     slope = acceleration + error / DESCENT_LAG
     decay = math.exp(-dt / DESCENT_LAG)
     lag = DESCENT_LAG
     travel = error * lag * (1.0 - decay) + slope * lag * (lag - (lag + dt) * decay)
     state[2] += travel - speed * dt
-    state[5] = (error + slope * dt) * decay - speed
-    state[8] = (slope - (error + slope * dt) / lag) * decay
+    state[VELOCITY + 2] = (error + slope * dt) * decay - speed
+    state[ACCELERATION + 2] = (slope - (error + slope * dt) / lag) * decay
 
 
 @njit(cache=True)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.model.frame import canonical_frame, point_in_world
+from ...controllers.model.gait_box import STEP
 from ...controllers.whole_body.kinematics import sole_position
 from .core import BipedCore
 
@@ -57,7 +58,7 @@ def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) ->
     yaw = np.array(
         [[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1.0]]
     )
-    foothold = to_world(core, plan[0], plan[1]) + [0, 0, THICKNESS]
+    foothold = to_world(core, plan[STEP], plan[STEP + 1]) + [0, 0, THICKNESS]
     _add(
         scene,
         mujoco.mjtGeom.mjGEOM_BOX,
