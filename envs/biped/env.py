@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...controllers.settings.presets import preset_config
 from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.env import GaitEnv
-from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
+from ..episode.episodes import GaitEpisodes, Ints, Motion
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
 from .core import BipedCore
@@ -18,7 +18,6 @@ from .robots.compiled_robot import compiled_robot
 from .robots.description import RobotDescription, robot_description
 from .settings import BIPED, BIPED_LIMITS, biped_settings
 
-LOADED = 1.0  # a foot carries load from here on [N]
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
 
@@ -59,16 +58,6 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""
         return self.core.gait.failure
-
-    def world(self) -> World:
-        """DCM, CoP, CMP and the feet that carry load."""
-        points = self.core.world.copy()
-        return World(points[:, 0:2], points[:, 2:4], points[:, 4:6], self.core.physics.load > LOADED)
-
-    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
-        """`world` of one robot, in less time."""
-        points, (left, right) = self.core.world[k].copy(), self.core.physics.load[k].tolist()
-        return points[0:2], points[2:4], points[4:6], [left > LOADED, right > LOADED]
 
 
 class BipedEnv(GaitEnv):

@@ -22,6 +22,7 @@ class Core(Protocol):
     command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
     previous_action: Array  # (n, 7)
     margin: Array  # (n,) capture margin [m]
+    world: Array  # (n, 6) DCM, CoP and CMP in the world [m]
     pushes: Pushes  # replaced by a larger one where a scenario has more pushes than fit
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:

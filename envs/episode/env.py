@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from typing import Any, ClassVar, Self
 
 import gymnasium as gym
@@ -15,12 +14,12 @@ from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalGait
-from ...controllers.model.observation import ELAPSED, OBSERVATION_SIZE
+from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.validation import require_integer
-from ..scenario.push import SIDES, Push
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from .episodes import GaitEpisodes
+from .info import InfoReader
 from .reward import REWARD_TERMS
 
 Array = NDArray[np.float64]
@@ -136,8 +135,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.dt = 1.0 / episodes.control_hz  # planning period [s]
         self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
         self.observation_space, self.action_space = gait_spaces()
+        self._info = InfoReader(episodes)
         self.scenario: Scenario | None = None
-        self._pushes: list[dict[str, Any]] = []  # of the scenario, as `info` tells of them
         self._picture: Any = None  # what `render` draws with
         self._ended = True
 
@@ -157,11 +156,11 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         super().reset(seed=None if seed is None else require_integer("seed", seed))
         self.scenario = self._scenario(options)
         self.episodes.begin(0, self.scenario)
-        self._pushes = [push_info(push, self.robot.mass) for push in self.scenario.pushes]
+        self._info.begin(0, self.scenario)
         self._ended = False
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), self._info(np.zeros(len(REWARD_TERMS)))
+        return self.core.observation[0].copy(), self._info.of_robot(0, np.zeros(len(REWARD_TERMS)))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One planning period under a gait action (7,) in [-1, 1]; entries outside are clipped."""
@@ -170,7 +169,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         period = self.episodes.step(check_action(action)[None])
         terminated, truncated = period.failed.item(0), period.truncated.item(0)
         self._ended = terminated or truncated
-        info = self._info(period.reward.terms[0])
+        info = self._info.of_robot(0, period.reward.terms[0])
         if self.render_mode == "human":
             self.render()
         return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
@@ -197,49 +196,3 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
 
     def _nominal(self, vx: float, vy: float) -> NominalGait:
         return self.episodes.nominal(vx, vy)
-
-    def _info(self, terms: Array) -> dict[str, Any]:
-        assert self.scenario is not None  # noqa: S101
-        episodes, robots = self.episodes, self.episodes.robots
-        dcm, cop, cmp, loaded = episodes.points(0)
-        time = robots.time.item(0)
-        return {
-            "scenario_id": self.scenario.id,
-            "time": time,
-            "push": self._push_info(time),
-            "capture_margin": robots.margin.item(0),
-            "phase": min(robots.observation.item(ELAPSED) / episodes.planned.item(0), 1.0),
-            "stance_side": SIDES[robots.side.item(0)],
-            "failure_reason": episodes.failures[robots.failure.item(0)] or None,
-            "recovered_at": self.monitor.recovered_at(0),
-            "reward_terms": dict(zip(REWARD_TERMS, terms.tolist(), strict=True)),
-            "dcm": dcm,
-            "cop": cop,
-            "cmp": cmp,
-            "contacts": dict(zip(SIDES, loaded, strict=True)),
-        }
-
-    def _push_info(self, time: float) -> dict[str, Any] | None:
-        """The latest push that has begun, otherwise the first one; None without pushes."""
-        if not self._pushes:
-            return None
-        starts, latest = self.episodes.robots.push_start[0].tolist(), -1
-        for i in range(len(self._pushes)):
-            if starts[i] < time and (latest < 0 or starts[i] > starts[latest]):
-                latest = i
-        index = max(latest, 0)
-        start = starts[index]
-        return {**self._pushes[index], "start": start if math.isfinite(start) else None}
-
-
-def push_info(push: Push, mass: float) -> dict[str, Any]:
-    """A push for `info`; its start [s] is None while its gait event has not come."""
-    return {
-        "force": push.force,
-        "direction": push.direction,
-        "start": None,
-        "duration": push.duration,
-        "body": push.body,
-        "impulse": push.impulse,
-        "impulse_per_kg": push.impulse_magnitude / mass,
-    }

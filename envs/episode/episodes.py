@@ -24,6 +24,7 @@ from .core import Core
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
 from .recovery import GaitMonitor, uphill_dcm
 from .reward import REWARD_TERMS, Reward
+from .told import tell
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,15 +32,6 @@ Mask = NDArray[np.bool_]
 
 C = TypeVar("C", bound=Core)
 MOST_ROBOTS = 100_000
-
-
-class World(NamedTuple):
-    """What `info` tells of n robots in the world frame."""
-
-    dcm: Array  # (n, 2) [m]
-    cop: Array  # (n, 2) [m]
-    cmp: Array  # (n, 2) [m]
-    loaded: Mask  # (n, 2) whether the foot carries load, in the order of SIDES
 
 
 class Period(NamedTuple):
@@ -107,14 +99,9 @@ class GaitEpisodes(ABC, Generic[C]):
     def failure(self) -> Ints:
         """Why the robots have fallen, (n,) index into `failures`."""
 
-    @abstractmethod
-    def world(self) -> World:
-        """Points in the world and contacts; fresh arrays."""
-
-    def points(self, k: int) -> tuple[Array, Array, Array, list[bool]]:
-        """`world` of one robot."""
-        dcm, cop, cmp, loaded = self.world()
-        return dcm[k], cop[k], cmp[k], loaded[k].tolist()
+    def told(self) -> Array:
+        """Numbers that `info` tells, (n, COLUMNS); a fresh array."""
+        return tell(self._table, self.n)
 
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
@@ -172,7 +159,7 @@ class GaitEpisodes(ABC, Generic[C]):
         core, motion, episodes = self.core, self.motion(), self._episodes
         self.robots = Robots(
             *motion, self.failure(), core.truth, core.margin, core.command, core.previous_action,
-            core.pushes.start, core.pushes.duration,
+            core.pushes.start, core.pushes.duration, core.world,
         )  # fmt: skip
         self._table = period_table(self.robots, episodes, self.monitor.state)
         self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)

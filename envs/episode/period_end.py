@@ -56,6 +56,7 @@ class Robots(NamedTuple):
     action: Floats2  # (n, 7) in force in the period
     push_start: Floats2  # (n, P) [s], inf while the gait event has not come
     push_duration: Floats2  # (n, P) [s]
+    world: Floats2  # (n, 6) DCM, CoP and CMP in the world [m]
 
 
 class Episodes(NamedTuple):

@@ -21,7 +21,7 @@ from .core import Core
 from .env import check_action, check_push_distribution, check_scenario, gait_spaces
 from .episodes import GaitEpisodes
 from .held_action import Held, check_hold, hold_action
-from .info import Info, VectorInfo, overwrite
+from .info import Info, InfoReader, overwrite
 from .reward import REWARD_TERMS
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
         spaces = self.single_observation_space, self.single_action_space = gait_spaces()
         self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
-        self._info = VectorInfo(episodes)
+        self._info = InfoReader(episodes)
         self._rngs: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int] = [-1] * self.num_envs
         self._begun = np.zeros(self.num_envs, np.bool_)  # has been reset once
@@ -190,7 +190,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
 
     def _look(self, rows: Mask, terms: Array, ends: Sequence[Ended] = ()) -> tuple[Array, Info]:
         """Observations (n, 36), and info of the robots `rows` (n,); those of `ends` as they were then."""
-        observation, info = self.core.observation.copy(), self._info.read(rows, terms)
+        observation, info = self.core.observation.copy(), self._info.of_robots(rows, terms)
         self._more_info(info, rows)
         for then in ends:
             observation[then.rows] = then.observation[then.rows]

@@ -59,6 +59,7 @@ class PendulumCore:
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.errors = no_errors(n, self.dt)
         self.margin = np.zeros(n)
+        self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""
@@ -93,6 +94,6 @@ class PendulumCore:
         """Observe pendulums first..end-1."""
         state, p = self.state, self.physics
         follow_all(self.schedule, state.time, self.command, first, end)
-        observe(state, self.command, self.previous_action, p, self.truth, first, end)
+        observe(state, self.command, self.previous_action, p, self.truth, self.world, first, end)
         check_failures(state, self.truth, p.double_support, self.capture, self.margin, first, end)
         show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.model.double_support import INSTANT, both_stand
+from ...controllers.model.double_support import both_stand
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.robot import RobotModel
 from ...controllers.validation import require_kind
 from ..episode.env import GaitEnv
-from ..episode.episodes import Array, GaitEpisodes, Ints, Motion, World
+from ..episode.episodes import Array, GaitEpisodes, Ints, Motion
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
 from .core import PendulumCore
@@ -56,20 +56,6 @@ class PendulumEpisodes(GaitEpisodes[PendulumCore]):
     def gaits(self, actions: NDArray[np.float32]) -> Array:
         """Gait variables (n, 7); in double support the CoP may be anywhere in the hull of both soles."""
         return self.core.gaits(actions)
-
-    def world(self) -> World:
-        """DCM, CoP, CMP and the feet on the floor."""
-        state = self.core.state
-        loaded = np.repeat(self.both_stand()[:, None], 2, axis=1)
-        loaded[np.arange(self.n), state.side] = True
-        dcm = state.com + state.velocity / self.robot.omega
-        return World(dcm, state.cop.copy(), state.cmp.copy(), loaded)
-
-    def both_stand(self) -> NDArray[np.bool_]:
-        """Which of the pendulums are in double support, (n,)."""
-        state = self.core.state
-        elapsed = state.time - state.step_start
-        return (self.double_support > 0.0) & (self.double_support - elapsed > INSTANT)
 
 
 class PendulumEnv(GaitEnv):

@@ -37,10 +37,11 @@ APEX = 0.06  # height of the swing foot in mid-step [m]
 
 
 @njit(cache=True)
-def observe(s, command, previous, p, out, first, end):  # pragma: no cover
+def observe(s, command, previous, p, out, world, first, end):  # pragma: no cover
     """Observations (n, 36) of pendulums first..end-1, canonical frame.
 
-    The swing foot moves on a quintic of single support's phase.
+    Writes DCM, CoP and CMP in the world (n, 6) [m], too. The swing foot moves on a quintic of single
+    support's phase.
     """
     for k in range(first, end):
         o = out[k]
@@ -63,6 +64,8 @@ def observe(s, command, previous, p, out, first, end):  # pragma: no cover
             o[_RATE + axis] = sign * s.rate[k, axis]
             o[_COMMAND + axis] = sign * command[k, axis]
             o[_PUSH + axis] = sign * s.push[k, axis]
+            world[k, axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
+            world[k, 2 + axis], world[k, 4 + axis] = s.cop[k, axis], s.cmp[k, axis]
         o[_SWING + 2] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
         o[_SWING_VELOCITY + 2] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / swing
         o[STANCE_CONTACT] = 1.0

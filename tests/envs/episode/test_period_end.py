@@ -33,6 +33,7 @@ def draw(n):
         observation=observation,
         margin=rng.normal(0.05, 0.1, n), command=rng.normal(size=(n, 3)), action=rng.normal(size=(n, 7)),
         push_start=rng.uniform(0.0, 2.0, (n, 2)), push_duration=rng.uniform(0.0, 0.5, (n, 2)),
+        world=rng.normal(size=(n, 6)),
     )  # fmt: skip
     robots.push_start[0, 1] = np.inf
     episodes = Episodes(
