@@ -1,14 +1,4 @@
-"""Bad input, rule by rule. What the other files already hold is not repeated here:
-
-- actions: envs/test_pendulum_env.py, envs/test_biped_env.py, envs/test_residual.py
-- pushes, gait events, scenarios, distributions: envs/test_push.py, envs/test_scenario.py
-- observations, commanded velocities, planner problems and weights: controllers/test_policies.py,
-  test_nominal_gait.py, test_step_planner.py, test_cop_planner.py, test_cop_planner_jerk.py, test_qp.py
-- policy files, damaged or of another robot: controllers/test_network_policy.py
-- suite files and their hash: eval/test_suites.py
-- option by option, exit codes 1 and 130: eval/test_cli.py
-- output directories, rows, foreign environments: eval/test_evaluate.py
-- training runs, checkpoints, missing extras: training/test_training_run.py, training/test_training_command.py
+"""Bad input, rule by rule: what each module refuses stands in its own tests.
 
 Here: physical constants and limits, the error classes, atomic files, and the real command in a process of
 its own.
