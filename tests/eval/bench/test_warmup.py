@@ -29,6 +29,15 @@ def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monk
     assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
 
 
+@pytest.mark.parametrize("name", [name for name in warmup.names() if "Residual" not in name])
+def test_every_arm_that_is_run_can_be_made(name):
+    env = make_env(name)
+    for arm in warmup.arms(name):
+        warmup.make_policy(arm, env)
+    env.close()
+    assert set(ARMS) - set(warmup.arms(name)) == ({"two-stage-paper"} if "double" in name else set())
+
+
 def test_residuals_run_alone_and_side_by_side(monkeypatch):
     done = []
     for name in ("rollout", "rollout_all"):
