@@ -48,7 +48,9 @@ from .interface import (
     RESULT_TRUNK,
     STATUS,
     CopPlan,
+    cop_bounds,
     plan_of,
+    require_positive,
 )
 from .kernel import acceleration_interval
 from .planner import LONGEST_MARGIN
@@ -67,16 +69,8 @@ class DoubleSupportPlanner:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
         self.robot, self.limits, self.config = robot, limits, config
-        self.cop_max = np.array(
-            [limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y]
-        )
-        if self.cop_max.min() <= 0:
-            raise InvalidValueError(
-                f"the CoP margins leave no sole: half sizes {self.cop_max.tolist()} m must be positive"
-            )
-        for name in ("beta_cop", "beta_trunk", "beta_trunk_limit"):
-            if not getattr(config, name) > 0:
-                raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
+        self.cop_max = np.array(cop_bounds(limits, config))
+        require_positive(config, "beta_cop", "beta_trunk", "beta_trunk_limit")
         self.longest = limits.duration_max + LONGEST_MARGIN
         self.constants = Constants(
             robot.omega, robot.cmp_per_trunk_acceleration, float(self.cop_max[0]), float(self.cop_max[1]),

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
-from ..model.gait_box import COP, TRUNK, unscaled
+from ..errors import InvalidValueError
+from ..model.gait_box import COP, TRUNK, GaitLimits, unscaled
 from ..model.observation import PREVIOUS_ACTION
+from ..settings.planner_config import PlannerConfig
 from ..stage_1.columns import HELD, RESULT
 
 Floats = NDArray[np.float64]
@@ -45,6 +47,29 @@ def plan_of(result: Floats, status: str) -> CopPlan:
     result.flags.writeable = False
     cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
     return CopPlan(cop, trunk, result[RESULT_DCM_END : RESULT_DCM_END + 2], status)
+
+
+def cop_bounds(limits: GaitLimits, config: PlannerConfig) -> tuple[float, float]:
+    """Largest |CoP| along x and y that a plan may use: half a sole less its margin [m].
+
+    Raises:
+        InvalidValueError: a margin leaves none.
+    """
+    bounds = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
+    if min(bounds) <= 0:
+        raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
+    return bounds
+
+
+def require_positive(config: PlannerConfig, *names: str) -> None:
+    """Refuse a configuration in which one of these numbers is not positive.
+
+    Raises:
+        InvalidValueError: names it.
+    """
+    for name in names:
+        if not getattr(config, name) > 0:
+            raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
 
 
 class Regulator(Protocol):

@@ -31,7 +31,7 @@ from ..settings.planner_config import PlannerConfig
 from ..solvers.general_qp import QuadraticProgram, solve_qp
 from ..solvers.least_distance import LeastDistance, solve_least_distance
 from .dense import SHORTEST, grid
-from .interface import CopPlan
+from .interface import CopPlan, cop_bounds, require_positive
 from .kernel import acceleration_interval
 from .paper_form_kernel import Constants, Workspace, build, outputs, write_bounds
 from .planner import LONGEST_MARGIN
@@ -51,15 +51,9 @@ class JerkCopPlanner:
         """
         if config.jerk_cost not in COSTS:
             raise UnknownNameError("jerk cost", config.jerk_cost, COSTS)
-        for name in ("beta_dcm_acceleration", "beta_trunk", "beta_trunk_limit"):
-            if not getattr(config, name) > 0:
-                raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
+        require_positive(config, "beta_dcm_acceleration", "beta_trunk", "beta_trunk_limit")
         self.robot, self.limits, self.config = robot, limits, config
-        self.cop_max = (limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y)
-        if min(self.cop_max) <= 0:
-            raise InvalidValueError(
-                f"the CoP margins leave no sole: half sizes {self.cop_max} m must be positive"
-            )
+        self.cop_max = cop_bounds(limits, config)
         self.longest = limits.duration_max + LONGEST_MARGIN
         repaired = config.jerk_cost == "repaired"
         self.constants = Constants(

@@ -42,7 +42,9 @@ from .interface import (
     RESULT_TRUNK,
     STATUS,
     CopPlan,
+    cop_bounds,
     plan_of,
+    require_positive,
 )
 from .kernel import (
     COP_REFERENCE,
@@ -83,11 +85,8 @@ class CopPlanner:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
         self.robot, self.limits, self.config = robot, limits, config
-        bounds = (limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y)
-        if min(bounds) <= 0:
-            raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
-        if not config.beta_trunk_limit > 0:
-            raise InvalidValueError(f"beta_trunk_limit must be positive, got {config.beta_trunk_limit}")
+        bounds = cop_bounds(limits, config)
+        require_positive(config, "beta_trunk_limit")
         self.longest = limits.duration_max + LONGEST_MARGIN
         self.constants = Constants(
             robot.omega, robot.cmp_per_trunk_acceleration, *bounds, limits.trunk_acceleration_max,

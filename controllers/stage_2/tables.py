@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.array_table import Floats2, Floats3, Ints1
-from ..errors import InvalidValueError
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
+from .interface import require_positive
 
 TERMINAL, RATE, ANGLE, REFERENCE = 0, 1, 2, 3  # the directions T, S, O, Z
 
@@ -133,9 +133,7 @@ def build(robot: RobotModel, config: PlannerConfig, longest: float) -> tuple[Tab
     Raises:
         InvalidValueError: a weight is zero without which an input has no unique optimum.
     """
-    for name in ("beta_cop", "beta_trunk"):
-        if not getattr(config, name) > 0:
-            raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
+    require_positive(config, "beta_cop", "beta_trunk")
     E = math.ceil(longest / config.sampling_time)
     parts = [horizon(robot, config, e + 1) for e in range(E)]
     first = int(config.use_cop) + int(config.use_trunk)

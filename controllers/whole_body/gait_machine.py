@@ -22,7 +22,7 @@ from ..model.frame import (
     point_in_world,
     side_sign,
 )
-from ..model.gait_box import COP, DURATION, STEP, TRUNK
+from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
 from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
 from .edge_cop import missing_cmp
@@ -32,6 +32,7 @@ from .mass_matrix import com_velocity
 from .motors import clip_torque
 from .swing_foot import quintic_step, swing_update
 from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
+from .turning import SIZE as YAWS
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
@@ -78,6 +79,15 @@ class GaitSettings(NamedTuple):
     height_drop: float  # how far the CoM is lowered for a long step [m]
     height_lead: float  # the CoM is at the height of the step this long before T [s]
     height_time: float  # shortest horizon of the height reference [s]
+
+
+def resting_gait(n: int) -> Gait:
+    """Of n robots that have not begun."""
+    return Gait(
+        stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
+        heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
+        failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -172,6 +182,38 @@ def lever_and_missing(
 
 
 @njit(cache=True, forceinline=True)
+def move_references(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, sole: Vector, target: Point, travel: Point,
+    remaining: float, dt: float,
+) -> int:  # fmt: skip
+    """Move the references of CoM height, swing sole and yaw on by a physics step; bits of the bounds met.
+
+    Args:
+        phys: of all robots.
+        gait: its references are written.
+        k: the robot.
+        s: constants.
+        sole: centre of the stance sole [m].
+        target: where the swing sole is to land [m].
+        travel: of the CoM until then [m].
+        remaining: until touchdown [s].
+        dt: [s].
+    """
+    height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, s)
+    met = LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
+    lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
+    lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
+    if gait.elapsed[k] < s.settled:
+        lift[FLOOR] = sole[2]
+    gait.swing[k, 2] -= lift[FLOOR]
+    landing = gait.plan[k, DURATION] + s.landing_delay
+    swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
+    gait.swing[k, 2] += lift[FLOOR]
+    turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, dt)
+    return met
+
+
+@njit(cache=True, forceinline=True)
 def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
@@ -191,32 +233,14 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
-    asked = target
-    height, target = reach_height(phys, k, stance, sole, target, travel, s)
-    met = LEG_REACH if target != asked or height <= s.com_height - s.height_drop else 0
-    lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
-    lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
-    if gait.elapsed[k] < s.settled:
-        lift[FLOOR] = sole[2]
-    gait.swing[k, 2] -= lift[FLOOR]
-    landing = plan[DURATION] + s.landing_delay
-    swing_update(gait.swing[k], target[0], target[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
-    gait.swing[k, 2] += lift[FLOOR]
+    met = move_references(phys, gait, k, s, sole, target, travel, remaining, dt)
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[TRUNK], -sign * plan[TRUNK + 1]
-    yaw = gait.yaw[k]
-    turn_references(yaw, gait.turn[k], landing, remaining, s.commit, dt)
-    yaws = vector_of(yaw, SWING), vector_of(yaw, PELVIS_YAW)
+    yaws = vector_of(gait.yaw[k], SWING), vector_of(gait.yaw[k], PELVIS_YAW)
     planned = (plan[COP], sign * plan[COP + 1]), missing
+    facing = ahead.cos, ahead.sin
     task = Task(
-        stance,
-        acceleration,
-        vector_of(lift, 0),
-        (ahead.cos, ahead.sin),
-        gait.swing[k],
-        waist,
-        *yaws,
-        *planned,
+        stance, acceleration, vector_of(gait.height[k], 0), facing, gait.swing[k], waist, *yaws, *planned
     )
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     clip_torque(phys.ctrl[k], bounds.torque_range)

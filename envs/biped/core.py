@@ -23,10 +23,9 @@ from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
-from ...controllers.whole_body.gait_machine import Gait, GaitSettings
+from ...controllers.whole_body.gait_machine import GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
-from ...controllers.whole_body.turning import SIZE as YAWS
 from ..physics.stepping import PHYSICS_DT, Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
 from ..scenario.push import BODIES, SIDES
@@ -84,9 +83,8 @@ class BipedCore:
         Raises:
             InvalidValueError: for an impossible rate or number.
         """
-        self.n = n
-        self.robot = robot
-        self.substeps = substeps(control_hz)
+        # All arrays of the core in one place, in the order of `Arena`: longer than other functions for that.
+        self.n, self.robot, self.substeps = n, robot, substeps(control_hz)
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
@@ -94,20 +92,10 @@ class BipedCore:
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
         arrays = self.simulations.arrays
-        live = [arrays[field.name] for field in (*found[:-1], *given)]
-        constant = (
-            self.body.soles,
-            np.array([self.body.ankle_height]),
-            self.body.mirror,
-            np.array([self.body.leg_form]),
+        self.physics = Physics._make(
+            [*(arrays[field.name] for field in (*found[:-1], *given)), *self.body.constants()]
         )
-        self.physics = Physics._make([*live, *constant])
-        self.gait = Gait(
-            stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
-            heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)),
-            plan=np.zeros((n, GAIT_SIZE)), failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)),
-            turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
-        )  # fmt: skip
+        self.gait = resting_gait(n)
         self.contacts = Contacts(
             arrays["qfrc_constraint"], impulse=np.zeros((n, 3)), time=np.zeros(n), velocity=np.zeros((n, 3))
         )

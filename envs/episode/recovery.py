@@ -91,14 +91,10 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
         command: in force (3,), its velocity in the heading frame [m/s].
     """
     for i in range(2, 0, -1):
-        state.time[k, i] = state.time[k, i - 1]
-        state.error[k, i] = state.error[k, i - 1]
-        state.com[k, i] = state.com[k, i - 1]
-        state.heading[k, i] = state.heading[k, i - 1]
-    state.time[k, 0] = time
-    state.com[k, 0] = com
-    state.heading[k, 0] = heading
-    state.error[k, 0] = error
+        state.time[k, i], state.error[k, i] = state.time[k, i - 1], state.error[k, i - 1]
+        state.com[k, i], state.heading[k, i] = state.com[k, i - 1], state.heading[k, i - 1]
+    state.time[k, 0], state.error[k, 0] = time, error
+    state.com[k, 0], state.heading[k, 0] = com, heading
     state.touchdowns[k] += 1
     good = False
     if state.touchdowns[k] >= 3:
@@ -120,7 +116,7 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
 
 
 class GaitMonitor:
-    """Watches n robots; the compiled end of a period (`gait_period.py`) writes into its state."""
+    """Watches n robots; the compiled end of a period (`period_end`) writes into its state."""
 
     def __init__(self, n: int):
         self.state = MonitorState(

@@ -50,18 +50,7 @@ class PendulumView:
         axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
         com, stance = state.com[0], state.stance[0]
         dcm = com + state.velocity[0] / robot.omega
-        sign = side_sign(int(state.side[0]))
-        target = stance + np.array([state.plan[0, STEP], sign * state.plan[0, STEP + 1]])
-        colour = FOOT_COLOURS[int(state.side[0])]
-        soles = [(stance, colour, "-"), (target, FOOTHOLD_COLOUR, "--")]
-        if both_stand:
-            soles.append((state.lift[0], FOOT_COLOURS[1 - int(state.side[0])], "-"))
-        for centre, fill, line in soles:
-            corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
-            corner = (float(corner[0]), float(corner[1]))
-            axes.add_patch(
-                Rectangle(corner, robot.foot_length, robot.foot_width, ec="0.3", fc=fill, ls=line, alpha=0.6)
-            )
+        self._draw_soles(axes, state, robot, both_stand)
         lean = com + 0.5 * np.sin(state.angle[0])
         axes.plot([com[0], lean[0]], [com[1], lean[1]], color="0.25", lw=3, solid_capstyle="round")
         axes.plot(*com, "o", color="0.25", ms=9, label="CoM and trunk")
@@ -83,6 +72,19 @@ class PendulumView:
             self._figure.canvas.flush_events()
             return None
         return np.asarray(self._figure.canvas.buffer_rgba())[..., :3].copy()
+
+    def _draw_soles(self, axes: Any, state: Pendulums, robot: RobotModel, both_stand: bool) -> None:
+        """Soles of pendulum 0 on the floor, and the one that is planned."""
+        side, stance, plan = int(state.side[0]), state.stance[0], state.plan[0]
+        target = stance + np.array([plan[STEP], side_sign(side) * plan[STEP + 1]])
+        soles = [(stance, FOOT_COLOURS[side], "-"), (target, FOOTHOLD_COLOUR, "--")]
+        if both_stand:
+            soles.append((state.lift[0], FOOT_COLOURS[1 - side], "-"))
+        for centre, fill, line in soles:
+            x, y = (centre - np.array([robot.foot_length, robot.foot_width]) / 2).tolist()
+            axes.add_patch(
+                Rectangle((x, y), robot.foot_length, robot.foot_width, ec="0.3", fc=fill, ls=line, alpha=0.6)
+            )
 
     def close(self) -> None:
         """Close the window."""

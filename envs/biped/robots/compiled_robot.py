@@ -13,7 +13,7 @@ from ....controllers.errors import InvalidValueError
 from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.whole_body.bounds import NEVER
-from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array
+from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array, Ints
 from ...physics.stepping import PHYSICS_DT
 from .description import RobotDescription
 from .held import hold_joints, put_held
@@ -128,6 +128,10 @@ class CompiledRobot:
                 )
             signs[2 + i] = signs[8 + i] = np.sign(sign)
         return signs
+
+    def constants(self) -> tuple[Array, Array, Array, Ints]:
+        """What compiled control knows of the robot: the last fields of `Physics`."""
+        return self.soles, np.array([self.ankle_height]), self.mirror, np.array([self.leg_form])
 
     def in_reference_posture(self) -> mujoco.MjData:
         """The robot upright, all joints at 0 but the held ones, with the kinematics of that."""
