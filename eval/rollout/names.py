@@ -10,7 +10,7 @@ NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
 ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name != "passive")  # which falls without any push
-SUITE_NAMES = ("quick", "standard", "hard")  # of `score.suites.SUITES`
+SUITE_NAMES = ("quick", "standard", "hard", "varied", "varied-sealed")  # of `score.suites.SUITES`
 
 
 def default_workers() -> int:

@@ -18,9 +18,12 @@ from ...controllers.validation import require_keys
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import code_digest
 from .stratified import BLOCK, stratified_scenario, stratified_uniforms
+from .varied import varied_scenarios
 
-SEED, HARD_SEED = 20180609, 20181121
+SEED, HARD_SEED, VARIED_SEED = 20180609, 20181121, 20261122
+BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 # Names of directories under runs/ begin with that of the suite, and terminals show it.
 PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+=,@-]{0,999}")
@@ -125,7 +128,7 @@ def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     def force_of(share: float, _psi: float, _side: str) -> float:
         return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
 
-    points = stratified_uniforms(blocks=4, factors=5, seed=seed)
+    points = stratified_uniforms(blocks=BLOCKS, factors=5, seed=seed)
     drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force_of, u, i) for i, u in enumerate(points))
     return Suite(name, VERSION, tuple(drawn))
 
@@ -148,10 +151,27 @@ def hard_suite() -> Suite:
     return _stratified_suite("hard", PushDistribution(impulse_min=80.0, impulse_max=200.0), HARD_SEED)
 
 
+@cache
+def varied_suite() -> Suite:
+    """1024 pushes of every kind, see `varied`."""
+    return Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED))
+
+
+@cache
+def varied_sealed_suite() -> Suite:
+    """1024 more, whose seed is the hash of planner, control and simulation: other code meets other pushes.
+
+    So nobody can have looked at them while designing the code that they are drawn for.
+    """
+    return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, int(code_digest(), 16)))
+
+
 SUITES: dict[str, Callable[[], Suite]] = {
     "quick": quick_suite,
     "standard": standard_suite,
     "hard": hard_suite,
+    "varied": varied_suite,
+    "varied-sealed": varied_sealed_suite,
 }
 
 

@@ -86,7 +86,7 @@ def test_list(capsys):
     content = json.loads(capsys.readouterr().out)
     assert "PushRecovery/Biped-v0" in content["envs"]
     assert "two-stage" in content["policies"]
-    assert [s["name"] for s in content["suites"]] == ["quick", "standard", "hard"]
+    assert [s["name"] for s in content["suites"]] == ["quick", "standard", "hard", "varied", "varied-sealed"]
     assert main(["list"]) == 0
     assert quick_suite().sha256 in capsys.readouterr().out
 

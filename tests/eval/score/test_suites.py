@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.eval.score import suites
 from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array, stratified_uniforms
 from push_recovery.eval.score.suites import (
     Suite,
@@ -15,24 +16,44 @@ from push_recovery.eval.score.suites import (
     load_suite,
     quick_suite,
     standard_suite,
+    varied_suite,
     with_errors,
 )
 
 QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
 STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
 HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
+VARIED_SHA256 = "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507"
 
 
 def test_content_hash_is_that_of_version_1():
     assert quick_suite().sha256 == QUICK_SHA256
     assert standard_suite().sha256 == STANDARD_SHA256
     assert hard_suite().sha256 == HARD_SHA256
+    assert varied_suite().sha256 == VARIED_SHA256
     assert quick_suite().version == standard_suite().version == hard_suite().version == "1"
+    assert varied_suite().version == "1"
 
 
 def test_quick_is_the_head_of_standard():
     assert len(standard_suite().scenarios) == 1024
     assert quick_suite().scenarios == standard_suite().scenarios[:256]
+
+
+def test_the_sealed_pushes_are_those_of_the_code(monkeypatch):
+    """1 and 2 in hexadecimal stand for two states of the code: no push of one is met by the other."""
+    drawn = []
+    for digest in ("1", "2", "1"):
+        monkeypatch.setattr(suites, "code_digest", lambda digest=digest: digest)
+        suites.varied_sealed_suite.cache_clear()
+        drawn.append(get_suite("varied-sealed"))
+    suites.varied_sealed_suite.cache_clear()
+    assert drawn[0] == drawn[2]
+    assert len(drawn[0].scenarios) == len(varied_suite().scenarios) == 1024
+    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], varied_suite())]
+    assert not pushes[0] & pushes[1]
+    assert not pushes[0] & pushes[2]
+    assert drawn[0].scenarios[0].id == "varied-sealed-0000"
 
 
 def test_field_of_16_elements():
