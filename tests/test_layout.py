@@ -31,6 +31,7 @@ ROOMS = (
     "envs.biped.robots",
     "envs.biped.robots.biped",
     "envs.biped.robots.variants",
+    "envs.biped.plant",  # body and floor as they are
     "envs.biped",
     "envs.residual",
     "eval",

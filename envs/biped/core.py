@@ -32,7 +32,6 @@ from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
-from .floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import (
     Arena,
@@ -43,6 +42,7 @@ from .period import (
     physics_steps,
     whole_period,
 )
+from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
 from .posture import posture
 from .robots.biped.robot import biped
 from .robots.compiled_robot import CompiledRobot

@@ -1,27 +1,33 @@
 """Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
 
-Mass, payload, trunk CoM, friction and slope are in the robot's own model; a slope tilts gravity, the floor
-stays level in the world's axes. What gait machine, whole-body control and observation read of the robot's
-kinematics, mass matrix and bias comes from the nominal model at the measured joint state (`believe`); the
-loads and forces of the contacts, and the pose of the pelvis over the floor, are measured as they are.
+What is true of body, joints and floor is in the robot's own model (`plant.altered_model`). What gait machine,
+whole-body control and observation read of the robot's kinematics, mass matrix and bias comes from the nominal
+model at the measured joint state (`believe`); loads and forces of the contacts, and the pose of the pelvis
+over the floor, are measured as they are.
 """
 
 from __future__ import annotations
 
 import copy
-from functools import lru_cache
+import math
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from ...controllers.compiled.array_table import Floats2, Floats3, Ints1
+from ...controllers.compiled.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
-from ...controllers.model.robot import GRAVITY
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Physics
-from ..physics.stepping import PHYSICS_DT, Handles, advance, advance_measured, believe, simulated
+from ..physics.stepping import (
+    PHYSICS_DT,
+    Handles,
+    advance_finely,
+    advance_measured,
+    believe,
+    show_unmeasured,
+)
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.noise import counter_seed, normal_pair
 from ..scenario.observation_noise import (
@@ -31,13 +37,21 @@ from ..scenario.observation_noise import (
     add_motion_noise,
     motion_noise,
 )
+from ..scenario.physics_options import PLAIN_PHYSICS
 from ..scenario.scenario import Scenario
-from .floor import tiled_model
+from .plant.altered_model import altered_model
+from .plant.power import limit_power
 from .robots.compiled_robot import CompiledRobot
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
 DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
+EACH, TOGETHER = 0, 1  # columns of `RobotErrors.power` [W]
+STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
+BELIEVED = {  # errors with which the robot's kinematics, mass matrix and bias are what control takes them for
+    "friction", "floor_step", "joint_friction", "joint_damping", "collisions", "motor_power", "bus_power",
+    "delay", "dcm_noise",
+}  # fmt: skip
 
 _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen
 
@@ -53,6 +67,8 @@ class RobotErrors(NamedTuple):
     period: Ints1  # (n,) planning periods since reset
     step: Ints1  # (n,) physics steps since reset, counted where `physical`
     torques: Floats3  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
+    power: Floats2  # (n, 2) most that a motor gives, and all of them [W]
+    fine: Ints2  # (n, 2) physics steps in one of control; 1 where each is a whole mj_step, as RK4 needs
 
 
 def no_errors(n: int) -> RobotErrors:
@@ -61,6 +77,7 @@ def no_errors(n: int) -> RobotErrors:
         physical=np.zeros(n, np.int64), believes=np.zeros(n, np.int64), delay=np.zeros(n, np.int64),
         noise=np.zeros((n, 2)), seed=np.zeros(n, np.int64), period=np.zeros(n, np.int64),
         step=np.zeros(n, np.int64), torques=np.zeros((n, LONGEST_DELAY + 1, NU)),
+        power=np.zeros((n, 2)), fine=np.zeros((n, 2), np.int64),
     )  # fmt: skip
 
 
@@ -77,63 +94,23 @@ def assign_errors(
     table: RobotErrors, k: int, scenario: Scenario, robot: CompiledRobot
 ) -> mujoco.MjModel | None:
     """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another."""
-    errors = scenario.errors
+    errors, physics = scenario.errors, scenario.physics
     for field in table:
         field[k] = 0
-    if errors == EXACT_MODEL:
+    if errors == EXACT_MODEL and physics == PLAIN_PHYSICS:
         return None
     check_biped_errors(errors)
-    model = altered_model(
-        robot,
-        errors.mass,
-        errors.payload,
-        errors.trunk_com,
-        errors.friction,
-        errors.slope_forward,
-        errors.slope_left,
-        errors.floor_step > 0.0,
-    )
-    unknown = model is not None and not set(errors.names) <= {"friction", "floor_step"}
-    table.believes[k] = unknown or errors.joint_noise > 0.0
+    model = altered_model(robot, errors, physics)
+    table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0
     table.delay[k] = round(errors.delay / PHYSICS_DT)
-    table.physical[k] = table.believes[k] or table.delay[k] > 0
+    limits = (math.inf if limit is None else limit for limit in (errors.motor_power, errors.bus_power))
+    table.power[k] = tuple(limits)
+    table.fine[k] = physics.steps, physics.integrator == "rk4"
+    own_way = physics.steps > 1 or table.fine[k, WHOLE] != 0 or np.isfinite(table.power[k]).any()
+    table.physical[k] = table.believes[k] or table.delay[k] > 0 or own_way
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
     return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
-
-
-@lru_cache(maxsize=8)
-def altered_model(
-    robot: CompiledRobot,
-    mass: float,
-    payload: float,
-    trunk_com: tuple[float, float, float],
-    friction: float | None,
-    slope_forward: float,
-    slope_left: float,
-    uneven: bool = False,
-) -> mujoco.MjModel | None:
-    """The robot with such errors (fields of `ModelErrors`), never modified; None where there are none.
-
-    `uneven`: on tiles, see `uneven_floor`.
-    """
-    offset = np.array(trunk_com)
-    level = friction is None and not (slope_forward or slope_left or uneven)
-    if level and not (mass or payload or offset.any()):
-        return None
-    model = simulated(tiled_model(robot) if uneven else robot.model)
-    for values in (model.body_mass, model.body_inertia, model.dof_armature):
-        values *= 1.0 + mass
-    model.body_mass[robot.indices.trunk] += payload
-    model.body_ipos[robot.indices.trunk] += offset
-    if friction is not None:
-        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = friction  # of floor and tiles
-    downhill = np.array([-np.tan(slope_forward), -np.tan(slope_left), -1.0])
-    if slope_forward or slope_left:
-        model.opt.gravity[:] = GRAVITY / np.linalg.norm(downhill) * downhill
-    if mass or payload or offset.any():
-        mujoco.mj_setConst(model, mujoco.MjData(model))  # what the compiler derives from masses
-    return model
 
 
 @njit(cache=True)
@@ -174,16 +151,24 @@ def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) 
 
 @njit(cache=True)
 def advance_with_errors(
-    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles
+    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles, force: Array
 ) -> None:
-    """One physics step of a robot with errors: late torques, its own physics, what is believed of it."""
+    """One control step of a robot with errors: late torques, its own physics, what is believed of it.
+
+    `force` (20,) is its row of the forces of contacts, see `advance_finely`.
+    """
     if errors.delay[k] > 0:
         delay_torque(errors, k, phys.ctrl[k])
+    if min(errors.power[k, EACH], errors.power[k, TOGETHER]) < math.inf:
+        limit_power(phys, k, phys.ctrl[k], errors.power[k, EACH], errors.power[k, TOGETHER])
     errors.step[k] += 1
+    if errors.fine[k, STEPS] > 1 or errors.fine[k, WHOLE] != 0:
+        advance_finely(handles, k, errors.fine[k, STEPS], errors.fine[k, WHOLE] != 0, force)
+    else:
+        advance_measured(handles, k)
     if errors.believes[k] == 0:
-        advance(handles, k)
+        show_unmeasured(handles, k)
         return
-    advance_measured(handles, k)
     if errors.noise[k, JOINT_NOISE] > 0.0:
         measure_joints(phys, errors, k, first_side)
     believe(handles, k)

@@ -32,8 +32,8 @@ from ..physics.stepping import Handles, advance
 from ..scenario.command_schedule import Schedule, follow
 from ..scenario.push_arrays import Pushes
 from .bounds_record import BoundsRecord, note_bounds, plan_bounds_met
-from .floor import Floor, place_tiles
 from .model_errors import DCM_NOISE, RobotErrors, advance_with_errors, show
+from .plant.floor import Floor, place_tiles
 from .pushes import apply_pushes
 
 FASTEST = 1e6  # no joint or base moves faster: what does has left what numbers can hold [m/s, rad/s]
@@ -139,7 +139,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
                 advance(handles, k)
             else:
                 first_side = (gait.stance[k] + gait.steps[k]) % 2
-                advance_with_errors(phys, errors, k, first_side, handles)
+                advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k])
             if escaped(phys.qvel, k):
                 gait.failure[k] = NOT_FINITE
                 break

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.compiled.kernels import njit
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import COP, TRUNK
 from ...controllers.model.observation import PUSH_ESTIMATE
@@ -73,8 +74,12 @@ def assign_errors(table: PendulumErrors, k: int, scenario: Scenario, dt: float) 
     """Give pendulum k the errors of a scenario, at its beginning.
 
     Raises:
-        InvalidValueError: for an error that a pendulum cannot have.
+        InvalidValueError: for an error or an option of the physics that a pendulum cannot have.
     """
+    if options := scenario.physics.to_dict():
+        raise InvalidValueError(
+            f"the pendulum is integrated exactly and has no options of physics, got {options}"
+        )
     errors = scenario.errors
     errors.require_only("the pendulum", KNOWN)
     lag = math.floor((errors.delay + INSTANT) / dt)

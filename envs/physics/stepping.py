@@ -35,8 +35,10 @@ PHYSICS_DT = 0.002  # [s]
 ENTRY = 8  # bytes of a float64
 MODEL, DATA, FIRST_RUN = 0, 1, 2  # columns of `Handles.addresses`
 INPUT_RUNS, STATE_RUNS, MEASURED_RUNS = 7, 8, 9  # places in `Handles.calls`
+WHOLE_STEP = 10  # place of mj_step in `Handles.calls`
 STATE = ("qpos", "qvel")
 MEASURED = (*STATE, "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
+SIZES = ("ngeom", "npair", "nbvh", "nbvhdynamic", "narena")  # of a model that its data depend on
 STEP = ("mj_step2", "mj_step1")
 BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
 
@@ -46,7 +48,8 @@ class Handles(NamedTuple):
 
     addresses: Ints2  # (n, 2 + runs) of the model, of its data, of every run in the data
     rows: Ints2  # (runs, 3) address in the first simulation's array, bytes to the next one's, bytes to copy
-    calls: Ints1  # (10,) addresses of STEP, BELIEF, mj_rne; number of runs that go in, of STATE, of MEASURED
+    calls: Ints1  # (11,) addresses of STEP, BELIEF, mj_rne; number of runs that go in, of STATE, of MEASURED;
+    # address of mj_step
     belief: Ints1  # (3 + runs,) as a row of `addresses`: common model, a worker's own data; its qfrc_bias
 
 
@@ -92,7 +95,7 @@ class Simulations:
         self._common = (
             np.array(own, dtype=np.int64),
             np.array(self._rows(), dtype=np.int64),
-            np.array([*_functions(*STEP, *BELIEF, "mj_rne"), *counts], dtype=np.int64),
+            np.array([*_functions(*STEP, *BELIEF, "mj_rne"), *counts, *_functions("mj_step")], np.int64),
         )
         self.handles = self.handles_of(0)
 
@@ -121,10 +124,10 @@ class Simulations:
     def use_model(self, k: int, model: mujoco.MjModel | None) -> None:
         """Give simulation k a model of its own, or the common one again (None).
 
-        It may have more geoms than the common one. It has to be put into a state next.
+        It may have more geoms and contacts than the common one. It has to be put into a state next.
         """
         before, self.models[k] = self.models[k], self.model if model is None else model
-        if self.models[k].ngeom != before.ngeom:
+        if any(getattr(self.models[k], size) != getattr(before, size) for size in SIZES):
             self.data[k] = mujoco.MjData(self.models[k])
             self.handles.addresses[k, DATA:] = [self.data[k]._address, *self._runs(self.data[k])]
         self.handles.addresses[k, MODEL] = self.models[k]._address
@@ -219,6 +222,34 @@ def advance_measured(handles: Handles, k: int) -> None:
     _call_step(calls[0], own[MODEL], own[DATA])
     _call_step(calls[1], own[MODEL], own[DATA])
     _copy_out(handles, k, own, inputs, inputs + calls[MEASURED_RUNS])
+
+
+@njit(cache=True)
+def advance_finely(handles: Handles, k: int, steps: int, whole: bool, force: Array) -> None:
+    """The same over `steps` physics steps with the same inputs; `whole`: each by mj_step, which RK4 needs.
+
+    `force` (nv,) is the row of qfrc_constraint among the arrays; it becomes the mean over the steps.
+    """
+    own, calls = handles.addresses[k], handles.calls
+    inputs = calls[INPUT_RUNS]
+    step = calls[WHOLE_STEP] if whole else calls[0]
+    total = np.zeros(force.shape[0])
+    _copy_in(handles, k, own, 0, inputs)
+    for _ in range(steps):
+        _call_step(step, own[MODEL], own[DATA])
+        _call_step(calls[1], own[MODEL], own[DATA])
+        _copy_out(handles, k, own, inputs, inputs + calls[MEASURED_RUNS])
+        for i in range(force.shape[0]):
+            total[i] += force[i]
+    for i in range(force.shape[0]):
+        force[i] = total[i] / steps
+
+
+@njit(cache=True)
+def show_unmeasured(handles: Handles, k: int) -> None:
+    """Copy the outputs that are not MEASURED as simulation k itself has them."""
+    done = handles.calls[INPUT_RUNS] + handles.calls[MEASURED_RUNS]
+    _copy_out(handles, k, handles.addresses[k], done, handles.rows.shape[0])
 
 
 @njit(cache=True)

@@ -14,7 +14,8 @@ from ...controllers.validation import require_keys, require_number
 from .model_errors import ModelErrors
 
 DELAY_STEP = 0.002  # physics step of the biped [s]
-DRAWS = len(fields(ModelErrors)) + 2  # numbers that a draw takes, whatever is given
+DRAWS = 12  # numbers that a draw takes of its generator, whatever is given
+LATER = ("joint_friction", "joint_damping", "armature", "motor_power", "bus_power")
 
 Range = tuple[float, float]
 
@@ -37,6 +38,11 @@ class ErrorRanges:
     dcm_noise: Range | None = None  # [m]
     joint_noise: Range | None = None  # [rad]
     floor_step: Range | None = None  # [m]
+    joint_friction: Range | None = None  # [N m]
+    joint_damping: Range | None = None  # [N m s/rad]
+    armature: Range | None = None  # [kg m^2]
+    motor_power: Range | None = None  # [W]
+    bus_power: Range | None = None  # [W]
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -65,6 +71,8 @@ class ErrorRanges:
     def sample(self, rng: np.random.Generator) -> ModelErrors:
         """Draw errors; always the same number of draws, so that one more range changes no other draw."""
         u, index = rng.random(DRAWS), 0
+        # Fields that came later draw from a generator that those numbers seed, so that they change none.
+        u = np.concatenate([u, np.random.default_rng(u.view(np.uint64)).random(len(LATER))])
         values: dict[str, Any] = {}
         for field in fields(self):
             count = 3 if field.name == "trunk_com" else 1

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys, require_number, require_vector
 
@@ -25,7 +25,13 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "dcm_noise": (" [m]", 0.0, 0.1),
     "joint_noise": (" [rad]", 0.0, 0.05),
     "floor_step": (" [m]", 0.0, 0.05),
+    "joint_friction": (" [N m]", 0.0, 20.0),
+    "joint_damping": (" [N m s/rad]", 0.0, 20.0),
+    "armature": (" [kg m^2]", 0.0, 1.0),
+    "motor_power": (" [W]", 1.0, 1e6),
+    "bus_power": (" [W]", 1.0, 1e6),
 }
+OPEN = ("friction", "motor_power", "bus_power")  # that may be None
 
 
 @dataclass(frozen=True)
@@ -45,11 +51,17 @@ class ModelErrors:
     dcm_noise: float = 0.0  # standard deviation of the observed DCM, each axis and period [m]
     joint_noise: float = 0.0  # standard deviation of a measured joint angle, each physics step [rad]
     floor_step: float = 0.0  # tiles of the floor are up to this much higher than others [m]
+    joint_friction: float = 0.0  # dry friction of every joint of waist and legs [N m]
+    joint_damping: float = 0.0  # viscous friction of the same joints [N m s/rad]
+    armature: float = 0.0  # inertia of every such joint's rotor beyond the model's [kg m^2]
+    collisions: bool = False  # legs, arms and trunk collide with each other and with the floor
+    motor_power: float | None = None  # most that one motor gives [W]; None: as torque and speed allow
+    bus_power: float | None = None  # most that all motors together take from the battery [W]; None: any
 
     def __post_init__(self) -> None:
         for name, (unit, low, high) in BOUNDS.items():
             value = getattr(self, name)
-            if name == "friction" and value is None:
+            if name in OPEN and value is None:
                 continue
             checked = require_number(f"ModelErrors.{name}{unit}", value, low, high)
             object.__setattr__(self, name, checked + 0.0)  # no -0.0
@@ -57,6 +69,10 @@ class ModelErrors:
         for axis, value in zip("xyz", trunk_com, strict=True):
             require_number(f"ModelErrors.trunk_com {axis} [m]", value, -TRUNK_COM_MAX, TRUNK_COM_MAX)
         object.__setattr__(self, "trunk_com", tuple(value + 0.0 for value in trunk_com))
+        if not isinstance(self.collisions, bool):
+            raise InvalidValueError(
+                f"ModelErrors.collisions must be true or false, got {shown(self.collisions)}"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

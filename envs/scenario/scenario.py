@@ -9,9 +9,16 @@ from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.json_text import parse_json
-from ...controllers.validation import require_choice, require_integer, require_keys, require_number
+from ...controllers.validation import (
+    require_choice,
+    require_integer,
+    require_keys,
+    require_kind,
+    require_number,
+)
 from .command import IN_PLACE, Command, CommandChange, check_changes
 from .model_errors import EXACT_MODEL, ModelErrors
+from .physics_options import PLAIN_PHYSICS, PhysicsOptions
 from .push import (
     SIDES,
     Push,
@@ -42,6 +49,7 @@ class Scenario:
     noise_seed: int = 0  # of the noise of `errors`
     errors: ModelErrors = EXACT_MODEL  # what planner and control do not know
     changes: tuple[CommandChange, ...] = ()  # of the command, rising in time
+    physics: PhysicsOptions = PLAIN_PHYSICS  # how it is computed
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -65,6 +73,7 @@ class Scenario:
         )
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
+        require_kind("Scenario.physics", self.physics, PhysicsOptions)
         object.__setattr__(self, "changes", check_changes(self.changes))
 
     def end_time(self, last_push_end: float) -> float:
@@ -99,10 +108,11 @@ class Scenario:
             noise_seed=self.noise_seed,
             errors=self.errors.mirrored(),
             changes=tuple(change.mirrored() for change in self.changes),
+            physics=self.physics,
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field; `errors` and `changes` are left out where there are none."""
+        """Plain JSON types, every field; `errors`, `changes` and `physics` only where there are any."""
         values: dict[str, Any] = {
             "id": self.id,
             "pushes": [push.to_dict() for push in self.pushes],
@@ -116,6 +126,8 @@ class Scenario:
             values["errors"] = self.errors.to_dict()
         if self.changes:
             values["changes"] = [change.to_dict() for change in self.changes]
+        if self.physics != PLAIN_PHYSICS:
+            values["physics"] = self.physics.to_dict()
         return values
 
     @classmethod
@@ -132,6 +144,8 @@ class Scenario:
             values["command"] = Command.from_dict(values["command"])
         if "errors" in values:
             values["errors"] = ModelErrors.from_dict(values["errors"])
+        if "physics" in values:
+            values["physics"] = PhysicsOptions.from_dict(values["physics"])
         return cls(**values)
 
     def to_json(self) -> str:

@@ -9,7 +9,8 @@ from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, TRUNK
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
+from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE
+from push_recovery.envs.biped.plant.altered_model import altered_model
 from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
@@ -35,8 +36,7 @@ DIFFERENT = (
 
 
 def model_of(**errors) -> mujoco.MjModel:
-    values = vars(ModelErrors(**errors))
-    own = altered_model(biped(), *(values[name] for name in list(values)[:6]))
+    own = altered_model(biped(), ModelErrors(**errors))
     assert own is not None
     return own
 

@@ -14,6 +14,7 @@ from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.physics_options import PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.reproduction.pendulum.batch import run_batch
@@ -197,3 +198,9 @@ def test_two_kinds_of_noise_at_once_are_refused():
     scenario = Scenario("noisy", errors=ModelErrors(dcm_noise=1e-3))
     with pytest.raises(InvalidValueError, match="'noisy' has dcm_noise of its own"):
         run_batch(make_policy("two-stage"), [scenario], measurement=Measurement(dcm_noise=1e-3))
+
+
+def test_a_pendulum_takes_no_options_of_physics():
+    many = episodes([Scenario("a")])
+    with pytest.raises(InvalidValueError, match=r"integrated exactly.*'time_step': 0.001"):
+        many.begin(0, Scenario("b", physics=PhysicsOptions(time_step=0.001)))

@@ -15,7 +15,8 @@ from push_recovery.envs.scenario.scenario import Scenario
 
 ALL = ModelErrors(
     mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,
-    delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02,
+    delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02, joint_friction=1.0, joint_damping=0.5,
+    armature=0.03, collisions=True, motor_power=2000.0, bus_power=3000.0,
 )  # fmt: skip
 RANGES = ErrorRanges(mass=(-0.1, 0.2), friction=(0.4, 1.2), delay=(0.002, 0.01), trunk_com=(-0.02, 0.02))
 
@@ -100,6 +101,36 @@ def test_one_more_range_changes_no_other_draw():
         a, b = (ranges.sample(np.random.default_rng(seed)) for ranges in (RANGES, more))
         assert (a.mass, a.friction, a.delay, a.trunk_com) == (b.mass, b.friction, b.delay, b.trunk_com)
         assert b.payload > 0.0
+
+
+def test_losses_draw_from_a_generator_of_their_own():
+    """Fields that came later take no number of the one that goes on to the next scenario."""
+    more = ErrorRanges(**{**vars(RANGES), "joint_friction": (0.5, 2.0), "bus_power": (1000.0, 3000.0)})
+    rngs = [np.random.default_rng(3) for _ in range(2)]
+    a, b = (ranges.sample(rng) for ranges, rng in zip((RANGES, more), rngs, strict=True))
+    assert a == ModelErrors(**{name: getattr(b, name) for name in a.names})
+    assert rngs[0].random() == rngs[1].random()
+    drawn = [more.sample(rngs[0]) for _ in range(400)]
+    friction, power = (
+        np.array([getattr(e, name) for e in drawn]) for name in ("joint_friction", "bus_power")
+    )
+    assert 0.5 <= friction.min() < 0.53
+    assert 1.97 < friction.max() <= 2.0
+    assert abs(power.mean() - 2000.0) < 100.0
+    assert abs(np.corrcoef(friction, power)[0, 1]) < 0.2
+
+
+def test_as_many_numbers_are_drawn_as_before_there_were_losses():
+    rngs = [np.random.default_rng(3) for _ in range(2)]
+    RANGES.sample(rngs[0])
+    rngs[1].random(12)
+    assert rngs[0].random() == rngs[1].random()
+
+
+@pytest.mark.parametrize("value", [1, "yes", None])
+def test_collisions_are_on_or_off(value):
+    with pytest.raises(InvalidValueError, match="collisions must be true or false"):
+        ModelErrors(collisions=value)
 
 
 def test_a_distribution_draws_the_same_pushes_with_and_without_errors():

@@ -8,18 +8,18 @@ corner nearest to the sole, which hold all of it: half a tile is more than half 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from ...controllers.compiled.array_table import Floats1, Ints1, Ints2, floats_at
-from ...controllers.compiled.kernels import njit
-from ...controllers.whole_body.kinematics import Array
-from ..scenario.noise import counter_seed, uniform
-from ..scenario.scenario import Scenario
-from .robots.compiled_robot import CompiledRobot
+from ....controllers.compiled.array_table import Floats1, Ints1, Ints2, floats_at
+from ....controllers.compiled.kernels import njit
+from ....controllers.model.body_plan import BodyPlan
+from ....controllers.whole_body.kinematics import Array
+from ...scenario.noise import counter_seed, uniform
+from ...scenario.scenario import Scenario
+from ..robots.compiled_robot import CompiledRobot
 
 TILE = 0.4  # side of a tile [m]
 DEPTH = 0.5  # half the height of a box [m]: a sole never comes out of its other side
@@ -44,10 +44,8 @@ def level_floors(n: int, half_sole: tuple[float, float]) -> Floor:
     )
 
 
-@lru_cache(maxsize=4)
-def tiled_model(robot: CompiledRobot) -> mujoco.MjModel:
-    """The robot over 2 x AROUND boxes instead of the plane, each in contact with one foot; never modified."""
-    spec = robot.description.spec()
+def add_tiles(spec: mujoco.MjSpec, plan: BodyPlan) -> None:
+    """Put 2 x AROUND boxes in the place of a spec's plane, each in contact with one foot."""
     spec.geom("floor").pos = [0.0, 0.0, -2.0 * DEPTH]
     pair = next(pair for pair in spec.pairs if pair.geomname1 == "floor")
     for tile in range(2 * AROUND):
@@ -56,9 +54,8 @@ def tiled_model(robot: CompiledRobot) -> mujoco.MjModel:
         box.size, box.pos = [0.5 * TILE, 0.5 * TILE, DEPTH], [0.0, 0.0, -DEPTH]
         box.contype = box.conaffinity = 0
         contact = spec.add_pair()
-        contact.geomname1, contact.geomname2 = box.name, robot.plan.sole_boxes[tile // AROUND]
+        contact.geomname1, contact.geomname2 = box.name, plan.sole_boxes[tile // AROUND]
         contact.condim, contact.friction, contact.solref = pair.condim, pair.friction, pair.solref
-    return robot.compiled(spec)
 
 
 def assign_floor(floors: Floor, k: int, scenario: Scenario) -> None:
@@ -70,7 +67,7 @@ def assign_floor(floors: Floor, k: int, scenario: Scenario) -> None:
 
 
 def has_tiles(model: mujoco.MjModel) -> bool:
-    """Whether it is `tiled_model`, or has been made of it."""
+    """Whether it stands on tiles."""
     return model.npair > 2 * AROUND
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.floor import AROUND, DEPTH, TILE, floor_height, tiled_model
-from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.biped.plant.altered_model import altered_model
+from push_recovery.envs.biped.plant.floor import AROUND, DEPTH, TILE, floor_height
 from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.noise import uniform
@@ -49,7 +49,8 @@ def test_uniform_numbers_are_uniform_and_independent():
 
 
 def test_the_tiled_model_is_the_biped_but_for_its_floor():
-    plain, tiled = biped_model(), tiled_model(biped())
+    plain, tiled = biped_model(), altered_model(biped(), ModelErrors(floor_step=0.01))
+    assert tiled is not None
     for name in ("nq", "nv", "nu", "nbody", "njnt", "nsensordata"):
         assert getattr(tiled, name) == getattr(plain, name)
     for name in ("body_mass", "body_inertia", "dof_armature", "jnt_range", "actuator_forcerange"):
@@ -115,7 +116,7 @@ def test_tiles_of_no_height_are_the_plane(biped_core, begin):
 
 
 def test_friction_holds_on_tiles_and_each_robot_has_tiles_of_its_own(biped_core, begin):
-    slippery = altered_model(biped(), 0.0, 0.0, (0.0, 0.0, 0.0), 0.5, 0.0, 0.0, True)
+    slippery = altered_model(biped(), ModelErrors(friction=0.5, floor_step=0.02))
     assert slippery is not None
     on_floor = slippery.geom_bodyid[slippery.pair_geom1] == 0
     assert on_floor.sum() == 2 + 2 * AROUND
