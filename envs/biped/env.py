@@ -11,6 +11,7 @@ from ...controllers.settings.presets import preset_config
 from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.env import GaitEnv
 from ..episode.episodes import GaitEpisodes, Ints, Motion
+from ..episode.profile import get_profile
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
 from .core import BipedCore
@@ -25,7 +26,8 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     """Episodes of n robots with the settings of a preset, by name or file.
 
     `threads` share their physics and change nothing else. The robot is the biped, or another one by the
-    place of its RobotDescription (`module:attribute`) or by the description itself.
+    place of its RobotDescription (`module:attribute`) or by the description itself. `profile` names what is
+    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is.
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
@@ -37,7 +39,9 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         control_hz: float = 100.0,
         threads: int = 1,
         robot: str | RobotDescription = "biped",
+        profile: str = "exact",
     ):
+        self.profile = get_profile(profile)
         self.description = robot_description(robot)
         body = compiled_robot(self.description)
         preset = self.description.preset if preset is None else preset
@@ -48,7 +52,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
-        return BipedEpisodes(n, self.preset, self.control_hz, threads, self.description)
+        return BipedEpisodes(n, self.preset, self.control_hz, threads, self.description, self.profile.name)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
@@ -73,6 +77,7 @@ class BipedEnv(GaitEnv):
         preset: str | None = None,
         push_distribution: dict[str, Any] | PushDistribution | None = None,
         robot: str | RobotDescription = "biped",
+        profile: str = "exact",
     ):
         """Build one biped.
 
@@ -83,8 +88,11 @@ class BipedEnv(GaitEnv):
                 file, by default the robot's own.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
             robot: another one than the biped: see `BipedEpisodes`.
+            profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
+                or "hardware", with losses, delay, collisions and finer physics.
         """
-        super().__init__(BipedEpisodes(1, preset, control_hz, robot=robot), render_mode, push_distribution)
+        episodes = BipedEpisodes(1, preset, control_hz, robot=robot, profile=profile)
+        super().__init__(episodes, render_mode, push_distribution)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
@@ -107,11 +115,12 @@ def make_biped_vector(
     preset: str | None = None,
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     robot: str | RobotDescription = "biped",
+    profile: str = "exact",
 ) -> GaitVectorEnv:
     """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 
     `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
     those of `BipedEnv`.
     """
-    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot)
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile)
     return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

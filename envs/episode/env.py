@@ -191,7 +191,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             raise UnknownNameError("reset option", sorted(unknown, key=str)[0], ["scenario"])
         scenario = (options or {}).get("scenario")
         if scenario is None:
-            return self.push_distribution.sample(self.np_random)
+            return self.episodes.drawn(self.push_distribution, self.np_random)
         return check_scenario(scenario)
 
     def _nominal(self, vx: float, vy: float) -> NominalGait:

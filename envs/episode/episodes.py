@@ -19,9 +19,11 @@ from ...controllers.model.robot import RobotModel
 from ...controllers.settings.presets import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind
 from ..scenario.push import SIDES
+from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from .core import Core
 from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
+from .profile import EXACT, Profile
 from .recovery import GaitMonitor, uphill_dcm
 from .reward import REWARD_TERMS, Reward
 from .told import tell
@@ -50,6 +52,7 @@ class GaitEpisodes(ABC, Generic[C]):
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
     turns: ClassVar[bool] = True  # whether it can be told to turn
     name: ClassVar[str]  # of the environment, for errors
+    profile: Profile = EXACT  # of the robots in scenarios that are drawn
     core: C
 
     def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float):
@@ -98,6 +101,10 @@ class GaitEpisodes(ABC, Generic[C]):
     @abstractmethod
     def failure(self) -> Ints:
         """Why the robots have fallen, (n,) index into `failures`."""
+
+    def drawn(self, pushes: PushDistribution, rng: np.random.Generator) -> Scenario:
+        """A scenario from a distribution, on a robot of this profile."""
+        return self.profile.applied(pushes.sample(rng))
 
     def told(self) -> Array:
         """Numbers that `info` tells, (n, COLUMNS); a fresh array."""

@@ -169,7 +169,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         if scenario is None:
             rng = self._rngs[k]
             assert rng is not None  # noqa: S101
-            scenario = self.push_distribution.sample(rng)
+            scenario = self.episodes.drawn(self.push_distribution, rng)
         self.episodes.begin(k, scenario)
         self._info.begin(k, scenario)
         self._begun[k], self._ended[k] = True, False

@@ -105,6 +105,7 @@ def make_biped_residual_vector(
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     render_mode: str | None = None,
     robot: Any = "biped",
+    profile: str = "exact",
 ) -> ResidualVectorEnv:
     """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
 
@@ -114,7 +115,7 @@ def make_biped_residual_vector(
     from ..biped.env import BipedEpisodes
 
     return ResidualVectorEnv(
-        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, robot=robot),
+        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, robot=robot, profile=profile),
         policy, scale, preset, hold, gate,
         push_distribution=push_distribution, autoreset_mode=autoreset_mode, render_mode=render_mode,
     )  # fmt: skip

@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ...envs.episode.profile import get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..rollout.names import DEFAULT_ENV, TABLE_ARMS
 from ..score.compare import Comparison
@@ -13,7 +14,7 @@ from ..score.compare import compare as compare_sources
 from ..score.evaluate import Evaluation, write_reports
 from ..score.evaluate import evaluate as evaluate_sources
 from ..score.report import evaluation_markdown
-from ..score.suites import Suite, get_suite, with_errors
+from ..score.suites import Suite, get_suite, with_errors, with_profile
 
 
 def evaluate(
@@ -22,6 +23,7 @@ def evaluate(
     env: str = DEFAULT_ENV,
     *,
     errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
@@ -38,6 +40,7 @@ def evaluate(
         suite: a suite, its name, or its file.
         env: id of a gait environment.
         errors: what robot and floor are off from what the planner believes, in every scenario.
+        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, which change no result. More than one start this script anew, so that it needs
             `if __name__ == "__main__"`, and need policies that pickle.
         out: directory of the results; by default one under runs/ named after the configuration.
@@ -49,7 +52,9 @@ def evaluate(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    evaluation = evaluate_sources(_suite(suite, errors), env, policies, workers, _directory(out), overwrite)
+    evaluation = evaluate_sources(
+        _suite(suite, errors, profile), env, policies, workers, _directory(out), overwrite
+    )
     write_reports(evaluation, evaluation_markdown(evaluation))
     return evaluation
 
@@ -61,6 +66,7 @@ def compare(
     env: str = DEFAULT_ENV,
     *,
     errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
@@ -72,11 +78,12 @@ def compare(
     Raises:
         PushRecoveryError: as `evaluate`.
     """
-    return compare_sources(a, b, _suite(suite, errors), env, workers, _directory(out), overwrite)
+    return compare_sources(a, b, _suite(suite, errors, profile), env, workers, _directory(out), overwrite)
 
 
-def _suite(suite: Suite | str | PathLike[str], errors: ModelErrors) -> Suite:
-    return with_errors(suite if isinstance(suite, Suite) else get_suite(str(suite)), errors)
+def _suite(suite: Suite | str | PathLike[str], errors: ModelErrors, profile: str) -> Suite:
+    pushes = suite if isinstance(suite, Suite) else get_suite(str(suite))
+    return with_profile(with_errors(pushes, errors), get_profile(profile))
 
 
 def _directory(out: str | PathLike[str] | None) -> Path | None:

@@ -15,6 +15,7 @@ from ...controllers.errors import InvalidValueError, UnknownNameError, shown
 from ...controllers.files import is_file, read_file, write_text
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
+from ...envs.episode.profile import EXACT, Profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
@@ -116,6 +117,17 @@ def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
     label = "+".join(f"{name}={_text(value)}" for name, value in errors.to_dict().items())
     scenarios = tuple(replace(scenario, errors=errors) for scenario in suite.scenarios)
     return Suite(f"{suite.name}+{label}", suite.version, scenarios)
+
+
+def with_profile(suite: Suite, profile: Profile) -> Suite:
+    """The same scenarios on robots of a profile, a suite of its own name and hash; itself for `exact`.
+
+    Scenarios keep their ids and noise seeds; what they say of errors and physics stands.
+    """
+    if profile == EXACT:
+        return suite
+    scenarios = tuple(profile.applied(scenario) for scenario in suite.scenarios)
+    return Suite(f"{suite.name}+{profile.name}", suite.version, scenarios)
 
 
 def _text(value: float | list[float]) -> str:

@@ -20,12 +20,17 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
 
     suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "quick"
 
+    profile: Annotated[str, arg(metavar="NAME")] = "exact"
+    """How real the robot is: exact, as the planner takes it to be, or hardware, with losses, delay and
+    collisions (docs/scenarios.md)."""
+
     @property
     def pushes(self) -> Suite:
-        """The suite, with the model errors in every scenario."""
-        from ...score.suites import get_suite, with_errors
+        """The suite, with the model errors and the profile in every scenario."""
+        from ....envs.episode.profile import get_profile
+        from ...score.suites import get_suite, with_errors, with_profile
 
-        return with_errors(get_suite(self.suite), self.model_errors)
+        return with_profile(with_errors(get_suite(self.suite), self.model_errors), get_profile(self.profile))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.episode.profile import EXACT, HARDWARE
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.score import suites
 from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array, stratified_uniforms
@@ -18,6 +19,7 @@ from push_recovery.eval.score.suites import (
     standard_suite,
     varied_suite,
     with_errors,
+    with_profile,
 )
 
 QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
@@ -177,3 +179,17 @@ def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
         Suite(name, "1", quick_suite().scenarios[:1])
     with pytest.raises(InvalidValueError, match="a suite's version must be"):
         Suite("mine", name, quick_suite().scenarios[:1])
+
+
+def test_a_suite_of_a_profile_keeps_ids_and_has_a_hash_of_its_own():
+    suite = Suite("few", "1", quick_suite().scenarios[:3])
+    assert with_profile(suite, EXACT) is suite
+    real = with_profile(suite, HARDWARE)
+    assert real.name == "few+hardware"
+    assert real.sha256 != suite.sha256
+    assert [s.id for s in real.scenarios] == [s.id for s in suite.scenarios]
+    assert [s.pushes for s in real.scenarios] == [s.pushes for s in suite.scenarios]
+    assert {s.errors.joint_friction for s in real.scenarios} == {1.0}
+    heavy = with_profile(with_errors(suite, ModelErrors(mass=0.1)), HARDWARE)
+    assert heavy.name == "few+mass=0.1+hardware"
+    assert {(s.errors.mass, s.errors.armature) for s in heavy.scenarios} == {(0.1, 0.03)}

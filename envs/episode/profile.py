@@ -1,0 +1,59 @@
+"""Profiles: how real the simulated robot is, as one name for its model errors and its physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+from ...controllers.validation import require_choice
+from ..scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
+from ..scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Model errors and physics of every robot that it is applied to."""
+
+    name: str
+    errors: ModelErrors = EXACT_MODEL
+    physics: PhysicsOptions = PLAIN_PHYSICS
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """The scenario on such a robot, of the same id and noise seed; what it says itself stands."""
+        return replace(
+            scenario,
+            errors=_completed(scenario.errors, self.errors),
+            physics=_completed(scenario.physics, self.physics),
+        )
+
+
+def _completed(own: Any, common: Any) -> Any:
+    """A dataclass with the fields of `common` where its own are at their default."""
+    given = {f.name: getattr(own, f.name) for f in fields(own) if getattr(own, f.name) != f.default}
+    return replace(common, **given)
+
+
+EXACT = Profile("exact")
+HARDWARE = Profile(
+    "hardware",
+    ModelErrors(
+        friction=0.7,
+        delay=0.004,
+        joint_friction=1.0,
+        armature=0.03,
+        collisions=True,
+        motor_power=2000.0,
+        bus_power=3000.0,
+    ),
+    PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0),
+)
+PROFILES: Mapping[str, Profile] = MappingProxyType({profile.name: profile for profile in (EXACT, HARDWARE)})
+
+
+def get_profile(name: str) -> Profile:
+    """A profile by name; raises UnknownNameError listing the valid ones."""
+    require_choice("profile", name, list(PROFILES))
+    return PROFILES[name]
