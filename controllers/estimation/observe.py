@@ -29,9 +29,12 @@ from ..model.observation import (
     SWING_VELOCITY,
     TRUNK_ANGLE,
     TRUNK_RATE,
+    WORLD_CMP,
+    WORLD_COP,
+    WORLD_DCM,
     YAW_RATE,
 )
-from ..whole_body.gait_machine import FLOOR, Gait, GaitSettings, Point
+from ..whole_body.gait_machine import FLOOR, MOMENT, Gait, GaitSettings, Point
 from ..whole_body.kinematics import (
     PELVIS,
     WAIST_DOF,
@@ -45,10 +48,6 @@ from ..whole_body.kinematics import (
 from ..whole_body.kinematics import TRUNK as TRUNK_BODY
 from ..whole_body.mass_matrix import com_velocity
 from ..whole_body.turning import TURN, turned_command
-
-# Columns of the points in the world; of a pair (x, y) the first one
-WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4  # [m]
-WORLD_SIZE = 6
 
 _DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
 _SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
@@ -171,8 +170,8 @@ def write_world(
     pitch, roll = gait.plan[k, TRUNK], gait.plan[k, TRUNK + 1]
     shift_x, shift_y = in_world(frame, s.cmp_gain * pitch, s.cmp_gain * roll)
     world[WORLD_DCM], world[WORLD_DCM + 1] = sole[0] + dcm_x, sole[1] + dcm_y
-    world[WORLD_COP] = sole[0] - gait.wrench[k, 4] / vertical
-    world[WORLD_COP + 1] = sole[1] + gait.wrench[k, 3] / vertical
+    world[WORLD_COP] = sole[0] - gait.wrench[k, MOMENT + 1] / vertical
+    world[WORLD_COP + 1] = sole[1] + gait.wrench[k, MOMENT] / vertical
     world[WORLD_CMP], world[WORLD_CMP + 1] = world[WORLD_COP] + shift_x, world[WORLD_COP + 1] + shift_y
 
 

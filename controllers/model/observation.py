@@ -35,6 +35,10 @@ PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
 # delta = (xi - (exp(omega dt) xi_before - (exp(omega dt) - 1) cmp)) / (exp(omega dt) - 1)  [m]
 PUSH_ESTIMATE = slice(34, 36)
 
+# Columns of DCM, CoP and CMP in the world [m], which `info` tells; of a pair (x, y) the first one
+WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4
+WORLD_SIZE = 6
+
 OBSERVATION_SIZE = 36
 OBSERVATION_NAMES = (
     "elapsed", "dcm_x", "dcm_y", "com_x", "com_y", "com_velocity_x", "com_velocity_y", "com_height_error",

@@ -39,6 +39,7 @@ TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
 FLOOR = 3  # column of `Gait.height`: the floor under the stance sole
+MOMENT = 3  # first column of a wrench's moment
 Point = tuple[float, float]  # on the floor, world axes [m]
 
 

@@ -19,11 +19,11 @@ from ...controllers.model.capturability import capture_constants
 from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_start import NominalStart
-from ...controllers.model.observation import OBSERVATION_SIZE
+from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
-from ...controllers.whole_body.gait_machine import GaitSettings, resting_gait
+from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ..physics.stepping import PHYSICS_DT, Simulations, believe
@@ -109,7 +109,7 @@ class BipedCore:
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.margin = np.zeros(n)  # capture margin [m]
-        self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
+        self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
         self._capture = capture_constants(robot, limits)
         self._limits = limits
         self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
@@ -173,7 +173,7 @@ class BipedCore:
             field[k] = 0
         self.gait.stance[k] = stance
         self.gait.swing[k, :3] = soles[1 - stance]
-        self.gait.height[k, 0], self.gait.height[k, 3] = self.robot.com_height, soles[stance, 2]
+        self.gait.height[k, 0], self.gait.height[k, FLOOR] = self.robot.com_height, soles[stance, 2]
         self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
         self.gait.plan[k] = gait
         self.previous_action[k] = action

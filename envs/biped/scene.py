@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...controllers.model.frame import canonical_frame, point_in_world
 from ...controllers.model.gait_box import STEP
+from ...controllers.model.observation import WORLD_COP, WORLD_DCM
 from ...controllers.whole_body.kinematics import sole_position
 from .core import BipedCore
 
@@ -68,11 +69,10 @@ def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) ->
         yaw.ravel(),
     )
     world = core.world[0]
-    _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, (DCM_RADIUS, 0, 0), np.array([*world[:2], 0.02]), DCM_COLOUR)
+    dcm, cop = world[WORLD_DCM : WORLD_DCM + 2], world[WORLD_COP : WORLD_COP + 2]
+    _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, (DCM_RADIUS, 0, 0), np.array([*dcm, 0.02]), DCM_COLOUR)
     if core.gait.wrench[0, 2] > 1.0:  # a torque has been computed
-        _add(
-            scene, mujoco.mjtGeom.mjGEOM_SPHERE, (COP_RADIUS, 0, 0), np.array([*world[2:4], 0.0]), COP_COLOUR
-        )
+        _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, (COP_RADIUS, 0, 0), np.array([*cop, 0.0]), COP_COLOUR)
     pushes, time = core.pushes, float(core.gait.time[0])
     for i in range(pushes.start.shape[1]):
         opacity = push_opacity(time, pushes.start[0, i], pushes.duration[0, i])

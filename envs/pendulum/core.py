@@ -12,7 +12,7 @@ from ...controllers.model.double_support import check_double_support, gaits_of_a
 from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_start import NominalStart
-from ...controllers.model.observation import OBSERVATION_SIZE
+from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.model.robot import RobotModel
 from ..scenario.command_schedule import assign_changes, empty_schedule, follow_all
 from ..scenario.push import SIDES
@@ -59,7 +59,7 @@ class PendulumCore:
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.errors = no_errors(n, self.dt)
         self.margin = np.zeros(n)
-        self.world = np.zeros((n, 6))  # DCM, CoP and CMP in the world [m]
+        self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""

@@ -25,6 +25,9 @@ from ...controllers.model.observation import (
     SWING_VELOCITY,
     TRUNK_ANGLE,
     TRUNK_RATE,
+    WORLD_CMP,
+    WORLD_COP,
+    WORLD_DCM,
 )
 from .dynamics import DIVERGED, NOT_FINITE
 
@@ -64,8 +67,8 @@ def observe(s, command, previous, p, out, world, first, end):  # pragma: no cove
             o[_RATE + axis] = sign * s.rate[k, axis]
             o[_COMMAND + axis] = sign * command[k, axis]
             o[_PUSH + axis] = sign * s.push[k, axis]
-            world[k, axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
-            world[k, 2 + axis], world[k, 4 + axis] = s.cop[k, axis], s.cmp[k, axis]
+            world[k, WORLD_DCM + axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
+            world[k, WORLD_COP + axis], world[k, WORLD_CMP + axis] = s.cop[k, axis], s.cmp[k, axis]
         o[_SWING + 2] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
         o[_SWING_VELOCITY + 2] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / swing
         o[STANCE_CONTACT] = 1.0
