@@ -39,6 +39,7 @@ ROOMS = (
     "eval.rollout",
     "eval.score",
     "eval.frontier",
+    "eval.sensitivity",
     "eval.api",
     "eval.bench",
     "eval.tuning",

@@ -60,7 +60,7 @@ def _print_overview() -> None:
     print(f"usage: {PROGRAM} [-h] [--version] COMMAND ...\n")
     print("Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.\n")
     for name, (_, _, text) in COMMANDS.items():
-        print(fill(text, 80, initial_indent=f"  {name:<11}", subsequent_indent=" " * 13))
+        print(fill(text, 80, initial_indent=f"  {name:<13}", subsequent_indent=" " * 15))
     print(f"\nOptions of one: {PROGRAM} COMMAND --help")
     print("Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).")
 

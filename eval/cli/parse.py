@@ -24,6 +24,9 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "frontier": (".commands.frontier", "Frontier",
                  "Largest recoverable push by direction, at the start of a left stance after four nominal "
                  "steps."),
+    "sensitivity": (".commands.sensitivity", "Sensitivity",
+                    "Run a sample of a suite under other solvers, time steps, contacts, losses and "
+                    "delays: what its outcomes hang on."),
     "reproduce": (".commands.reproduce", "Reproduce",
                   "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
                   "pictures."),
