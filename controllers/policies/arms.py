@@ -1,4 +1,4 @@
-"""The analytic policies by name: the two-stage planner, its ablated arms and the paper's."""
+"""The analytic policies by name: the two-stage planner, its ablated arms, the paper's and the baselines."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ def make_policy(
         return RandomPolicy()
     if name.endswith(PAPER_SUFFIX):
         config = config.replace(**named_preset("paper").planner)
-    config = config.replace(**ARMS[name]._asdict())
+    config = config.replace(**ARMS[name].settings)
     return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Stages(NamedTuple):
-    """What an arm may adapt beyond place and time of the step."""
+    """What an arm may adapt, and by which rule."""
 
     use_cop: bool
     use_trunk: bool
+    fixed_time: bool = False  # T stays nominal
+    capture_point: bool = False  # the foothold is that of `stage_1/capture_step`, T nominal
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The fields of `PlannerConfig` that make a configuration that of the arm."""
+        values: dict[str, Any] = {"use_cop": self.use_cop, "use_trunk": self.use_trunk}
+        if self.fixed_time:
+            values["adapt_duration"] = False
+        if self.capture_point:
+            values["foothold"] = "capture_point"
+        return values
 
 
 ARMS: dict[str, Stages] = {
     "passive": Stages(False, False),  # walks the nominal gait, without reaction
+    "raibert": Stages(False, False, capture_point=True),
+    "fixed-time": Stages(False, False, fixed_time=True),
     "stage-1-paper": Stages(False, False),
     "stage-1": Stages(False, False),
     "stage-1+cop": Stages(True, False),
@@ -22,3 +36,4 @@ ARMS: dict[str, Stages] = {
     "two-stage": Stages(True, True),
 }
 PAPER_SUFFIX = "-paper"  # of arms with the paper's Table II
+ON_REQUEST = ("passive", "raibert", "fixed-time")  # not in tables unless asked for: no parts of the planner

@@ -7,7 +7,12 @@ from typing import Any, Literal
 
 from ..errors import InvalidValueError, UnknownNameError, is_finite_number
 
-CHOICES = {"form": ("zoh", "jerk"), "solver": ("daqp", "osqp"), "jerk_cost": ("literal", "repaired")}
+CHOICES = {
+    "foothold": ("optimal", "capture_point"),
+    "form": ("zoh", "jerk"),
+    "solver": ("daqp", "osqp"),
+    "jerk_cost": ("literal", "repaired"),
+}
 SHORTEST_SAMPLING = 1e-3  # [s]; the horizon has a table for each number of intervals up to the longest step
 MOST_INTERVALS = 100  # of the braking tail
 
@@ -22,6 +27,7 @@ class PlannerConfig:
     alpha_offset: float = 1e6  # alpha_3 [1/m^2]
     adapt_step: bool = True  # False keeps the nominal place
     adapt_duration: bool = True  # False keeps the nominal time
+    foothold: Literal["optimal", "capture_point"] = "optimal"  # eq. 3, or the rule of `stage_1/capture_step`
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
     swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
     freeze: float = 0.0  # the plan of both stages is held when less than this remains [s]

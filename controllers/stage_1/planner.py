@@ -30,6 +30,7 @@ from ..model.observation import (
 )
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
+from .capture_step import write_capture_step
 from .columns import (
     ALPHA_DURATION,
     ALPHA_OFFSET,
@@ -225,7 +226,10 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
         row[DURATION] = nominal[NOMINAL_DURATION]
         row[OFFSET], row[OFFSET + 1] = row[NOMINAL_OFFSET], row[NOMINAL_OFFSET + 1]
     elif not held or carry > 0.0:
-        _adapt(obs, c, low, high, nominal, row)
+        if c.capture_point > 0.0:
+            write_capture_step(obs, c, low, high, nominal, row)
+        else:
+            _adapt(obs, c, low, high, nominal, row)
         # a push reopens an ending step for one that will not be held at once
         held = held and row[DURATION] - obs[ELAPSED] < c.freeze + 0.5 * c.period
     if held:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 
-from ...controllers.settings.arms import ARMS
+from ...controllers.settings.arms import ARMS, ON_REQUEST
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
 ANALYTIC_ARMS = tuple(ARMS)
-TABLE_ARMS = tuple(name for name in ARMS if name != "passive")  # which falls without any push
+TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = ("quick", "standard", "hard", "varied", "varied-sealed")  # of `score.suites.SUITES`
 
 

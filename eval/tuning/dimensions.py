@@ -24,9 +24,8 @@ def _weight(name: str, unit: float = 2.0) -> Dimension:
     return Dimension("planner", name, 1e-6, 1e9, unit, "log")
 
 
+WEIGHTS = (_weight("alpha_duration", 1.5), _weight("alpha_offset"))  # of eq. 3; the former prices T
 STAGE_1 = (
-    _weight("alpha_duration", 1.5),
-    _weight("alpha_offset"),
     _planner("duration_margin", 0.0, 0.1, 0.01),  # [s]
     _planner("push_carry", 0.0, 0.2, 0.03),  # [s]
     _planner("push_threshold", 0.0, 0.4, 0.03),  # [m]
@@ -116,8 +115,10 @@ def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
     assert isinstance(arm, TwoStagePolicy)  # noqa: S101
     config: PlannerConfig = arm.config
     stage_2 = config.use_cop or config.use_trunk
+    weights = WEIGHTS if config.adapt_duration else WEIGHTS[1:]
     return (
-        STAGE_1
+        (weights if config.foothold == "optimal" else ())
+        + STAGE_1
         + (STAGE_2 if stage_2 else ())
         + (COP if config.use_cop else ())
         + (TRUNK if config.use_trunk else UPRIGHT)

@@ -45,6 +45,8 @@ class ArmStyle:
 
 ARM_STYLES: dict[str, ArmStyle] = {
     "passive": ArmStyle("#8c8c8c", (0, (1, 1)), "x", "no reaction"),
+    "raibert": ArmStyle("#7d7420", (0, (2, 2)), "h", "capture-point foothold, fixed time"),
+    "fixed-time": ArmStyle("#b0305c", (0, (9, 2, 1, 2)), "d", "stage 1, fixed time"),
     "random": ArmStyle("#b0a17a", (0, (1, 3)), "+", "random"),
     "stage-1-paper": ArmStyle("#e69f00", "--", "v", "stage 1, paper's weights"),
     "stage-1": ArmStyle("#c44601", (0, (7, 2)), "^", "stage 1: step place and time"),

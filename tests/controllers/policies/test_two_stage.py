@@ -122,9 +122,9 @@ def test_arms_use_only_what_they_may():
     obs[ELAPSED] = 0.1
     plans = {name: make_policy(name).plan(obs) for name in POLICY_NAMES if name != "random"}
     upright = np.clip(-20 * obs[TRUNK_ANGLE] - 9 * obs[TRUNK_RATE], -18.75, 18.75)
-    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+cop"):
+    for name in ("passive", "raibert", "fixed-time", "stage-1", "stage-1-paper", "stage-1+cop"):
         assert plans[name].trunk_acceleration == pytest.approx(upright)
-    for name in ("passive", "stage-1", "stage-1-paper", "stage-1+momentum"):
+    for name in ("passive", "raibert", "fixed-time", "stage-1", "stage-1-paper", "stage-1+momentum"):
         assert plans[name].cop.tolist() == [0.0, 0.0]
     assert np.abs(plans["stage-1+cop"].cop).max() > 0.01
     assert np.abs(plans["two-stage"].cop).max() > 0.01

@@ -101,6 +101,7 @@ def test_arms_without_gains_are_refused():
     assert set(TRUNK) <= set(planner_dimensions("two-stage"))
     assert set(UPRIGHT) <= set(planner_dimensions("stage-1"))
     with pytest.raises(
-        UnknownNameError, match=r"unknown policy to tune 'passive' \(valid: stage-1, stage-1\+cop"
+        UnknownNameError,
+        match=r"unknown policy to tune 'passive' \(valid: raibert, fixed-time, stage-1, stage-1\+cop",
     ):
         planner_dimensions("passive")
