@@ -7,6 +7,7 @@ from ..rollout.outcome import Score
 from .bounds_met import COLUMNS as BOUND_COLUMNS
 from .bounds_met import NOTE, bound_cells, first_bounds
 from .evaluate import SUBSET, Evaluation
+from .kinds import groups_of, kind_cells
 
 COLUMNS = (
     "policy",
@@ -56,7 +57,20 @@ def evaluation_markdown(evaluation: Evaluation) -> str:
         "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
     )
     table = markdown_table(COLUMNS, evaluation_cells(evaluation))
-    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}{limits_markdown(evaluation)}"
+    parts = f"{kinds_markdown(evaluation)}{limits_markdown(evaluation)}"
+    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}{parts}"
+
+
+def kinds_markdown(evaluation: Evaluation) -> str:
+    """A table of recovered and survived by kind of push; nothing where all pushes are of one kind."""
+    scenarios = evaluation.suite.scenarios
+    groups = tuple(groups_of(scenarios))
+    if not groups:
+        return ""
+    cells = {name: kind_cells(scenarios, rows) for name, rows in evaluation.rows.items()}
+    lines = [(group, *(cells[name][group] for name in cells)) for group in groups]
+    table = markdown_table(("kind of push", *cells), lines)
+    return f"\n## Kinds of push\n\n{table}\nRecovered / survived.\n"
 
 
 def limits_markdown(evaluation: Evaluation) -> str:

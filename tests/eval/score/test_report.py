@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import COLUMNS, evaluation_cells
+from push_recovery.eval.score.report import COLUMNS, evaluation_cells, kinds_markdown
 from push_recovery.eval.score.suites import Suite, quick_suite
 
 
@@ -25,3 +25,17 @@ def test_the_second_rate_is_of_pushes_from_5_to_60_newton_seconds():
     # Wilson (1927) of 2 of 5 and of 2 of 2: 1 / (1 + z^2 / n) below, z = 1.959964
     assert p == ("p", "2/5", "0.400", "0.118-0.769", "1.000 (0.342-1.000)", "3", "low 2, not_settled 1", "-")
     assert q[1:3] + q[4:6] == ("0/2", "0.000", "-", "0")
+
+
+def test_kinds_of_push_have_a_column_for_each_policy():
+    first, other = quick_suite().scenarios[0], next(s for s in quick_suite().scenarios if s.command.vx > 0)
+    names = {s.id: "forward" if s.command.vx > 0 else "other" for s in (first, other)}
+    assert set(names.values()) == {"forward", "other"}
+    suite = Suite("two", "1", (first, other))
+    rows = [{**row(5.0, s is other), "scenario_id": s.id} for s in suite.scenarios]
+    evaluation = Evaluation(suite, "env", {"p": rows, "q": rows}, Path("out"), 0.0)
+    lines = [line.replace(" ", "") for line in kinds_markdown(evaluation).splitlines()]
+    assert "|kindofpush|p|q|" in lines
+    assert "|forward|1/1of1|1/1of1|" in lines
+    same = Evaluation(Suite("one", "1", (other,)), "env", {"p": rows[1:]}, Path("out"), 0.0)
+    assert kinds_markdown(same) == ""
