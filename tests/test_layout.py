@@ -26,6 +26,7 @@ ROOMS = (
     "envs",
     "envs.scenario",
     "envs.physics",
+    "envs.sensing",
     "envs.episode",
     "envs.pendulum",
     "envs.biped.robots",

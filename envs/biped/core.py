@@ -28,9 +28,20 @@ from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ..physics.stepping import PHYSICS_DT, Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
+from ..scenario.noise import counter_seed
 from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
+from ..sensing.onboard import (
+    EXACT,
+    ONBOARD,
+    Sensing,
+    begin_onboard,
+    exact_sensing,
+    onboard_sensing,
+    require_sensing,
+)
+from ..sensing.sensors import seed_sensors
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import (
@@ -47,6 +58,7 @@ from .posture import posture
 from .robots.biped.robot import biped
 from .robots.compiled_robot import CompiledRobot
 from .robots.control_fields import inputs, outputs
+from .robots.indices import MISSING
 from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
@@ -69,6 +81,7 @@ class BipedCore:
         control_hz: float = 100.0,
         threads: int = 1,
         body: CompiledRobot | None = None,
+        sensing: str = EXACT,
     ):
         """Build the robots, none of them in a state yet: `reset` each before the first step.
 
@@ -79,15 +92,18 @@ class BipedCore:
             control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
             threads: that a planning period is computed on.
             body: the robot's model; None: the biped's.
+            sensing: what control acts on, the true state ("exact") or what sensors tell ("onboard").
 
         Raises:
             InvalidValueError: for an impossible rate or number.
+            UnknownNameError: for another sensing.
         """
         # All arrays of the core in one place, in the order of `Arena`: longer than other functions for that.
         self.n, self.robot, self.substeps = n, robot, substeps(control_hz)
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
+        self.sensing = require_sensing(sensing)
         self._stateless = set(range(n))  # robots that were never put anywhere
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
@@ -110,10 +126,20 @@ class BipedCore:
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
+        self._sensing = self._sensing_of(sensing)
+        self.judged = self._sensing.judged  # the true state: `physics` itself unless sensing is onboard
+        self.estimate = self._sensing.estimate  # of the base, with onboard sensing
         self._capture = capture_constants(robot, limits)
         self._limits = limits
         self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
         self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
+
+    def _sensing_of(self, sensing: str) -> Sensing:
+        physics, contacts, handles = self.physics, self.contacts, self.simulations.handles
+        if sensing == EXACT:
+            return exact_sensing(physics, contacts, handles, self.truth)
+        present = np.array(self.body.indices.motors) != MISSING
+        return onboard_sensing(self.simulations, physics, contacts, present.astype(np.float64))
 
     def __getstate__(self) -> object:
         """Refuse copies and pickles: compiled code knows the arrays by their addresses."""
@@ -143,8 +169,17 @@ class BipedCore:
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
+        parts = self._sensing
+        sensing = (
+            parts.shown,
+            parts.sensors,
+            parts.estimate,
+            parts.judged,
+            parts.judged_contacts,
+            parts.handles,
+        )
         self._arenas = [
-            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest)
+            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest, *sensing)
             for w, (bounds, _) in enumerate(self._bounds)
         ]
         self._tables = [parts_table(arena) for arena in self._arenas]
@@ -168,6 +203,8 @@ class BipedCore:
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
+        if self.sensing == ONBOARD:
+            seed_sensors(self._sensing.sensors, k, counter_seed(scenario.noise_seed), stance)
         self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
@@ -197,6 +234,10 @@ class BipedCore:
             connect_floor(self.floors, k, self.body, simulations.models[k], simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         self._stateless.discard(k)
+        if self.sensing == ONBOARD:
+            gravity = self.simulations.models[k].opt.gravity
+            begin_onboard(self._sensing, k, self.physics, self.contacts, gravity)
+            self.errors.physical[k] = self.errors.believes[k] = 1
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
 

@@ -14,6 +14,7 @@ from ..episode.episodes import GaitEpisodes, Ints, Motion
 from ..episode.profile import get_profile
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
+from ..sensing.onboard import EXACT
 from .core import BipedCore
 from .robots.compiled_robot import compiled_robot
 from .robots.description import RobotDescription, robot_description
@@ -27,7 +28,8 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     `threads` share their physics and change nothing else. The robot is the biped, or another one by the
     place of its RobotDescription (`module:attribute`) or by the description itself. `profile` names what is
-    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is.
+    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is. With `sensing`
+    "onboard" planner and control act on what the robot's sensors tell, with "exact" on the true state.
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
@@ -40,6 +42,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         threads: int = 1,
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
+        sensing: str = EXACT,
     ):
         self.profile = get_profile(profile)
         self.description = robot_description(robot)
@@ -47,17 +50,18 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         preset = self.description.preset if preset is None else preset
         settings = biped_settings(preset).of_robot(body.robot)
         super().__init__(n, body.robot, settings.limits, preset, control_hz)
-        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body)
+        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
-        return BipedEpisodes(n, self.preset, self.control_hz, threads, self.description, self.profile.name)
+        own = self.preset, self.control_hz, threads, self.description, self.profile.name, self.core.sensing
+        return BipedEpisodes(n, *own)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
         gait = self.core.gait
-        return Motion(gait.steps, self.core.physics.com[:, 0, :2], gait.time, gait.stance, gait.heading)
+        return Motion(gait.steps, self.core.judged.com[:, 0, :2], gait.time, gait.stance, gait.heading)
 
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""
@@ -78,6 +82,7 @@ class BipedEnv(GaitEnv):
         push_distribution: dict[str, Any] | PushDistribution | None = None,
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
+        sensing: str = EXACT,
     ):
         """Build one biped.
 
@@ -90,8 +95,10 @@ class BipedEnv(GaitEnv):
             robot: another one than the biped: see `BipedEpisodes`.
             profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
                 or "hardware", with losses, delay, collisions and finer physics.
+            sensing: what planner and control act on, the true state ("exact") or what the robot's own sensors
+                tell ("onboard").
         """
-        episodes = BipedEpisodes(1, preset, control_hz, robot=robot, profile=profile)
+        episodes = BipedEpisodes(1, preset, control_hz, robot=robot, profile=profile, sensing=sensing)
         super().__init__(episodes, render_mode, push_distribution)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
@@ -116,11 +123,12 @@ def make_biped_vector(
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     robot: str | RobotDescription = "biped",
     profile: str = "exact",
+    sensing: str = EXACT,
 ) -> GaitVectorEnv:
     """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 
     `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
     those of `BipedEnv`.
     """
-    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile)
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile, sensing)
     return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

@@ -18,6 +18,7 @@ import numpy as np
 from ...controllers.compiled.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError
+from ...controllers.estimation.leg_odometry import listen_to_soles
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Physics
 from ..physics.stepping import (
@@ -39,6 +40,7 @@ from ..scenario.observation_noise import (
 )
 from ..scenario.physics_options import PLAIN_PHYSICS
 from ..scenario.scenario import Scenario
+from ..sensing.onboard import OnboardArrays, sense
 from .plant.altered_model import altered_model
 from .plant.power import limit_power
 from .robots.compiled_robot import CompiledRobot
@@ -97,6 +99,7 @@ def assign_errors(
     errors, physics = scenario.errors, scenario.physics
     for field in table:
         field[k] = 0
+    table.power[k] = math.inf
     if errors == EXACT_MODEL and physics == PLAIN_PHYSICS:
         return None
     check_biped_errors(errors)
@@ -150,12 +153,15 @@ def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) 
 
 
 @njit(cache=True)
-def advance_with_errors(
-    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles, force: Array
-) -> None:
-    """One control step of a robot with errors: late torques, its own physics, what is believed of it.
+def move(phys: Physics, errors: RobotErrors, k: int, handles: Handles, force: Array) -> None:
+    """One control step of the physics of a robot with errors: late torques, what the drives can give.
 
-    `force` (20,) is its row of the forces of contacts, see `advance_finely`.
+    Args:
+        phys: where the robot truly is, and the torques asked for, which are written over.
+        errors: of all robots.
+        k: the robot.
+        handles: of the simulations.
+        force: (20,) its row of the forces of contacts, see `advance_finely`.
     """
     if errors.delay[k] > 0:
         delay_torque(errors, k, phys.ctrl[k])
@@ -166,12 +172,34 @@ def advance_with_errors(
         advance_finely(handles, k, errors.fine[k, STEPS], errors.fine[k, WHOLE] != 0, force)
     else:
         advance_measured(handles, k)
+
+
+@njit(cache=True)
+def advance_with_errors(
+    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles, force: Array
+) -> None:
+    """One control step of a robot with errors: its own physics, then what is believed of it."""
+    move(phys, errors, k, handles, force)
     if errors.believes[k] == 0:
         show_unmeasured(handles, k)
         return
     if errors.noise[k, JOINT_NOISE] > 0.0:
         measure_joints(phys, errors, k, first_side)
     believe(handles, k)
+
+
+@njit(cache=True)
+def advance_onboard(
+    phys: Physics, errors: RobotErrors, k: int, handles: Handles, arrays: OnboardArrays, dt: float
+) -> None:
+    """One control step of a robot that knows of itself what its own sensors tell."""
+    move(arrays.judged, errors, k, arrays.handles, arrays.judged_contacts.force[k])
+    show_unmeasured(arrays.handles, k)
+    sense(phys, arrays, k, errors.step[k], dt)
+    if errors.noise[k, JOINT_NOISE] > 0.0:
+        measure_joints(phys, errors, k, arrays.sensors.side[k])
+    believe(handles, k)
+    listen_to_soles(arrays.estimate, k, phys, dt)
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...controllers.compiled.array_table import Floats1, Floats2, part_of
 from ...controllers.compiled.kernels import njit
+from ...controllers.estimation.base_estimate import BaseEstimate
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
 from ...controllers.whole_body.bounds import Bounds, BoundSettings
@@ -31,8 +32,10 @@ from ...controllers.whole_body.turning import TURN
 from ..physics.stepping import Handles, advance
 from ..scenario.command_schedule import Schedule, follow
 from ..scenario.push_arrays import Pushes
+from ..sensing.onboard import OnboardArrays, Shown
+from ..sensing.sensors import Sensors
 from .bounds_record import BoundsRecord, note_bounds, plan_bounds_met
-from .model_errors import DCM_NOISE, RobotErrors, advance_with_errors, show
+from .model_errors import DCM_NOISE, RobotErrors, advance_onboard, advance_with_errors, show
 from .plant.floor import Floor, place_tiles
 from .pushes import apply_pushes
 
@@ -67,6 +70,12 @@ class Arena(NamedTuple):
     schedule: Schedule
     known: SelfModel
     floors: Floor
+    shown: Shown
+    sensors: Sensors
+    estimate: BaseEstimate
+    judged: Physics  # the true state: `physics` itself, but with onboard sensing
+    judged_contacts: Contacts
+    judged_handles: Handles
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -102,6 +111,15 @@ def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, en
 
 
 @njit(cache=True)
+def onboard_of(t: Ints) -> OnboardArrays:
+    """The parts of onboard sensing."""
+    contacts, true_contacts = part_of(t, Arena, "contacts"), part_of(t, Arena, "judged_contacts")
+    sensors, estimate = part_of(t, Arena, "sensors"), part_of(t, Arena, "estimate")
+    judged, handles = part_of(t, Arena, "judged"), part_of(t, Arena, "judged_handles")
+    return OnboardArrays(contacts, sensors, estimate, judged, true_contacts, handles)
+
+
+@njit(cache=True)
 def escaped(qvel: Array, k: int) -> bool:
     """Whether a velocity of robot k, (n, 20), is not finite or beyond FASTEST."""
     fine = True
@@ -122,6 +140,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     handles, errors = part_of(t, Arena, "handles"), part_of(t, Arena, "errors")
     known, floors = part_of(t, Arena, "known"), part_of(t, Arena, "floors")
     record, bounds = part_of(t, Arena, "met"), bounds_of(t, c)
+    judged, onboard = part_of(t, Arena, "judged"), part_of(t, Arena, "shown").onboard[0] != 0
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
     settings = settings_of(c)
     for k in range(first, end):
@@ -130,17 +149,19 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
         bounds.grip[0] = known.grip[k]
         for _ in range(steps):
             met = control(phys, gait, k, settings, gains, bounds, record.landing, dt) | record.plan[k]
-            apply_pushes(phys, gait, k, pushes, dt)
+            apply_pushes(judged, gait, k, pushes, dt)
             note_bounds(record, k, met, pushes.start[k], gait.time[k], dt)
             pass_time(gait, k, dt)
             if floors.places[k, 0] != 0:
                 place_tiles(floors, k)
             if errors.physical[k] == 0:
                 advance(handles, k)
+            elif onboard:
+                advance_onboard(phys, errors, k, handles, onboard_of(t), dt)
             else:
                 first_side = (gait.stance[k] + gait.steps[k]) % 2
                 advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k])
-            if escaped(phys.qvel, k):
+            if escaped(judged.qvel, k):
                 gait.failure[k] = NOT_FINITE
                 break
             scale_mass(known, k, phys)
@@ -159,8 +180,13 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
     contacts, starts = part_of(t, Arena, "contacts"), part_of(t, Arena, "pushes").start
     errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
     schedule, known = part_of(t, Arena, "schedule"), part_of(t, Arena, "known")
+    judged, felt, shown = (
+        part_of(t, Arena, "judged"),
+        part_of(t, Arena, "judged_contacts"),
+        part_of(t, Arena, "shown"),
+    )
     for k in range(first, end):
-        check_failure(phys, gait, k, settings)
+        check_failure(judged, gait, k, settings)
         if gait.failure[k] == NOT_FINITE:
             continue
         follow(schedule, k, gait.time[k], command[k])
@@ -169,12 +195,16 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
         learn(known, k, phys, gait, contacts, settings)
         mass = settings.mass * known.mass[k]
         margin[k] = observe(
-            phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
+            judged, gait, k, felt, mass, settings, command[k], previous[k], capture, truth[k], world[k]
         )
-        show(errors, k, gait.steps[k], span, settings.omega, truth[k], out[k])
+        seen = shown.observation[k]
+        if shown.onboard[0] != 0:
+            told = shown.world[k]
+            observe(phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, seen, told)
+        show(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
         if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
             show_known(known, k, gait, span, out[k])
-        if not tracks_plan(phys, gait, k, span, settings, before, truth[k], world[k]):
+        if not tracks_plan(judged, gait, k, span, settings, before, truth[k], world[k]):
             note_bounds(record, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 
 

@@ -94,7 +94,7 @@ class Simulations:
         own = [[self.model._address, data._address, *self._runs(data)] for data in self.data]
         self._common = (
             np.array(own, dtype=np.int64),
-            np.array(self._rows(), dtype=np.int64),
+            np.array(self._rows(self.arrays), dtype=np.int64),
             np.array([*_functions(*STEP, *BELIEF, "mj_rne"), *counts, *_functions("mj_step")], np.int64),
         )
         self.handles = self.handles_of(0)
@@ -105,6 +105,17 @@ class Simulations:
         row = [self.model._address, data._address, *self._runs(data), data.qfrc_bias.ctypes.data]
         return Handles(*self._common, np.array(row, dtype=np.int64))
 
+    def outputs_beside(self) -> tuple[dict[str, Array], Handles]:
+        """Other arrays of the outputs, the same ones of the inputs, and handles that write there."""
+        given = self.handles.calls[INPUT_RUNS]
+        arrays = {name: np.zeros_like(array) for name, array in self.arrays.items()}
+        runs = 0
+        for field in self._fields:
+            if runs < given:
+                arrays[field.name] = self.arrays[field.name]
+            runs += len(field.runs)
+        return arrays, self.handles._replace(rows=np.array(self._rows(arrays), dtype=np.int64))
+
     def _runs(self, data: mujoco.MjData) -> list[int]:
         """Addresses of all runs in a simulation's data."""
         return [
@@ -113,10 +124,10 @@ class Simulations:
             for field in self._fields for run in field.runs
         ]  # fmt: skip
 
-    def _rows(self) -> list[list[int]]:
+    def _rows(self, arrays: dict[str, Array]) -> list[list[int]]:
         rows = []
         for field in self._fields:
-            array = self.arrays[field.name]
+            array = arrays[field.name]
             stride = array.strides[0]
             rows += [[array.ctypes.data + ENTRY * run.to, stride, ENTRY * run.entries] for run in field.runs]
         return rows

@@ -1,0 +1,157 @@
+"""Bipeds that act on their own sensors: no leak of the true state, repeatable, and sure within bounds."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from push_recovery.controllers.errors import UnknownNameError
+from push_recovery.controllers.estimation.base_estimate import deviations
+from push_recovery.controllers.model.robot import GRAVITY
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.whole_body.kinematics import PELVIS
+from push_recovery.envs.biped.core import BipedCore
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEnv, BipedEpisodes
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+
+POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
+PUSH = Push((60.0, 90.0, 0.0), 0.1, GaitEvent(1, "right", 0.3))
+ERRORS = ModelErrors(), ModelErrors(delay=0.004, dcm_noise=0.002), ModelErrors(payload=3.0, slope_left=0.03)
+
+
+def onboard_core(n: int = 1, threads: int = 1) -> BipedCore:
+    return BipedCore(n, BIPED, BIPED_LIMITS, threads=threads, sensing="onboard")
+
+
+def step(core) -> None:
+    action = POLICY.predict(core.observation)[0]
+    core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+
+
+def scenarios(n: int = 3) -> list[Scenario]:
+    sides = "left", "right"
+    return [
+        Scenario(f"s{k}", (PUSH,), Command(0.1 * k), sides[k % 2], noise_seed=k, errors=ERRORS[k % 3])
+        for k in range(n)
+    ]
+
+
+def trajectory(core, begin, all_scenarios, seconds: float = 1.2) -> np.ndarray:
+    """True state, believed state and what is seen at every planning period, (ticks, n, 118)."""
+    for k, scenario in enumerate(all_scenarios):
+        begin(core, k, scenario)
+    out = []
+    for _ in range(round(seconds * 100)):
+        step(core)
+        true = [np.concatenate([data.qpos, data.qvel]) for data in core.simulations.data]
+        out.append(np.concatenate([true, core.physics.qpos, core.physics.qvel, core.observation], axis=1))
+    return np.array(out)
+
+
+def test_an_unknown_sensing_is_refused():
+    with pytest.raises(UnknownNameError, match=r"sensing 'onbord'.*exact, onboard"):
+        BipedEnv(sensing="onbord")
+
+
+def test_exact_sensing_judges_by_what_control_sees(biped_core):
+    core = biped_core()
+    assert core.judged is core.physics
+
+
+def test_nothing_that_acts_reads_the_true_state(begin):
+    """Whatever physics has told of itself is overwritten once the sensors have read it."""
+    clean = trajectory(onboard_core(), begin, scenarios(1))
+    core = onboard_core()
+    begin(core, 0, scenarios(1)[0])
+    own = {id(field) for field in core.physics}
+    true = [field for field in core.judged if id(field) not in own]
+    old = [field.copy() for field in true]
+    assert len(true) == 10  # qpos to load
+
+    def poison():
+        for field, value in zip(true, old, strict=True):
+            field[:] = value  # as it was at the reset: finite, and wrong
+        for name in ("sensordata", "qfrc_constraint", "xpos", "xmat", "xanchor", "xaxis"):
+            getattr(core.simulations.data[0], name)[:] = 1e3
+
+    core.after_physics_step = poison
+    poisoned = []
+    for _ in range(len(clean)):
+        step(core)
+        data = core.simulations.data[0]
+        state = np.concatenate([data.qpos, data.qvel, core.physics.qpos[0], core.physics.qvel[0]])
+        poisoned.append(np.concatenate([state, core.observation[0]]))
+    np.testing.assert_array_equal(np.array(poisoned), clean[:, 0])
+    assert core.truth[0, 1] != clean[-1, 0, 83]  # the judge has seen the poison
+
+
+def test_robots_do_not_depend_on_each_other_nor_on_threads(begin):
+    many, threaded = (trajectory(onboard_core(3, threads), begin, scenarios()) for threads in (1, 2))
+    np.testing.assert_array_equal(many, threaded)
+    for k, scenario in enumerate(scenarios()):
+        np.testing.assert_array_equal(trajectory(onboard_core(), begin, [scenario])[:, 0], many[:, k])
+
+
+def test_a_reset_forgets_the_episode_before(begin):
+    core, (first, second, _) = onboard_core(), scenarios()
+    once = trajectory(core, begin, [first], 0.5)
+    trajectory(core, begin, [second], 0.5)
+    np.testing.assert_array_equal(trajectory(core, begin, [first], 0.5), once)
+
+
+def test_another_noise_seed_is_another_walk(begin):
+    walks = [
+        trajectory(onboard_core(), begin, [Scenario("a", noise_seed=seed)], 0.5)[-1, 0, :3] for seed in (1, 2)
+    ]
+    assert 1e-6 < np.abs(walks[0] - walks[1]).max() < 0.05
+
+
+def test_a_mirrored_scenario_is_a_mirrored_walk(begin):
+    scenario = Scenario("a", (PUSH,), Command(0.1, 0.05), noise_seed=3)
+    left, right = (trajectory(onboard_core(), begin, [s], 0.5)[:, 0] for s in (scenario, scenario.mirrored()))
+    mirror = [1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0]
+    np.testing.assert_allclose(right[:, :7], left[:, :7] * mirror, atol=1e-9)  # true pose of the base
+    np.testing.assert_allclose(right[:, 41:48], left[:, 41:48] * mirror, atol=1e-9)  # believed
+
+
+def test_a_walk_is_known_within_its_bounds(begin):
+    """Base velocity within 0.05 m/s and tilt within 0.5 degrees in the mean, 1 m of walking to 3 cm."""
+    core, off, lean, stated = onboard_core(), [], [], []
+    begin(core, 0, Scenario("a", command=Command(0.3), noise_seed=4))
+    start = core.judged.qpos[0, :2] - core.physics.qpos[0, :2]
+    for _ in range(400):
+        step(core)
+        off.append(core.physics.qvel[0, :3] - core.judged.qvel[0, :3])
+        ups = core.physics.xmat[0, PELVIS, 2::3], core.judged.xmat[0, PELVIS, 2::3]
+        lean.append(np.linalg.norm(np.cross(*ups)))
+        stated.append(deviations(core.estimate).velocity[0])
+    assert core.judged.com[0, 0, 0] > 1.0
+    assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 0.02
+    assert np.sqrt(np.mean(np.square(lean))) < np.radians(0.5)
+    assert np.linalg.norm(core.judged.qpos[0, :2] - core.physics.qpos[0, :2] - start) < 0.03
+    assert 0.3 < np.mean(stated) / np.sqrt(np.mean(np.square(off)[:, :2])) < 3.0
+
+
+def test_a_slope_is_felt_as_a_tilt_of_the_floor(begin):
+    """The robot takes gravity for the vertical: it believes in a pelvis that leans by the slope."""
+    core = onboard_core()
+    begin(core, 0, Scenario("a", noise_seed=1, errors=ModelErrors(slope_left=0.04)))
+    up = core.physics.xmat[0, PELVIS, 2::3]
+    downhill = core.simulations.models[0].opt.gravity / GRAVITY
+    np.testing.assert_allclose(up[1], downhill[1], atol=0.012)  # of a pelvis upright on its floor
+    assert up[1] < -0.02  # leaning to the right, where a floor that rises to the left goes down
+
+
+def test_the_environment_takes_it_alone_and_in_a_vector():
+    env = gym.make("PushRecovery/Biped-v0", sensing="onboard")
+    check_env(env.unwrapped, skip_render_check=True)
+    assert env.spec is not None
+    assert '"sensing": "onboard"' in env.spec.to_json()
+    vector = gym.make_vec("PushRecovery/Biped-v0", num_envs=2, sensing="onboard")
+    vector.reset(seed=1)
+    vector.step(np.zeros((2, 7), np.float32))
+
+
+def test_episodes_alike_sense_alike():
+    assert BipedEpisodes(1, sensing="onboard").alike(2).core.sensing == "onboard"
