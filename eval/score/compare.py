@@ -23,6 +23,7 @@ class Comparison:
     b: str
     suite: Suite
     counts: PairedCounts
+    survived: tuple[int, int]  # of a, of b
     directory: Path
 
     def to_dict(self) -> dict[str, Any]:
@@ -39,6 +40,8 @@ class Comparison:
             "mcnemar_p": self.counts.p_value,
             "rate_difference": self.counts.rate_difference,
             "ci95": list(self.counts.interval),
+            "survived_a": self.survived[0],
+            "survived_b": self.survived[1],
         }
 
 
@@ -75,5 +78,10 @@ def compare(
     }
     first, second = sources
     return Comparison(
-        first, second, suite, PairedCounts.of(recovered[first], recovered[second]), evaluation.directory
+        first,
+        second,
+        suite,
+        PairedCounts.of(recovered[first], recovered[second]),
+        (evaluation.score(first).survived, evaluation.score(second).survived),
+        evaluation.directory,
     )

@@ -42,6 +42,7 @@ class Compare(SuiteOptions):
                 f"rate of {self.a} minus rate of {self.b}",
                 f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})",
             ),
+            (f"survived {self.a}, {self.b}", f"{content['survived_a']}, {content['survived_b']}"),
             ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
         ]
         print_table(f"{env_id}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)

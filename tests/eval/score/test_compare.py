@@ -37,6 +37,7 @@ def test_pairs_are_counted_by_what_recovered(tmp_path):
     assert [found[key] for key in ("both", "only_a", "only_b", "neither")] == [2, 4, 1, 3]
     assert found["rate_difference"] == pytest.approx(0.3)
     assert found["mcnemar_p"] == pytest.approx(2 * (5 + 1) / 2**5)  # at least 4 of 5, both tails
+    assert (found["survived_a"], found["survived_b"]) == (8, 9)
     low, high = found["ci95"]
     assert low < 0.3 < high
     turned = compare(b, a, SUITE, toy.ENV_ID, directory=tmp_path / "out").to_dict()
