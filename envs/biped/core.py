@@ -129,8 +129,7 @@ class BipedCore:
         self._sensing = self._sensing_of(sensing)
         self.judged = self._sensing.judged  # the true state: `physics` itself unless sensing is onboard
         self.estimate = self._sensing.estimate  # of the base, with onboard sensing
-        self._capture = capture_constants(robot, limits)
-        self._limits = limits
+        self._limits, self._capture = limits, capture_constants(robot, limits)
         self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
         self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
 
@@ -171,13 +170,8 @@ class BipedCore:
         rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
         parts = self._sensing
         sensing = (
-            parts.shown,
-            parts.sensors,
-            parts.estimate,
-            parts.judged,
-            parts.judged_contacts,
-            parts.handles,
-        )
+            parts.shown, parts.sensors, parts.estimate, parts.judged, parts.judged_contacts, parts.handles
+        )  # fmt: skip
         self._arenas = [
             Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest, *sensing)
             for w, (bounds, _) in enumerate(self._bounds)
@@ -194,11 +188,8 @@ class BipedCore:
         check_biped_errors(scenario.errors)
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
-        soles = np.zeros((2, 3))
-        soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
         assign_floor(self.floors, k, scenario)
-        for sole in soles:
-            sole[2] = floor_height(self.floors, k, sole[0], sole[1])
+        soles = self._soles(k, stance, start.swing[0], sign * start.swing[1])
         com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
@@ -226,6 +217,14 @@ class BipedCore:
         clear_record(self.bounds_record, k)
         self.truth[k] = 0.0
         finish_period(self._tables[0], self._constants, k, k + 1)
+
+    def _soles(self, k: int, stance: int, swing_x: float, swing_y: float) -> Array:
+        """Where robot k stands, (2, 3) [m]: the stance sole at the origin, each sole on its tile."""
+        soles = np.zeros((2, 3))
+        soles[1 - stance, :2] = swing_x, swing_y
+        for sole in soles:
+            sole[2] = floor_height(self.floors, k, sole[0], sole[1])
+        return soles
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""
