@@ -106,6 +106,7 @@ def make_biped_residual_vector(
     render_mode: str | None = None,
     robot: Any = "biped",
     profile: str = "exact",
+    sensing: str = "exact",
 ) -> ResidualVectorEnv:
     """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
 
@@ -115,7 +116,9 @@ def make_biped_residual_vector(
     from ..biped.env import BipedEpisodes
 
     return ResidualVectorEnv(
-        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, robot=robot, profile=profile),
+        BipedEpisodes(
+            num_envs, control_hz=control_hz, threads=threads, robot=robot, profile=profile, sensing=sensing
+        ),
         policy, scale, preset, hold, gate,
         push_distribution=push_distribution, autoreset_mode=autoreset_mode, render_mode=render_mode,
     )  # fmt: skip

@@ -156,7 +156,7 @@ def test_corrupt_rows_are_named(policies, tmp_path):
 
 def test_compare_pairs_outcomes(policies, tmp_path):
     content = compare(policies[1], policies[0], SUITE, toy.ENV_ID, 1, tmp_path / "c").to_dict()
-    keys = "a b suite pairs both only_a only_b neither mcnemar_p rate_difference ci95"
+    keys = "a b suite pairs both only_a only_b neither mcnemar_p rate_difference ci95 survived_a survived_b"
     assert set(content) == set(keys.split())
     assert sum(content[key] for key in ("both", "only_a", "only_b", "neither")) == content["pairs"] == 24
     assert content["rate_difference"] == pytest.approx((content["only_a"] - content["only_b"]) / 24)
