@@ -44,8 +44,9 @@ def listen_to_soles(estimate: BaseEstimate, k: int, phys: Physics, dt: float) ->
         sole = sole_motion(phys, k, leg, omega)
         now = vector_in(estimate.velocity, k, 0)
         rest = add(sole.velocity, subtract(now, moved))  # what the other sole has corrected is known
-        if _rests(estimate, k, rest, sole.omega):
-            _correct(estimate, k, rest, sole.omega)
+        noise = _noise(sole.omega)
+        if _rests(estimate, k, rest, noise):
+            _correct(estimate, k, rest, sole.omega, noise)
             _hold_place(estimate, k, leg, subtract(sole.position, vector_at(phys.xpos, k, PELVIS)), dt)
             stands = True
         else:
@@ -65,21 +66,19 @@ def _noise(omega: Vector) -> float:
 
 
 @njit(cache=True, forceinline=True)
-def _rests(estimate: BaseEstimate, k: int, rest: Vector, omega: Vector) -> bool:
-    """Whether noise explains the velocity of a loaded sole."""
-    noise = _noise(omega)
+def _rests(estimate: BaseEstimate, k: int, rest: Vector, noise: float) -> bool:
+    """Whether noise, a variance, explains the velocity of a loaded sole."""
     level, lift = estimate.level[k, VV] + noise, estimate.lift[k, LIFT_VV] + noise
     aside = max(rest[0] ** 2, rest[1] ** 2) / level
     return max(aside, rest[2] ** 2 / lift) < GATE**2
 
 
 @njit(cache=True, forceinline=True)
-def _correct(estimate: BaseEstimate, k: int, rest: Vector, omega: Vector) -> None:
+def _correct(estimate: BaseEstimate, k: int, rest: Vector, omega: Vector, noise: float) -> None:
     """Take the velocity of a standing sole for the error of the estimate.
 
     About the horizontal axes: theta_y, beta_y go with v_x, and -theta_x, -beta_x with v_y.
     """
-    noise = _noise(omega)
     tilt, bias, velocity = update_level(estimate.level[k], noise)
     climb, lift = update_lift(estimate.lift[k], noise)
     turn = estimate.turn[k] / (estimate.turn[k] + SOLE_TURNS**2)

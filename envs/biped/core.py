@@ -22,6 +22,7 @@ from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
+from ...controllers.validation import require_choice
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
@@ -35,11 +36,11 @@ from ..scenario.scenario import Scenario
 from ..sensing.onboard import (
     EXACT,
     ONBOARD,
+    SENSING,
     Sensing,
     begin_onboard,
     exact_sensing,
     onboard_sensing,
-    require_sensing,
 )
 from ..sensing.sensors import seed_sensors
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
@@ -103,7 +104,8 @@ class BipedCore:
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
-        self.sensing = require_sensing(sensing)
+        require_choice("sensing", sensing, SENSING)
+        self.sensing = sensing
         self._stateless = set(range(n))  # robots that were never put anywhere
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
@@ -168,12 +170,8 @@ class BipedCore:
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
-        parts = self._sensing
-        sensing = (
-            parts.shown, parts.sensors, parts.estimate, parts.judged, parts.judged_contacts, parts.handles
-        )  # fmt: skip
         self._arenas = [
-            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest, *sensing)
+            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest, *self._sensing)
             for w, (bounds, _) in enumerate(self._bounds)
         ]
         self._tables = [parts_table(arena) for arena in self._arenas]

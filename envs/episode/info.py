@@ -59,7 +59,6 @@ class PushTable:
 
     def __init__(self, n: int):
         self._numbers, self._bodies = np.zeros((n, 1, _COLUMNS)), np.full((n, 1), None, dtype=object)
-        self._count = np.zeros(n, np.int64)
         self._told: list[list[Info]] = [[] for _ in range(n)]  # the same, push by push
 
     def assign(self, k: int, scenario: Scenario, mass: float) -> None:
@@ -67,7 +66,7 @@ class PushTable:
         count = len(scenario.pushes)
         if count > self._numbers.shape[1]:
             self._grow(count)
-        self._count[k], self._told[k] = count, []
+        self._told[k] = []
         for i, push in enumerate(scenario.pushes):
             told = push_info(push, mass)
             rest = told["direction"], told["duration"], told["impulse_per_kg"]
@@ -88,7 +87,7 @@ class PushTable:
     def of_robots(self, told: Array, rows: Mask) -> tuple[Info, Mask]:
         """The pushes that `told` (n, COLUMNS) names, and which of the robots `rows` (n,) have one."""
         index, start = np.maximum(told[:, PUSH], 0).astype(np.int64), told[:, PUSH_START]
-        robots, has, info = np.arange(len(told)), rows & (self._count > 0), {}
+        robots, has, info = np.arange(len(told)), rows & (told[:, PUSH] >= 0), {}
         numbers = self._numbers[robots, index]
         put(info, "force", numbers[:, _FORCE], has.copy())
         put(info, "direction", numbers[:, _DIRECTION], has.copy())

@@ -7,7 +7,6 @@ that the estimate is written into, and nothing else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from ...controllers.compiled.array_table import Floats2, Ints1
 from ...controllers.compiled.kernels import njit
 from ...controllers.compiled.quaternion import of_rotation, product, rotated
 from ...controllers.compiled.vector_3 import add, cross, scaled, vector_in
-from ...controllers.errors import UnknownNameError
 from ...controllers.estimation.base_estimate import (
     TILT_AT_FIRST,
     VELOCITY_AT_FIRST,
@@ -68,8 +66,7 @@ class OnboardArrays(NamedTuple):
     handles: Handles
 
 
-@dataclass(frozen=True)
-class Sensing:
+class Sensing(NamedTuple):
     """The arrays of n robots' sensing; with exact sensing the judged ones are those of control."""
 
     shown: Shown
@@ -78,17 +75,6 @@ class Sensing:
     judged: Physics  # true state
     judged_contacts: Contacts
     handles: Handles  # that write it
-
-
-def require_sensing(name: str) -> str:
-    """The name of a kind of sensing.
-
-    Raises:
-        UnknownNameError: for another name; lists the valid ones.
-    """
-    if name not in SENSING:
-        raise UnknownNameError("sensing", name, SENSING)
-    return name
 
 
 def exact_sensing(physics: Physics, contacts: Contacts, handles: Handles, truth: Array) -> Sensing:

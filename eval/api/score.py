@@ -6,7 +6,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ...envs.episode.profile import get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..rollout.names import DEFAULT_ENV, TABLE_ARMS
 from ..score.compare import Comparison
@@ -14,7 +13,7 @@ from ..score.compare import compare as compare_sources
 from ..score.evaluate import Evaluation, write_reports
 from ..score.evaluate import evaluate as evaluate_sources
 from ..score.report import evaluation_markdown
-from ..score.suites import Suite, get_suite, with_errors, with_profile
+from ..score.suites import Suite, get_suite, on_robots
 
 
 def evaluate(
@@ -82,8 +81,7 @@ def compare(
 
 
 def _suite(suite: Suite | str | PathLike[str], errors: ModelErrors, profile: str) -> Suite:
-    pushes = suite if isinstance(suite, Suite) else get_suite(str(suite))
-    return with_profile(with_errors(pushes, errors), get_profile(profile))
+    return on_robots(suite if isinstance(suite, Suite) else get_suite(str(suite)), errors, profile)
 
 
 def _directory(out: str | PathLike[str] | None) -> Path | None:

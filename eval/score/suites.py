@@ -15,7 +15,7 @@ from ...controllers.errors import InvalidValueError, UnknownNameError, shown
 from ...controllers.files import is_file, read_file, write_text
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
-from ...envs.episode.profile import EXACT, Profile
+from ...envs.episode.profile import EXACT, Profile, get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
@@ -128,6 +128,11 @@ def with_profile(suite: Suite, profile: Profile) -> Suite:
         return suite
     scenarios = tuple(profile.applied(scenario) for scenario in suite.scenarios)
     return Suite(f"{suite.name}+{profile.name}", suite.version, scenarios)
+
+
+def on_robots(suite: Suite, errors: ModelErrors, profile: str) -> Suite:
+    """The suite on robots with model errors, of the profile with this name."""
+    return with_profile(with_errors(suite, errors), get_profile(profile))
 
 
 def _text(value: float | list[float]) -> str:

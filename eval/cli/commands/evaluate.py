@@ -27,10 +27,9 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     @property
     def pushes(self) -> Suite:
         """The suite, with the model errors and the profile in every scenario."""
-        from ....envs.episode.profile import get_profile
-        from ...score.suites import get_suite, with_errors, with_profile
+        from ...score.suites import get_suite, on_robots
 
-        return with_profile(with_errors(get_suite(self.suite), self.model_errors), get_profile(self.profile))
+        return on_robots(get_suite(self.suite), self.model_errors, self.profile)
 
 
 @dataclass(frozen=True, kw_only=True)
