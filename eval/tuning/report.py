@@ -6,12 +6,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..output.tables import print_table
+from .arms import ArmStudies
 from .study import Study
 
 COLUMNS = ("field", "start", "best", "change [units]")
 
 
-def print_study(study: Study) -> None:
+def print_arms(found: ArmStudies) -> None:
+    """The tables of every arm, and where the presets lie."""
+    for study in found.studies.values():
+        _print_study(study)
+    print(f"preset of all of these arms: {found.path}")
+
+
+def _print_study(study: Study) -> None:
     """Scores on both suites, and the fields that moved most."""
     settings, found = study.settings, study.preset.found
     print_table(
@@ -23,8 +31,13 @@ def print_study(study: Study) -> None:
     print(f"preset: {study.path}")
 
 
-def summary(study: Study) -> dict[str, Any]:
-    """What `--json` prints: how the preset was found, and where it lies."""
+def summary(found: ArmStudies) -> dict[str, Any]:
+    """What `--json` prints: how each arm's preset was found, and where they lie."""
+    arms = {name: _summary(study) for name, study in found.studies.items()}
+    return {"arms": arms, "preset": str(found.path), "out": str(found.directory)}
+
+
+def _summary(study: Study) -> dict[str, Any]:
     found = study.preset.found
     keys = ("by", "trials", "stopped_early", "episodes", "trial", "suites", "code", "tuning", "held_out")
     return {

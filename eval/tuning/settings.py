@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.validation import require_integer
+from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..score.tuning_pushes import DRAWN, MOST, TUNING, VARIED
 from .dimensions import planner_dimensions
 from .scorer import BIPED, check_env
-from .suite import MOST
 
 SPACES = ("planner", "robot", "both")
 LEAST = 8  # scenarios
@@ -31,7 +31,9 @@ class TuningSettings:
     only: tuple[str, ...] = ()  # groups or fields of it; none: all of it
     preset: str = ""  # to start from, by name or file; the environment's own by default
     seed: int = 0
-    scenarios: int = 256  # of the tuning suite, and as many of the one held out
+    suite: str = ""  # one of `suite.DRAWN`; by default pushes of every kind where the robot takes them
+    scenarios: int = 256  # of it
+    held_out: int = 256  # of the one held out
     errors: ModelErrors = EXACT_MODEL  # of every second robot, see `tuning_suite`
 
     def __post_init__(self) -> None:
@@ -44,10 +46,27 @@ class TuningSettings:
                 f"space {self.space!r} is that of {BIPED}; {self.env_id} has the space 'planner' only"
             )
         require_integer("seed", self.seed)
-        if not LEAST <= require_integer("scenarios", self.scenarios) <= MOST:
-            raise InvalidValueError(f"scenarios must be in [{LEAST}, {MOST}], got {self.scenarios}")
+        for name in ("scenarios", "held_out"):
+            if not LEAST <= require_integer(name, getattr(self, name)) <= MOST:
+                raise InvalidValueError(f"{name} must be in [{LEAST}, {MOST}], got {getattr(self, name)}")
         if not self.preset:
             object.__setattr__(self, "preset", "biped" if self.env_id == BIPED else "default")
+        self._check_suite()
+
+    def _check_suite(self) -> None:
+        if not self.suite:
+            plain = self.env_id != BIPED or self.errors != EXACT_MODEL
+            object.__setattr__(self, "suite", TUNING if plain else VARIED)
+        require_choice("tuning suite", self.suite, list(DRAWN))
+        if self.suite == VARIED and self.env_id != BIPED:
+            raise InvalidValueError(
+                f"suite {VARIED!r} is that of {BIPED}; {self.env_id} takes {TUNING!r} only"
+            )
+        if self.suite == VARIED and self.errors != EXACT_MODEL:
+            raise InvalidValueError(
+                f"every second robot of suite {VARIED!r} has the errors of the profile hardware already, "
+                f"got {self.errors.to_dict()}: leave them out, or take suite {TUNING!r}"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""

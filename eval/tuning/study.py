@@ -13,13 +13,13 @@ from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import RowFile, default_directory
 from ..rollout.environments import code_digest
 from ..score.suites import Suite
+from ..score.tuning_pushes import held_out_of, tuning_suite
 from .candidate import preset_of, space_of
 from .findings import findings
 from .scorer import Scorer
 from .search import Search
 from .settings import TuningSettings
 from .space import Space
-from .suite import HELD_OUT, TUNING, tuning_suite
 from .trials import FIELDS, KEY, START, Row, Trials, best_of
 
 FORMAT = 1
@@ -74,7 +74,8 @@ def tune(
         PushRecoveryError: unknown names, impossible values, a directory of another study.
     """
     space = space_of(settings)
-    suite, held_out = (tuning_suite(name, settings.scenarios, settings.errors) for name in (TUNING, HELD_OUT))
+    suite = tuning_suite(settings.suite, settings.scenarios, settings.errors)
+    held_out = tuning_suite(held_out_of(settings.suite), settings.held_out, settings.errors)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)

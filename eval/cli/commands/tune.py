@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
@@ -20,52 +21,59 @@ ERRORS = "Model errors of every second robot, half of these with the mass error 
 class Tune(EnvOptions, ErrorOptions, RunningOptions):
     """Search settings; the defaults are those of `tuning.settings.TuningSettings`."""
 
-    policy: Annotated[str, arg(metavar="NAME")] = "two-stage"
-    """Arm whose gains are tuned."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME")] = ("two-stage",)
+    """Arms that are tuned, each by a search of its own, one after the other."""
     space: Literal["planner", "robot", "both"] = "planner"
-    """The arm's gains; gait box, gait machine and whole-body control, which all arms share; or both."""
+    """The arm's gains; its gait box, gait machine and whole-body control; or both."""
     only: Annotated[tuple[str, ...] | None, arg(metavar="FIELD", help_behavior_hint="")] = None
     """Groups or fields of the space, such as limits or gait.apex (all of it)."""
     trials: Count = field(default=100, metadata=within(1))
-    """Budget."""
+    """Budget of each arm."""
+    suite: Literal["tuning", "tuning-varied"] | None = None
+    """Single pushes at the pelvis, or those of every kind under both profiles (the latter on the biped)."""
     scenarios: Count = field(default=256, metadata=within(8))
     """Of a trial that is not stopped early."""
+    held_out: Count = field(default=256, metadata=within(8))
+    """Pushes that the search does not see, which start and best meet at its end."""
     seed: Count = field(default=0, metadata=within(0))
     """Of the search."""
     errors: Annotated[str, arg(metavar="JSON", help=ERRORS)] = "{}"
 
     @property
     def settings(self) -> TuningSettings:
-        """What the study is, besides its number of trials."""
+        """What each study is, of the first arm, besides its number of trials."""
         from ...tuning.settings import TuningSettings
 
         return TuningSettings(
             self.env,
-            self.policy,
+            self.policies[0],
             self.space,
             self.only or (),
             self.preset or "",
             self.seed,
+            self.suite or "",
             self.scenarios,
+            self.held_out,
             self.model_errors,
         )
 
     def run(self) -> None:
-        """Run a study, print the tables or the object."""
+        """Run the studies, print the tables or the object."""
         from ...output.progress import progress_bars
-        from ...tuning.candidate import space_of
-        from ...tuning.report import print_study, summary
-        from ...tuning.study import tune
+        from ...tuning.arms import check_arms, tune_arms
+        from ...tuning.report import print_arms, summary
 
-        settings = self.settings
-        space_of(settings)  # unknown fields fail here, before the bar
-        with progress_bars([settings.policy], self.trials) as bars:
+        each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
+        with progress_bars(list(each), self.trials) as bars:
 
-            def show(row: Row, best: Row) -> None:
-                bars.set(settings.policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
+            def show(row: Row, best: Row, policy: str) -> None:
+                bars.set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
 
-            study = tune(settings, self.trials, self.workers, self.directory, self.overwrite, show)
+            shown = {name: partial(show, policy=name) for name in each}
+            found = tune_arms(
+                self.settings, self.policies, self.trials, self.workers, self.directory, self.overwrite, shown
+            )
         if self.json:
-            self.print_json(summary(study))
+            self.print_json(summary(found))
         else:
-            print_study(study)
+            print_arms(found)

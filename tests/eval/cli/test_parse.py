@@ -28,7 +28,7 @@ def test_bounds_hold_for_options_made_in_python_too(value):
 
 
 def test_tune_has_the_defaults_of_its_settings():
-    tune, settings = Tune().settings, TuningSettings(Tune().env, Tune().policy)
+    tune, settings = Tune().settings, TuningSettings(Tune().env, *Tune().policies)
     for field in fields(TuningSettings):
         assert getattr(tune, field.name) == getattr(settings, field.name)
 

@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.eval.score.tuning_pushes import TUNING, tuning_suite
 from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
 from push_recovery.eval.tuning.settings import TuningSettings
 from push_recovery.eval.tuning.study import tune
-from push_recovery.eval.tuning.suite import TUNING, tuning_suite
 from push_recovery.eval.tuning.trials import candidate_path
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 SETTINGS = TuningSettings(
-    PENDULUM, "stage-1+cop", seed=3, scenarios=8, only=("planner.alpha_offset", "planner.beta_dcm")
+    PENDULUM,
+    "stage-1+cop",
+    seed=3,
+    scenarios=8,
+    held_out=9,
+    only=("planner.alpha_offset", "planner.beta_dcm"),
 )
 TRIALS = 8  # more than a generation
 
@@ -79,7 +85,7 @@ def test_the_file_says_how_it_was_found(study):
     assert found["episodes"] == sum(row["scenarios"] for row in rows(study.directory))
     for name, number in (("start", 0), ("best", study.best["trial"])):
         assert found["tuning"][name]["score"] == np.mean(study.trials[number]["values"])
-    assert found["held_out"]["scenarios"] == 8
+    assert found["held_out"]["scenarios"] == 9
 
 
 def test_workers_change_nothing(study):
@@ -115,6 +121,9 @@ def test_a_trial_at_another_point_is_refused(study, tmp_path):
         ({"space": "all"}, r"^unknown space to tune 'all' \(valid: planner, robot, both\)$"),
         ({"space": "both"}, f"^space 'both' is that of {BIPED}; {PENDULUM} has the space 'planner' only$"),
         ({"scenarios": 4}, r"scenarios must be in \[8, 1024\], got 4"),
+        ({"held_out": 1025}, r"held_out must be in \[8, 1024\], got 1025"),
+        ({"suite": "hard"}, r"^unknown tuning suite 'hard' \(valid: tuning, tuning-varied\)$"),
+        ({"suite": "tuning-varied"}, f"^suite 'tuning-varied' is that of {BIPED}; {PENDULUM} takes 'tu"),
         ({"seed": -1}, "seed must be an integer >= 0, got -1"),
     ],
 )  # fmt: skip
@@ -123,26 +132,27 @@ def test_bad_settings_are_refused(changes, message):
         TuningSettings(**{**vars(SETTINGS), **changes})
 
 
+def test_pushes_are_of_every_kind_where_the_robot_takes_them():
+    assert SETTINGS.suite == "tuning"
+    assert TuningSettings(BIPED, "stage-1").suite == "tuning-varied"
+    spoilt = {"errors": ModelErrors(mass=0.1)}
+    assert TuningSettings(BIPED, "stage-1", **spoilt).suite == "tuning"  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match=r"got \{'mass': 0.1\}: leave them out"):
+        TuningSettings(BIPED, "stage-1", suite="tuning-varied", **spoilt)  # type: ignore[arg-type]
+
+
 def test_command_prints_one_object(tmp_path, capsys):
-    options = [
-        "--env",
-        PENDULUM,
-        "--policy",
-        "stage-1",
-        "--trials",
-        "1",
-        "--scenarios",
-        "8",
-        "--workers",
-        "1",
-    ]
+    options = ["--env", PENDULUM, "--policies", "stage-1", "--trials", "1", "--scenarios", "8"]
+    options += ["--held-out", "8", "--workers", "1"]
     assert main(["tune", *options, "--out", str(tmp_path), "--json"]) == 0
     out = json.loads(capsys.readouterr().out)
-    assert out["trials"] == 1
-    assert load_preset(out["preset"]).arms["stage-1"] == out["settings"]["planner"]
+    arm = out["arms"]["stage-1"]
+    assert arm["trials"] == 1
+    for path in (out["preset"], arm["preset"]):
+        assert load_preset(path).arms["stage-1"] == arm["settings"]["planner"]
     assert main(["tune", *options, "--out", str(tmp_path)]) == 0
     assert "held out" in capsys.readouterr().out
-    assert main(["tune", "--policy", "random"]) == 2
+    assert main(["tune", "--policies", "stage-1", "random"]) == 2
     assert "unknown policy to tune 'random'" in capsys.readouterr().err
 
 

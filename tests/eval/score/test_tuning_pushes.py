@@ -1,25 +1,39 @@
+import hashlib
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.eval.score.suites import hard_suite, standard_suite
-from push_recovery.eval.tuning.suite import HELD_OUT, MOST, SHARE, TUNING, tuning_suite
+from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from push_recovery.envs.scenario.physics_options import PLAIN_PHYSICS
+from push_recovery.eval.score.kinds import groups_of
+from push_recovery.eval.score.suites import get_suite
+from push_recovery.eval.score.tuning_pushes import (
+    MOST,
+    SEEDS,
+    SHARE,
+    TUNING,
+    VARIED,
+    held_out_of,
+    tuning_suite,
+)
 
+HELD_OUT = held_out_of(TUNING)
+SCORED = ("standard", "hard", "varied", "varied-sealed")
 SUITES = {
-    "standard": standard_suite(),
-    "hard": hard_suite(),
-    **{name: tuning_suite(name, MOST) for name in (TUNING, HELD_OUT)},
+    **{name: get_suite(name) for name in SCORED},
+    **{name: tuning_suite(name, MOST) for name in SEEDS},
 }
 
 
 @pytest.mark.parametrize(
     ("a", "b"),
     [
-        *((tuned, scored) for tuned in (TUNING, HELD_OUT) for scored in ("standard", "hard")),
-        (TUNING, HELD_OUT),
+        *((tuned, scored) for tuned in SEEDS for scored in SCORED),
+        *combinations(SEEDS, 2),
     ],
 )
 def test_suites_are_disjoint(a, b):
@@ -59,3 +73,25 @@ def test_errors_spoil_every_second_robot_and_half_of_them_with_less_mass():
     assert [s.errors.mass for s in spoilt.scenarios[:4]] == [0.0, 0.1, 0.0, -0.1]
     assert [s.errors.delay for s in spoilt.scenarios[:4]] == [0.0, 0.01, 0.0, 0.01]
     assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
+
+
+def test_every_second_robot_is_of_the_profile_hardware_with_every_kind_of_push():
+    for name in (VARIED, held_out_of(VARIED)):
+        scenarios = SUITES[name].scenarios
+        exact, real = scenarios[::2], scenarios[1::2]
+        assert {s.errors for s in exact} == {EXACT_MODEL}
+        assert {s.physics for s in exact} == {PLAIN_PHYSICS}
+        assert all(HARDWARE.applied(s) == s for s in real)
+        for half in (exact, real):
+            sizes = {group: len(ids) for group, ids in groups_of(half).items()}
+            for group, share in (("single", 8), ("double", 4), ("repeated", 4), ("trunk", 8), ("turning", 4)):
+                assert sizes[group] / len(half) == pytest.approx(share / 16, abs=0.05), (name, group)
+
+
+def test_pushes_of_every_kind_are_fixed():
+    """The profile may change, the pushes may not."""
+    found = []
+    for name in (VARIED, held_out_of(VARIED)):
+        drawn = [repr((s.pushes, s.command, s.noise_seed)) for s in SUITES[name].scenarios]
+        found.append(hashlib.sha256("\n".join(drawn).encode()).hexdigest()[:12])
+    assert found == ["cb6461f7f840", "8ffecf6c93aa"]

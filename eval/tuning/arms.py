@@ -1,0 +1,91 @@
+"""The same search for several arms, one after the other: one budget, one start, one record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.settings.presets import PresetFile, load_preset
+from ..output.rows import default_directory
+from ..rollout.environments import code_digest
+from .candidate import space_of
+from .settings import TuningSettings
+from .study import OnTrial, Study, tune
+
+
+@dataclass(frozen=True)
+class ArmStudies:
+    """What the studies of some arms have found."""
+
+    studies: Mapping[str, Study]  # by arm
+    preset: PresetFile  # the start, with what is best for each arm; `found` says how, by arm
+    directory: Path
+
+    @property
+    def path(self) -> Path:
+        """The preset file."""
+        return self.directory / "preset.json"
+
+
+def tune_arms(
+    settings: TuningSettings,
+    policies: Sequence[str],
+    trials: int,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+    on_trial: Mapping[str, OnTrial] | None = None,
+) -> ArmStudies:
+    """Search for each arm in a directory of its own name; what is there already is not run again.
+
+    Args:
+        settings: what is tuned on what; its policy is replaced by each arm in turn.
+        policies: the arms.
+        trials: the budget of each.
+        workers: processes; they change no result.
+        directory: of the arms' directories and of preset.json; by default under runs/.
+        overwrite: start over where a directory holds trials.
+        on_trial: by arm, called after each of its trials.
+
+    Raises:
+        PushRecoveryError: unknown names, impossible values, a directory of another study.
+    """
+    each = check_arms(settings, policies)
+    directory = directory or default_directory("tune", _configuration(settings, list(each)))
+    studies = {
+        name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
+        for name, own in each.items()
+    }
+    found = ArmStudies(studies, _merged(settings, studies), directory)
+    found.preset.save(found.path)
+    return found
+
+
+def check_arms(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
+    """What each arm's study is.
+
+    Raises:
+        PushRecoveryError: an arm or a field that cannot be tuned, or an arm that comes twice.
+    """
+    if twice := [name for name in policies if policies.count(name) > 1]:
+        raise InvalidValueError(f"arm {twice[0]!r} is given more than once")
+    each = {name: replace(settings, policy=name) for name in policies}
+    for own in each.values():
+        space_of(own)
+    return each
+
+
+def _merged(settings: TuningSettings, studies: Mapping[str, Study]) -> PresetFile:
+    """The start with the arms' own settings of every study put in."""
+    start = load_preset(settings.preset)
+    arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
+    return replace(start, arms=arms, found={name: study.preset.found for name, study in studies.items()})
+
+
+def _configuration(settings: TuningSettings, policies: list[str]) -> dict[str, Any]:
+    """What the default directory is named after."""
+    start = {**load_preset(settings.preset).to_dict(), "found": {}}
+    return {"tune": {**settings.to_dict(), "policy": policies}, "start": start, "code": code_digest()}
