@@ -13,6 +13,7 @@ import numpy as np
 from ...controllers.compiled.array_table import parts_table
 from ...controllers.compiled.threads import RangeThreads
 from ...controllers.errors import InvalidValueError
+from ...controllers.estimation.base_estimate import BaseEstimate
 from ...controllers.estimation.observe import Contacts
 from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.model.capturability import capture_constants
@@ -22,7 +23,6 @@ from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
-from ...controllers.validation import require_choice
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
@@ -33,15 +33,7 @@ from ..scenario.noise import counter_seed
 from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
-from ..sensing.onboard import (
-    EXACT,
-    ONBOARD,
-    SENSING,
-    Sensing,
-    begin_onboard,
-    exact_sensing,
-    onboard_sensing,
-)
+from ..sensing.onboard import Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..sensing.sensors import seed_sensors
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
@@ -60,6 +52,7 @@ from .robots.biped.robot import biped
 from .robots.compiled_robot import CompiledRobot
 from .robots.control_fields import inputs, outputs
 from .robots.indices import MISSING
+from .senses import Senses
 from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
 
 DEFAULT_PLANNER = PlannerConfig()
@@ -82,7 +75,7 @@ class BipedCore:
         control_hz: float = 100.0,
         threads: int = 1,
         body: CompiledRobot | None = None,
-        sensing: str = EXACT,
+        sensing: str | None = None,
     ):
         """Build the robots, none of them in a state yet: `reset` each before the first step.
 
@@ -93,7 +86,7 @@ class BipedCore:
             control_hz: planning rate [Hz]; divides the physics rate of 500 Hz.
             threads: that a planning period is computed on.
             body: the robot's model; None: the biped's.
-            sensing: what control acts on, the true state ("exact") or what sensors tell ("onboard").
+            sensing: of every robot, whatever its scenario says of it; None: what the scenario says.
 
         Raises:
             InvalidValueError: for an impossible rate or number.
@@ -104,8 +97,6 @@ class BipedCore:
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
         self.body = body or biped()
-        require_choice("sensing", sensing, SENSING)
-        self.sensing = sensing
         self._stateless = set(range(n))  # robots that were never put anywhere
         given, found = inputs(self.body.indices), outputs(self.body.model, self.body.indices)
         self.simulations = Simulations(self.body.model, n, given, found, self._threads.threads)
@@ -128,19 +119,31 @@ class BipedCore:
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
-        self._sensing = self._sensing_of(sensing)
-        self.judged = self._sensing.judged  # the true state: `physics` itself unless sensing is onboard
-        self.estimate = self._sensing.estimate  # of the base, with onboard sensing
+        self.com = np.zeros((n, 2))  # true, in the world [m]
+        exact = exact_sensing(self.physics, self.contacts, self.simulations.handles, self.truth)
+        self.senses = Senses(n, exact, self._own_sensors, sensing)
         self._limits, self._capture = limits, capture_constants(robot, limits)
         self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
         self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
 
-    def _sensing_of(self, sensing: str) -> Sensing:
-        physics, contacts, handles = self.physics, self.contacts, self.simulations.handles
-        if sensing == EXACT:
-            return exact_sensing(physics, contacts, handles, self.truth)
-        present = np.array(self.body.indices.motors) != MISSING
-        return onboard_sensing(self.simulations, physics, contacts, present.astype(np.float64))
+    def _own_sensors(self) -> Sensing:
+        """The arrays of robots that act on their own sensors."""
+        present = (np.array(self.body.indices.motors) != MISSING).astype(np.float64)
+        return onboard_sensing(self.simulations, self.physics, self.contacts, present)
+
+    @property
+    def judged(self) -> Physics:
+        """The true state of robots that act on their own sensors; that of the others is `physics`."""
+        return self.senses.last.judged
+
+    @property
+    def estimate(self) -> BaseEstimate:
+        """Of the bases of robots that act on their own sensors."""
+        return self.senses.last.estimate
+
+    def true_state(self, k: int) -> Physics:
+        """The arrays that hold where robot k truly is."""
+        return self.senses.kinds[self.senses.of(k)].judged
 
     def __getstate__(self) -> object:
         """Refuse copies and pickles: compiled code knows the arrays by their addresses."""
@@ -163,18 +166,20 @@ class BipedCore:
         self._bind()
 
     def _bind(self) -> None:
-        """Write the address tables anew, one a thread; to be called whenever an array is replaced."""
+        """Write the address tables anew, for each sensing one a thread: whenever an array is replaced."""
         view = View(
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
-            self.truth,
+            self.truth, self.com,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
+        own = [self.simulations.handles_of(w) for w in range(len(self._bounds))]
         self._arenas = [
-            Arena(*state, bounds, view, self.contacts, self.simulations.handles_of(w), *rest, *self._sensing)
-            for w, (bounds, _) in enumerate(self._bounds)
-        ]
-        self._tables = [parts_table(arena) for arena in self._arenas]
+            [Arena(*state, bounds, view, self.contacts, handles, *rest, *sensing)
+             for (bounds, _), handles in zip(self._bounds, own, strict=True)]
+            for sensing in self.senses.kinds
+        ]  # fmt: skip
+        self._tables = [[parts_table(arena) for arena in arenas] for arenas in self._arenas]
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
@@ -192,8 +197,10 @@ class BipedCore:
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
-        if self.sensing == ONBOARD:
-            seed_sensors(self._sensing.sensors, k, counter_seed(scenario.noise_seed), stance)
+        if self.senses.assign(k, scenario.sensing):
+            self._bind()
+        if self.senses.of(k):
+            seed_sensors(self.senses.last.sensors, k, counter_seed(scenario.noise_seed), stance)
         self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
@@ -214,7 +221,7 @@ class BipedCore:
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
         clear_record(self.bounds_record, k)
         self.truth[k] = 0.0
-        finish_period(self._tables[0], self._constants, k, k + 1)
+        finish_period(self._tables[self.senses.of(k)][0], self._constants, k, k + 1)
 
     def _soles(self, k: int, stance: int, swing_x: float, swing_y: float) -> Array:
         """Where robot k stands, (2, 3) [m]: the stance sole at the origin, each sole on its tile."""
@@ -231,9 +238,9 @@ class BipedCore:
             connect_floor(self.floors, k, self.body, simulations.models[k], simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         self._stateless.discard(k)
-        if self.sensing == ONBOARD:
+        if self.senses.of(k):
             gravity = self.simulations.models[k].opt.gravity
-            begin_onboard(self._sensing, k, self.physics, self.contacts, gravity)
+            begin_onboard(self.senses.last, k, self.physics, self.contacts, gravity)
             self.errors.physical[k] = self.errors.believes[k] = 1
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
@@ -257,23 +264,25 @@ class BipedCore:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
         tables, constants, steps = self._tables, self._constants, self.substeps
-        if self._threads.threads == 1:
-            whole_period(tables[0], constants, gaits, actions, steps, PHYSICS_DT, 0, self.n)
-            return
 
         def job(worker: int, first: int, end: int) -> None:
-            whole_period(tables[worker], constants, gaits, actions, steps, PHYSICS_DT, first, end)
+            for kind, start, stop in self.senses.alike(first, end):
+                whole_period(tables[kind][worker], constants, gaits, actions, steps, PHYSICS_DT, start, stop)
 
         self._threads.run(job, self.n)
 
     def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
         """The same on one thread, physics step by physics step."""
-        table, constants = self._tables[0], self._constants
-        begin_period(table, constants, gaits, actions, 0, self.n)
+        constants = self._constants
+        runs = [(self._tables[kind][0], first, end) for kind, first, end in self.senses.alike(0, self.n)]
+        for table, first, end in runs:
+            begin_period(table, constants, gaits, actions, first, end)
         for _ in range(self.substeps):
-            physics_steps(table, constants, 1, PHYSICS_DT, 0, self.n)
+            for table, first, end in runs:
+                physics_steps(table, constants, 1, PHYSICS_DT, first, end)
             look()
-        finish_period(table, constants, 0, self.n)
+        for table, first, end in runs:
+            finish_period(table, constants, first, end)
 
 
 def substeps(control_hz: float) -> int:

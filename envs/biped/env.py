@@ -14,7 +14,6 @@ from ..episode.episodes import GaitEpisodes, Ints, Motion
 from ..episode.profile import get_profile
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
-from ..sensing.onboard import EXACT
 from .core import BipedCore
 from .robots.compiled_robot import compiled_robot
 from .robots.description import RobotDescription, robot_description
@@ -28,8 +27,8 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     `threads` share their physics and change nothing else. The robot is the biped, or another one by the
     place of its RobotDescription (`module:attribute`) or by the description itself. `profile` names what is
-    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is. With `sensing`
-    "onboard" planner and control act on what the robot's sensors tell, with "exact" on the true state.
+    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is. A `sensing`
+    stands above what any scenario says of it.
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
@@ -42,7 +41,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         threads: int = 1,
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
-        sensing: str = EXACT,
+        sensing: str | None = None,
     ):
         self.profile = get_profile(profile)
         self.description = robot_description(robot)
@@ -55,13 +54,13 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
-        own = self.preset, self.control_hz, threads, self.description, self.profile.name, self.core.sensing
-        return BipedEpisodes(n, *own)
+        own = self.description, self.profile.name, self.core.senses.forced
+        return BipedEpisodes(n, self.preset, self.control_hz, threads, *own)
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
         gait = self.core.gait
-        return Motion(gait.steps, self.core.judged.com[:, 0, :2], gait.time, gait.stance, gait.heading)
+        return Motion(gait.steps, self.core.com, gait.time, gait.stance, gait.heading)
 
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""
@@ -82,7 +81,7 @@ class BipedEnv(GaitEnv):
         push_distribution: dict[str, Any] | PushDistribution | None = None,
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
-        sensing: str = EXACT,
+        sensing: str | None = None,
     ):
         """Build one biped.
 
@@ -94,9 +93,9 @@ class BipedEnv(GaitEnv):
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
             robot: another one than the biped: see `BipedEpisodes`.
             profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
-                or "hardware", with losses, delay, collisions and finer physics.
-            sensing: what planner and control act on, the true state ("exact") or what the robot's own sensors
-                tell ("onboard").
+                or "hardware", with its own sensors, losses, delay, collisions and finer physics.
+            sensing: what planner and control act on in every scenario, the true state ("exact") or what the
+                robot's own sensors tell ("onboard"); None: what the scenario says.
         """
         episodes = BipedEpisodes(1, preset, control_hz, robot=robot, profile=profile, sensing=sensing)
         super().__init__(episodes, render_mode, push_distribution)
@@ -123,7 +122,7 @@ def make_biped_vector(
     push_distribution: dict[str, Any] | PushDistribution | None = None,
     robot: str | RobotDescription = "biped",
     profile: str = "exact",
-    sensing: str = EXACT,
+    sensing: str | None = None,
 ) -> GaitVectorEnv:
     """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 

@@ -53,6 +53,7 @@ class View(NamedTuple):
     margin: Floats1  # (n,) capture margin [m], written
     world: Floats2  # (n, 6) DCM, CoP and CMP in the world [m], written
     truth: Floats2  # (n, 36) observation without its noise, written
+    com: Floats2  # (n, 2) true CoM in the world [m], written
 
 
 class Arena(NamedTuple):
@@ -176,7 +177,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
     One whose state is not finite keeps the observation that it had.
     """
     phys, gait, settings = part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), settings_of(c)
-    command, previous, capture, out, margin, world, truth = part_of(t, Arena, "exchange")
+    command, previous, capture, out, margin, world, truth, com = part_of(t, Arena, "exchange")
     contacts, starts = part_of(t, Arena, "contacts"), part_of(t, Arena, "pushes").start
     errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
     schedule, known = part_of(t, Arena, "schedule"), part_of(t, Arena, "known")
@@ -192,6 +193,7 @@ def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
         follow(schedule, k, gait.time[k], command[k])
         gait.turn[k] = command[k, TURN]
         span, before = contacts.time[k], (world[k, 0], world[k, 1])
+        com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
         learn(known, k, phys, gait, contacts, settings)
         mass = settings.mass * known.mass[k]
         margin[k] = observe(

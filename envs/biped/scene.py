@@ -47,7 +47,7 @@ def push_opacity(time: float, start: float, duration: float) -> float:
 def to_world(core: BipedCore, x: float, y: float) -> Array:
     """A point of robot 0's canonical frame on the floor of the world, (3,) [m]."""
     stance, heading = int(core.gait.stance[0]), float(core.gait.heading[0])
-    sole = sole_position(core.judged, 0, stance)
+    sole = sole_position(core.true_state(0), 0, stance)
     x, y = point_in_world(canonical_frame(heading, stance), sole[0], sole[1], x, y)
     return np.array([x, y, 0.0])
 

@@ -1,4 +1,4 @@
-"""Profiles: how real the simulated robot is, as one name for its model errors and its physics."""
+"""Profiles: how real the simulated robot is, as one name for model errors, physics and sensing."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from typing import Any
 from ...controllers.validation import require_choice
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
-from ..scenario.scenario import Scenario
+from ..scenario.scenario import EXACT_SENSING, ONBOARD, Scenario
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Model errors and physics of every robot that it is applied to."""
+    """Model errors, physics and sensing of every robot that it is applied to."""
 
     name: str
     errors: ModelErrors = EXACT_MODEL
     physics: PhysicsOptions = PLAIN_PHYSICS
+    sensing: str = EXACT_SENSING
 
     def applied(self, scenario: Scenario) -> Scenario:
         """The scenario on such a robot, of the same id and noise seed; what it says itself stands."""
@@ -27,6 +28,7 @@ class Profile:
             scenario,
             errors=_completed(scenario.errors, self.errors),
             physics=_completed(scenario.physics, self.physics),
+            sensing=self.sensing if scenario.sensing == EXACT_SENSING else scenario.sensing,
         )
 
 
@@ -49,6 +51,7 @@ HARDWARE = Profile(
         bus_power=3000.0,
     ),
     PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0),
+    ONBOARD,
 )
 PROFILES: Mapping[str, Profile] = MappingProxyType({profile.name: profile for profile in (EXACT, HARDWARE)})
 

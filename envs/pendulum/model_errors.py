@@ -30,7 +30,7 @@ from ..scenario.observation_noise import (
     add_motion_noise,
     motion_noise,
 )
-from ..scenario.scenario import Scenario
+from ..scenario.scenario import EXACT_SENSING, Scenario
 from .support import supported_cop, transferred_cop
 
 Array = NDArray[np.float64]
@@ -74,8 +74,12 @@ def assign_errors(table: PendulumErrors, k: int, scenario: Scenario, dt: float) 
     """Give pendulum k the errors of a scenario, at its beginning.
 
     Raises:
-        InvalidValueError: for an error or an option of the physics that a pendulum cannot have.
+        InvalidValueError: for an error, an option of the physics or a sensing that a pendulum cannot have.
     """
+    if scenario.sensing != EXACT_SENSING:
+        raise InvalidValueError(
+            f"the pendulum has no sensors: sensing must be {EXACT_SENSING!r}, got {scenario.sensing!r}"
+        )
     if options := scenario.physics.to_dict():
         raise InvalidValueError(
             f"the pendulum is integrated exactly and has no options of physics, got {options}"

@@ -106,7 +106,7 @@ def make_biped_residual_vector(
     render_mode: str | None = None,
     robot: Any = "biped",
     profile: str = "exact",
-    sensing: str = "exact",
+    sensing: str | None = None,
 ) -> ResidualVectorEnv:
     """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
 

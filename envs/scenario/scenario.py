@@ -28,6 +28,7 @@ from .push import (
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
 SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
+EXACT_SENSING, ONBOARD = SENSING = ("exact", "onboard")  # see `Scenario.sensing`
 __all__ = ["SETTLE_TIME", "Command", "CommandChange", "Scenario"]
 
 
@@ -46,10 +47,11 @@ class Scenario:
     stance_side: Side = "left"  # of step 0
     settle_time: float = SETTLE_TIME  # [s]
     duration: float | None = None  # [s] from reset
-    noise_seed: int = 0  # of the noise of `errors`
+    noise_seed: int = 0  # of the noise of `errors` and of sensors
     errors: ModelErrors = EXACT_MODEL  # what planner and control do not know
     changes: tuple[CommandChange, ...] = ()  # of the command, rising in time
     physics: PhysicsOptions = PLAIN_PHYSICS  # how it is computed
+    sensing: str = EXACT_SENSING  # what control acts on: the true state, or what "onboard" sensors tell
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -74,6 +76,7 @@ class Scenario:
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
+        require_choice("sensing", self.sensing, SENSING)
         object.__setattr__(self, "changes", check_changes(self.changes))
 
     def end_time(self, last_push_end: float) -> float:
@@ -109,10 +112,11 @@ class Scenario:
             errors=self.errors.mirrored(),
             changes=tuple(change.mirrored() for change in self.changes),
             physics=self.physics,
+            sensing=self.sensing,
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field; `errors`, `changes` and `physics` only where there are any."""
+        """Plain JSON types, every field; the last four only where they are not at their default."""
         values: dict[str, Any] = {
             "id": self.id,
             "pushes": [push.to_dict() for push in self.pushes],
@@ -128,6 +132,8 @@ class Scenario:
             values["changes"] = [change.to_dict() for change in self.changes]
         if self.physics != PLAIN_PHYSICS:
             values["physics"] = self.physics.to_dict()
+        if self.sensing != EXACT_SENSING:
+            values["sensing"] = self.sensing
         return values
 
     @classmethod

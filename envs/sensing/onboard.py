@@ -1,6 +1,6 @@
 """Which state control acts on: the true one, or what the robot's own sensors and its estimator tell.
 
-With `sensing="onboard"` the physics writes into arrays of its own, those that episodes are judged by. Sensors
+Where it is "onboard" the physics writes into arrays of its own, those that episodes are judged by. Sensors
 read them once in a physics step; gait machine, whole-body control, observation and policies see the arrays
 that the estimate is written into, and nothing else.
 """
@@ -42,9 +42,6 @@ from .sensors import (
     read_joints,
     sensors_of,
 )
-
-EXACT, ONBOARD = "exact", "onboard"
-SENSING = (EXACT, ONBOARD)
 
 
 class Shown(NamedTuple):

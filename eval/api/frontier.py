@@ -26,6 +26,7 @@ def frontier(
     body: Body = "pelvis",
     command: Command = IN_PLACE,
     errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
@@ -41,6 +42,7 @@ def frontier(
         body: that is pushed.
         command: velocity that is walked at.
         errors: what robot and floor are off from what the planner believes.
+        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, see `evaluate`.
         out: directory of the results; by default one under runs/ named after the configuration.
         overwrite: start over where the directory holds results.
@@ -49,7 +51,7 @@ def frontier(
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
     settings = FrontierSettings(
-        env, default_grid(env) if grid is None else grid, duration, body, command, errors
+        env, default_grid(env) if grid is None else grid, duration, body, command, errors, profile
     )
     directory = None if out is None else Path(out)
     return scan_directions(settings, policies, directions, workers, directory, overwrite)

@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
 from ..rollout.environments import make_env
 from ..rollout.names import DEFAULT_ENV
@@ -19,6 +20,8 @@ def rollout(
     policy: Any = "two-stage",
     scenario: Scenario = Scenario("unpushed"),  # noqa: B008  # frozen
     policy_name: str | None = None,
+    *,
+    profile: str = "exact",
 ) -> Outcome:
     """Run one scenario to its end: the row that an evaluation writes.
 
@@ -27,10 +30,12 @@ def rollout(
         policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
         scenario: what happens.
         policy_name: of the outcome; by default the name, or the object's class.
+        profile: of the robot, "exact" or "hardware"; what the scenario says itself stands.
 
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
+    scenario = get_profile(profile).applied(scenario)
     ((label, source),) = policy_sources(policy if policy_name is None else {policy_name: policy}).items()
     made = make_env(env) if isinstance(env, str) else env
     try:

@@ -122,6 +122,15 @@ class ErrorOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RobotOptions(ErrorOptions):
+    """Of a command whose robots are of a profile."""
+
+    profile: Annotated[str, arg(metavar="NAME")] = "exact"
+    """How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses,
+    delay and collisions (docs/scenarios.md)."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunningOptions(JsonOption):
     """Of a command that runs episodes in processes and keeps their rows."""
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from ...controllers.errors import InvalidValueError
 from ...envs.episode.episodes import GaitEpisodes
+from ...envs.episode.profile import EXACT, get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
@@ -38,17 +39,20 @@ class FrontierSettings:
     body: Body = "pelvis"
     command: Command = IN_PLACE
     errors: ModelErrors = EXACT_MODEL
+    profile: str = EXACT.name
 
     def __post_init__(self) -> None:
         if not 0 < self.grid <= FORCE_CAP:
             raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
+        get_profile(self.profile)
 
     def scenario(self, psi_deg: float, force: float) -> Scenario:
         """The push of `force` [N] towards psi."""
         event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
         push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
         name = f"frontier-{psi_deg:g}deg-{force:g}N"
-        return Scenario(name, (push,), self.command, "left", errors=self.errors)
+        scenario = Scenario(name, (push,), self.command, "left", errors=self.errors)
+        return get_profile(self.profile).applied(scenario)
 
 
 @dataclass(frozen=True)

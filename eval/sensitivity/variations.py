@@ -8,6 +8,7 @@ from types import MappingProxyType
 from ...envs.episode.profile import EXACT, HARDWARE, Profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.physics_options import PhysicsOptions
+from ...envs.scenario.scenario import ONBOARD
 
 NUMERICS = (  # of which no result should hang
     ("step-1ms", PhysicsOptions(time_step=0.001)),
@@ -40,11 +41,12 @@ BODIES = (  # of which a robot has some
     ("bus-3kW", ModelErrors(bus_power=3000.0)),
     ("bus-1.5kW", ModelErrors(bus_power=1500.0)),
 )
+SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own sensors
 VARIATIONS: Mapping[str, Profile] = MappingProxyType(
     {
         EXACT.name: EXACT,
         **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
         **{name: Profile(name, errors) for name, errors in BODIES},
-        HARDWARE.name: HARDWARE,
+        **{profile.name: profile for profile in (SENSES, HARDWARE)},
     }
 )

@@ -8,21 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from ...rollout.names import TABLE_ARMS
-from ..options import SUITES_TEXT, EnvOptions, ErrorOptions, RunningOptions
+from ..options import SUITES_TEXT, EnvOptions, RobotOptions, RunningOptions
 
 if TYPE_CHECKING:
     from ...score.suites import Suite
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
+class SuiteOptions(EnvOptions, RobotOptions, RunningOptions):
     """Of a command that runs policies on a suite."""
 
     suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "quick"
-
-    profile: Annotated[str, arg(metavar="NAME")] = "exact"
-    """How real the robot is: exact, as the planner takes it to be, or hardware, with losses, delay and
-    collisions (docs/scenarios.md)."""
 
     @property
     def pushes(self) -> Suite:

@@ -9,11 +9,11 @@ from typing import Annotated
 from tyro.conf import arg
 
 from ....envs.scenario.scenario import Command
-from ..options import Count, EnvOptions, ErrorOptions, PushOptions, RunningOptions, within
+from ..options import Count, EnvOptions, PushOptions, RobotOptions, RunningOptions, within
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frontier(EnvOptions, PushOptions, ErrorOptions, RunningOptions):
+class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
     """Scan the directions for the largest recoverable push."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
@@ -41,6 +41,7 @@ class Frontier(EnvOptions, PushOptions, ErrorOptions, RunningOptions):
             self.body,
             Command(self.vx, self.vy),
             self.model_errors,
+            self.profile,
         )
         result = frontier(
             settings, self.policies, self.directions, self.workers, self.directory, self.overwrite

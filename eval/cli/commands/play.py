@@ -10,14 +10,14 @@ from tyro.conf import arg
 
 from ....controllers.errors import UnknownNameError
 from ....envs.scenario.scenario import Command, Scenario
-from ..options import EnvOptions, ErrorOptions, Policy, PushOptions, Real, within
+from ..options import EnvOptions, Policy, PushOptions, Real, RobotOptions, within
 
 if TYPE_CHECKING:
     from ...rollout.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play(EnvOptions, PushOptions, ErrorOptions):
+class Play(EnvOptions, PushOptions, RobotOptions):
     """Show one push."""
 
     policy: Policy = "two-stage"
@@ -54,14 +54,15 @@ class Play(EnvOptions, PushOptions, ErrorOptions):
             body=self.body,
             command=Command(self.vx, self.vy),
             errors=self.model_errors,
+            profile=self.profile,
         )
         scenario = settings.scenario(self.psi, self.force)
         return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")
 
     def _of_suite(self, name: str) -> Scenario:
-        from ...score.suites import get_suite, with_errors
+        from ...score.suites import get_suite, on_robots
 
-        suite = with_errors(get_suite(name), self.model_errors)
+        suite = on_robots(get_suite(name), self.model_errors, self.profile)
         ids = [scenario.id for scenario in suite.scenarios]
         wanted = ids[0] if self.scenario is None else self.scenario
         if wanted not in ids:

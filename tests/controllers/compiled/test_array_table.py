@@ -54,7 +54,7 @@ def same(found, held):
 @pytest.mark.parametrize("name", ARENA._fields)
 def test_the_arena_is_read_where_it_is(episodes, name):
     core = episodes.core
-    arena, table = core._arenas[0], core._tables[0]
+    arena, table = core._arenas[0][0], core._tables[0][0]
     if name == "bounds":  # which has settings, too
         same(biped_arena.bounds_of(table, core._constants), arena.bounds)
     else:

@@ -27,8 +27,9 @@ def test_hardware_is_what_the_pages_say():
         "friction": 0.7, "delay": 0.004, "joint_friction": 1.0, "armature": 0.03, "collisions": True,
         "motor_power": 2000.0, "bus_power": 3000.0,
     }  # fmt: skip
+    assert applied.to_dict()["sensing"] == "onboard"
     assert applied.to_dict()["physics"] == {"time_step": 0.001, "cone": "elliptic", "impratio": 10.0}
-    assert replace(applied, errors=PUSHED.errors, physics=PUSHED.physics) == PUSHED
+    assert replace(applied, errors=PUSHED.errors, physics=PUSHED.physics, sensing="exact") == PUSHED
 
 
 def test_what_a_scenario_says_itself_stands():
@@ -71,10 +72,18 @@ def test_a_vector_of_robots_has_the_profile_too(env_id):
         )
         envs.reset(seed=3)
         core = envs.unwrapped.core
-        seen.append((core.errors.delay.tolist(), core.simulations.models[1].opt.timestep))
+        seen.append((core.errors.delay.tolist(), core.simulations.models[1].opt.timestep, core.senses.of(1)))
         alike = envs.unwrapped.episodes.alike(1)
         assert alike.drawn(envs.unwrapped.push_distribution, np.random.default_rng(0)).errors.collisions == (
             profile == "hardware"
         )
         envs.close()
-    assert seen == [([0, 0], 0.002), ([2, 2], 0.001)]
+    assert seen == [([0, 0], 0.002, 0), ([2, 2], 0.001, 1)]
+
+
+@pytest.mark.parametrize(("sensing", "kind"), [(None, 1), ("exact", 0), ("onboard", 1)])
+def test_a_sensing_of_the_environment_stands_above_the_profile(sensing, kind):
+    env = gym.make("push_recovery:PushRecovery/Biped-v0", profile="hardware", sensing=sensing)
+    env.reset(seed=3)
+    assert env.unwrapped.episodes.core.senses.of(0) == kind
+    env.close()

@@ -204,3 +204,9 @@ def test_a_pendulum_takes_no_options_of_physics():
     many = episodes([Scenario("a")])
     with pytest.raises(InvalidValueError, match=r"integrated exactly.*'time_step': 0.001"):
         many.begin(0, Scenario("b", physics=PhysicsOptions(time_step=0.001)))
+
+
+def test_a_pendulum_has_no_sensors():
+    many = episodes([Scenario("a")])
+    with pytest.raises(InvalidValueError, match=r"no sensors: sensing must be 'exact', got 'onboard'"):
+        many.begin(0, Scenario("b", sensing="onboard"))

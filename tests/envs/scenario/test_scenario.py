@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -68,3 +68,13 @@ def test_a_noise_seed_stays_one_that_json_can_hold():
     assert Scenario.from_json(Scenario("a", noise_seed=2**128 - 1).to_json()).noise_seed == 2**128 - 1
     with pytest.raises(InvalidValueError, match=r"Scenario\.noise_seed must be an integer in"):
         Scenario("a", noise_seed=2**128)
+
+
+def test_a_sensing_is_said_only_where_it_is_not_exact():
+    onboard = Scenario("a", sensing="onboard")
+    assert "sensing" not in Scenario("a").to_dict()
+    assert onboard.to_dict()["sensing"] == "onboard"
+    assert Scenario.from_json(onboard.to_json()) == onboard
+    assert onboard.mirrored().sensing == "onboard"
+    with pytest.raises(UnknownNameError, match=r"sensing 'onbord'.*exact, onboard"):
+        Scenario("a", sensing="onbord")

@@ -1,5 +1,7 @@
 """Bipeds that act on their own sensors: no leak of the true state, repeatable, and sure within bounds."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -93,6 +95,42 @@ def test_robots_do_not_depend_on_each_other_nor_on_threads(begin):
         np.testing.assert_array_equal(trajectory(onboard_core(), begin, [scenario])[:, 0], many[:, k])
 
 
+def test_robots_of_either_sensing_share_a_core(begin):
+    """Each is what it is among its own kind, slowly too, and so after the other kind had its place."""
+    kinds = "onboard", "exact", "exact", "onboard"
+    mixed = [replace(s, sensing=kind) for s, kind in zip(scenarios(4), kinds, strict=True)]
+    alone = [trajectory(BipedCore(1, BIPED, BIPED_LIMITS), begin, [s], 0.6)[:, 0] for s in mixed]
+    core = BipedCore(4, BIPED, BIPED_LIMITS, threads=2)
+    others = [replace(s, sensing=kind) for s, kind in zip(scenarios(4), reversed(kinds), strict=True)]
+    trajectory(core, begin, others, 0.1)
+    together = trajectory(core, begin, mixed, 0.6)
+    core.after_physics_step = lambda: None
+    slowly = trajectory(core, begin, mixed, 0.6)
+    for k, own in enumerate(alone):
+        np.testing.assert_array_equal(together[:, k], own)
+        np.testing.assert_array_equal(slowly[:, k], own)
+    assert core.true_state(1) is core.physics
+    assert core.true_state(0) is core.judged
+
+
+def test_a_forced_sensing_stands_above_the_scenarios(begin):
+    """An exact robot believes what is true, whatever its scenario says, and an onboard one does not."""
+    for forced, other in (("exact", "onboard"), ("onboard", "exact")):
+        core = BipedCore(1, BIPED, BIPED_LIMITS, sensing=forced)
+        begin(core, 0, replace(scenarios(1)[0], sensing=other))
+        believed = np.array_equal(core.physics.qpos[0], core.simulations.data[0].qpos)
+        assert believed == (forced == "exact")
+
+
+def test_the_true_com_is_what_episodes_go_by(begin):
+    """The CoM that progress is measured by is MuJoCo's of the whole robot, whatever the robot believes."""
+    core = onboard_core(2)
+    trajectory(core, begin, scenarios(2), 0.5)
+    for k, data in enumerate(core.simulations.data):
+        np.testing.assert_array_equal(core.com[k], data.subtree_com[1, :2])
+        assert np.abs(core.com[k] - core.physics.com[k, 0, :2]).max() > 1e-5
+
+
 def test_a_reset_forgets_the_episode_before(begin):
     core, (first, second, _) = onboard_core(), scenarios()
     once = trajectory(core, begin, [first], 0.5)
@@ -154,4 +192,4 @@ def test_the_environment_takes_it_alone_and_in_a_vector():
 
 
 def test_episodes_alike_sense_alike():
-    assert BipedEpisodes(1, sensing="onboard").alike(2).core.sensing == "onboard"
+    assert BipedEpisodes(1, sensing="onboard").alike(2).core.senses.forced == "onboard"

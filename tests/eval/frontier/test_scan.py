@@ -5,9 +5,11 @@ from itertools import islice
 
 import pytest
 import toy_gait_env as toy
-from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
@@ -117,6 +119,15 @@ def test_scan_of_one_that_always_falls():
     row, forces = scan_with(lambda force: False, grid=10.0)
     assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
     assert forces == [10.0 * k for k in range(1, 12)]
+
+
+def test_a_frontier_may_be_that_of_another_profile():
+    settings = FrontierSettings("env", errors=ModelErrors(friction=0.5), profile="hardware")
+    scenario = settings.scenario(90.0, 140.0)
+    assert scenario == HARDWARE.applied(FrontierSettings("env", errors=settings.errors).scenario(90.0, 140.0))
+    assert (scenario.sensing, scenario.errors.friction) == ("onboard", 0.5)
+    with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, hardware"):
+        FrontierSettings("env", profile="real")
 
 
 def test_push_of_the_contract():

@@ -1,6 +1,7 @@
 """The sample, its variations, and tables of rows written by hand."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,10 @@ CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2
 
 def test_one_thing_is_varied_at_a_time():
     assert next(iter(VARIATIONS)) == "exact"
-    assert len(VARIATIONS) == len(NUMERICS) + len(BODIES) + 2  # exact and hardware: no name comes twice
+    assert len(VARIATIONS) == len(NUMERICS) + len(BODIES) + 3  # exact, onboard, hardware: no name comes twice
+    exact = [name for name, profile in VARIATIONS.items() if profile.sensing == "exact"]
+    assert exact == [name for name in VARIATIONS if name not in {"onboard", "hardware"}]
+    assert replace(VARIATIONS["onboard"], name="exact", sensing="exact") == EXACT
     for name, _ in NUMERICS:
         assert VARIATIONS[name].errors == EXACT.errors
         assert VARIATIONS[name].physics != EXACT.physics
