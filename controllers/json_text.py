@@ -1,8 +1,9 @@
-"""JSON that users hand in: whatever it holds, what is refused is refused with one kind of error."""
+"""JSON that users hand in, refused with one kind of error whatever it holds, and what goes into JSON."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import Any
 
 from .errors import InvalidValueError
@@ -25,3 +26,12 @@ def parse_json(what: str, text: str | bytes) -> Any:
         raise InvalidValueError(f"{what} is not valid JSON: lists or objects are nested too deep") from None
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{what} is not valid JSON: {error}") from error
+
+
+def changed_fields(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass object that differ from their default: name -> value, in order.
+
+    One without a default always counts as changed.
+    """
+    pairs = ((field, getattr(value, field.name)) for field in fields(value))
+    return {field.name: own for field, own in pairs if own != field.default}

@@ -27,9 +27,10 @@ from ...controllers.whole_body.bounds import BoundSettings, make_bounds
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
-from ..physics.stepping import PHYSICS_DT, Simulations, believe
+from ..physics.stepping import Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
 from ..scenario.noise import counter_seed
+from ..scenario.physics_options import CONTROL_STEP
 from ..scenario.push import BODIES, SIDES
 from ..scenario.push_arrays import assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
@@ -267,7 +268,9 @@ class BipedCore:
 
         def job(worker: int, first: int, end: int) -> None:
             for kind, start, stop in self.senses.alike(first, end):
-                whole_period(tables[kind][worker], constants, gaits, actions, steps, PHYSICS_DT, start, stop)
+                whole_period(
+                    tables[kind][worker], constants, gaits, actions, steps, CONTROL_STEP, start, stop
+                )
 
         self._threads.run(job, self.n)
 
@@ -279,7 +282,7 @@ class BipedCore:
             begin_period(table, constants, gaits, actions, first, end)
         for _ in range(self.substeps):
             for table, first, end in runs:
-                physics_steps(table, constants, 1, PHYSICS_DT, first, end)
+                physics_steps(table, constants, 1, CONTROL_STEP, first, end)
             look()
         for table, first, end in runs:
             finish_period(table, constants, first, end)
@@ -287,8 +290,8 @@ class BipedCore:
 
 def substeps(control_hz: float) -> int:
     """Physics steps per planning period; the rate must divide the physics rate."""
-    steps = round(1.0 / (control_hz * PHYSICS_DT)) if control_hz > 0 else 0
-    if steps < 1 or abs(steps * PHYSICS_DT * control_hz - 1.0) > 1e-9:
+    steps = round(1.0 / (control_hz * CONTROL_STEP)) if control_hz > 0 else 0
+    if steps < 1 or abs(steps * CONTROL_STEP * control_hz - 1.0) > 1e-9:
         valid = ", ".join(f"{500 / s:g}" for s in (1, 2, 4, 5, 10))
         raise InvalidValueError(
             f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"

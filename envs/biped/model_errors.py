@@ -22,7 +22,6 @@ from ...controllers.estimation.leg_odometry import listen_to_soles
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Physics
 from ..physics.stepping import (
-    PHYSICS_DT,
     Handles,
     advance_finely,
     advance_measured,
@@ -38,7 +37,7 @@ from ..scenario.observation_noise import (
     add_motion_noise,
     motion_noise,
 )
-from ..scenario.physics_options import PLAIN_PHYSICS
+from ..scenario.physics_options import CONTROL_STEP, PLAIN_PHYSICS
 from ..scenario.scenario import Scenario
 from ..sensing.onboard import OnboardArrays, sense
 from .plant.altered_model import altered_model
@@ -85,10 +84,10 @@ def no_errors(n: int) -> RobotErrors:
 
 def check_biped_errors(errors: ModelErrors) -> None:
     """Raise InvalidValueError for a delay that is no whole number of physics steps."""
-    if abs(errors.delay / PHYSICS_DT - round(errors.delay / PHYSICS_DT)) > 1e-6:
+    if abs(errors.delay / CONTROL_STEP - round(errors.delay / CONTROL_STEP)) > 1e-6:
         raise InvalidValueError(
-            f"ModelErrors.delay [s] must be a multiple of {PHYSICS_DT:g} (the biped's physics step) up to "
-            f"{LONGEST_DELAY * PHYSICS_DT:g}, got {errors.delay:g}"
+            f"ModelErrors.delay [s] must be a multiple of {CONTROL_STEP:g} (the biped's control step) up to "
+            f"{LONGEST_DELAY * CONTROL_STEP:g}, got {errors.delay:g}"
         )
 
 
@@ -105,7 +104,7 @@ def assign_errors(
     check_biped_errors(errors)
     model = altered_model(robot, errors, physics)
     table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0
-    table.delay[k] = round(errors.delay / PHYSICS_DT)
+    table.delay[k] = round(errors.delay / CONTROL_STEP)
     limits = (math.inf if limit is None else limit for limit in (errors.motor_power, errors.bus_power))
     table.power[k] = tuple(limits)
     table.fine[k] = physics.steps, physics.integrator == "rk4"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
+from ...controllers.json_text import changed_fields
 from ...controllers.validation import require_choice
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
@@ -34,8 +35,7 @@ class Profile:
 
 def _completed(own: Any, common: Any) -> Any:
     """A dataclass with the fields of `common` where its own are at their default."""
-    given = {f.name: getattr(own, f.name) for f in fields(own) if getattr(own, f.name) != f.default}
-    return replace(common, **given)
+    return replace(common, **changed_fields(own))
 
 
 EXACT = Profile("exact")

@@ -31,7 +31,6 @@ from ...controllers.compiled.kernels import njit
 from ...controllers.whole_body.kinematics import Array, Ints
 from .fields import ONE, Field, whole
 
-PHYSICS_DT = 0.002  # [s]
 ENTRY = 8  # bytes of a float64
 MODEL, DATA, FIRST_RUN = 0, 1, 2  # columns of `Handles.addresses`
 INPUT_RUNS, STATE_RUNS, MEASURED_RUNS = 7, 8, 9  # places in `Handles.calls`

@@ -12,8 +12,8 @@ import numpy as np
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_keys, require_number
 from .model_errors import ModelErrors
+from .physics_options import CONTROL_STEP
 
-DELAY_STEP = 0.002  # physics step of the biped [s]
 DRAWS = 12  # numbers that a draw takes of its generator, whatever is given
 LATER = ("joint_friction", "joint_damping", "armature", "motor_power", "bus_power")
 
@@ -24,7 +24,7 @@ Range = tuple[float, float]
 class ErrorRanges:
     """Uniform ranges (low, high) of model errors for domain randomisation; None: always the default.
 
-    A range of `trunk_com` holds for each of its three components. A delay is drawn in whole physics steps of
+    A range of `trunk_com` holds for each of its three components. A delay is drawn in whole control steps of
     the biped.
     """
 
@@ -59,14 +59,14 @@ class ErrorRanges:
             object.__setattr__(self, field.name, (low, high))
         if self.delay is not None and math.ceil(self._delay_steps[0]) > math.floor(self._delay_steps[1]):
             raise InvalidValueError(
-                f"ErrorRanges.delay must hold a multiple of {DELAY_STEP} s, got {self.delay}"
+                f"ErrorRanges.delay must hold a multiple of {CONTROL_STEP} s, got {self.delay}"
             )
 
     @property
     def _delay_steps(self) -> Range:
-        """Range of the delay in physics steps, a hair wider than stated."""
+        """Range of the delay in control steps, a hair wider than stated."""
         low, high = self.delay or (0.0, 0.0)
-        return low / DELAY_STEP - 1e-9, high / DELAY_STEP + 1e-9
+        return low / CONTROL_STEP - 1e-9, high / CONTROL_STEP + 1e-9
 
     def sample(self, rng: np.random.Generator) -> ModelErrors:
         """Draw errors; always the same number of draws, so that one more range changes no other draw."""
@@ -83,7 +83,7 @@ class ErrorRanges:
                 continue
             if field.name == "delay":
                 first, last = math.ceil(self._delay_steps[0]), math.floor(self._delay_steps[1])
-                drawn = [DELAY_STEP * min(first + int(mine[0] * (last - first + 1)), last)]
+                drawn = [CONTROL_STEP * min(first + int(mine[0] * (last - first + 1)), last)]
             else:
                 drawn = [float(bounds[0] + x * (bounds[1] - bounds[0])) for x in mine]
             values[field.name] = tuple(drawn) if count == 3 else drawn[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
-from ...controllers.json_text import parse_json
+from ...controllers.json_text import changed_fields, parse_json
 from ...controllers.validation import require_keys, require_number, require_vector
 
 STEEPEST_SLOPE = math.radians(5.0)  # [rad]
@@ -77,7 +77,7 @@ class ModelErrors:
     @property
     def names(self) -> tuple[str, ...]:
         """Fields that differ from their default."""
-        return tuple(f.name for f in fields(self) if getattr(self, f.name) != f.default)
+        return tuple(changed_fields(self))
 
     def mirrored(self) -> ModelErrors:
         """Reflection in the x-z plane; noise is mirrored with the stance side of the first step."""
@@ -87,8 +87,8 @@ class ModelErrors:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; fields at their default are left out."""
-        values = {name: getattr(self, name) for name in self.names}
-        return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+        values = changed_fields(self).items()
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in values}
 
     @classmethod
     def from_dict(cls, data: object) -> ModelErrors:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.json_text import changed_fields
 from ...controllers.validation import require_choice, require_keys, require_number
 
 CONTROL_STEP = 0.002  # control acts this often, whatever the time step [s]
@@ -57,8 +58,7 @@ class PhysicsOptions:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; options at their default are left out."""
-        values = {f.name: (getattr(self, f.name), f.default) for f in fields(self)}
-        return {name: value for name, (value, default) in values.items() if value != default}
+        return changed_fields(self)
 
     @classmethod
     def from_dict(cls, data: object) -> PhysicsOptions:

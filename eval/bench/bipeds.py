@@ -17,7 +17,7 @@ from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BIPED, BIPED_LIMITS
 from ...envs.biped.robots.biped.robot import biped_model
-from ...envs.physics.stepping import PHYSICS_DT
+from ...envs.scenario.physics_options import CONTROL_STEP
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
 from .planner import summary
@@ -85,7 +85,7 @@ def time_batch(policy: TwoStagePolicy, n: int, threads: int) -> BatchTiming:
         times.append(clock())
         tick[:] = np.diff(times) / (1e3 * n)
     physics, plan, step = np.median(spent[WARM_UP:], axis=0)
-    return BatchTiming(n, threads, float(physics), float(plan), float(step), core.substeps * PHYSICS_DT)
+    return BatchTiming(n, threads, float(physics), float(plan), float(step), core.substeps * CONTROL_STEP)
 
 
 def time_control(policy: TwoStagePolicy) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def time_control(policy: TwoStagePolicy) -> dict[str, Any]:
         tick[:] = np.diff(times) / (1e3 * steps)
     physics = float(np.median(spent[WARM_UP:, 0]))
     return {
-        "raw_physics_rtf": PHYSICS_DT * 1e6 / physics,
+        "raw_physics_rtf": CONTROL_STEP * 1e6 / physics,
         "whole_body_us": summary(spent[WARM_UP:, 1] - physics),
     }
 

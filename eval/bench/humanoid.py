@@ -10,7 +10,7 @@ import numpy as np
 
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.env import BIPED_LIMITS
-from ...envs.physics.stepping import PHYSICS_DT
+from ...envs.scenario.physics_options import CONTROL_STEP
 from .bipeds import walking_core
 
 HUMANOID = "Humanoid-v5"
@@ -58,4 +58,4 @@ def _bipeds(core: Any, policy: TwoStagePolicy) -> float:
         actions = policy.predict(core.observation)[0]
         core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
     spent = time.perf_counter_ns() - began
-    return ROBOTS * PERIODS * core.substeps * PHYSICS_DT * 1e9 / spent
+    return ROBOTS * PERIODS * core.substeps * CONTROL_STEP * 1e9 / spent

@@ -1,8 +1,9 @@
 import json
+from dataclasses import dataclass
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.json_text import parse_json
+from push_recovery.controllers.json_text import changed_fields, parse_json
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.settings.presets import load_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
@@ -44,3 +45,17 @@ def test_a_number_that_no_float_holds_is_refused_where_a_force_stands():
     text = json.dumps({"id": "a", "pushes": [{"force": [10**400, 0, 0], "duration": 0.1, "start": 1.0}]})
     with pytest.raises(InvalidValueError, match=r"Push\.force"):
         Scenario.from_json(text)
+
+
+@dataclass
+class Thing:
+    name: str
+    size: float = 1.0
+    colour: str | None = None
+
+
+def test_changed_fields_are_those_off_their_default_in_order():
+    assert changed_fields(Thing("a")) == {"name": "a"}
+    assert list(changed_fields(Thing("a", colour="red", size=2.0)).items()) == [
+        ("name", "a"), ("size", 2.0), ("colour", "red"),
+    ]  # fmt: skip

@@ -14,7 +14,7 @@ from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.whole_body.bounds import NEVER
 from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array, Ints
-from ...physics.stepping import PHYSICS_DT
+from ...scenario.physics_options import CONTROL_STEP
 from .description import RobotDescription
 from .held import hold_joints, put_held
 from .indices import MISSING, TILT, Indices, find_indices
@@ -46,7 +46,7 @@ class CompiledRobot:
     def compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
         """The model of a spec of this robot, with the physics step of all robots and its held joints held."""
         model = spec.compile()
-        model.opt.timestep = PHYSICS_DT
+        model.opt.timestep = CONTROL_STEP
         hold_joints(model, self.plan)
         return model
 

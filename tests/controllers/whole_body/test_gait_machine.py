@@ -11,7 +11,7 @@ from push_recovery.controllers.whole_body.gait_machine import (
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
 from push_recovery.envs.biped.env import BIPED_LIMITS
 from push_recovery.envs.biped.settings import BIPED_GAIT
-from push_recovery.envs.physics.stepping import PHYSICS_DT
+from push_recovery.envs.scenario.physics_options import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -23,7 +23,7 @@ def run(core, begin, scenario: Scenario, seconds: float) -> np.ndarray:
     gait, forces = begin(core, 0, scenario), []
     core.after_physics_step = lambda: forces.append(core.physics.xfrc[0].copy())
     action = BIPED_LIMITS.to_action(gait).astype(np.float64)[None]
-    for _ in range(round(seconds / (core.substeps * PHYSICS_DT))):
+    for _ in range(round(seconds / (core.substeps * CONTROL_STEP))):
         core.step(gait[None], action)
     core.after_physics_step = None
     return np.array(forces)
@@ -34,7 +34,7 @@ def run(core, begin, scenario: Scenario, seconds: float) -> np.ndarray:
 def test_the_impulse_on_the_body_is_force_times_duration(biped_core, begin, control_hz, start, duration):
     core, push = biped_core(1, control_hz), Push((37.0, -45.0, 7.0), duration, start)
     forces = run(core, begin, Scenario("a", (push,)), 0.4)
-    np.testing.assert_allclose(forces[:, PELVIS, :3].sum(axis=0) * PHYSICS_DT, push.impulse, atol=1e-9)
+    np.testing.assert_allclose(forces[:, PELVIS, :3].sum(axis=0) * CONTROL_STEP, push.impulse, atol=1e-9)
     np.testing.assert_allclose(core.pushes.delivered[0, 0], push.impulse, atol=1e-9)
     forces[:, PELVIS, :3] = 0.0
     assert not forces.any()  # no torque, and nothing on another body
@@ -47,7 +47,7 @@ def test_two_pushes_on_two_bodies_add_up_and_nothing_else_writes_forces(biped_co
         Push((-10.0, 5.0, 0.0), 0.1, 0.1),
     )
     forces = run(biped_core(), begin, Scenario("a", pushes), 0.4)
-    dt = PHYSICS_DT
+    dt = CONTROL_STEP
     np.testing.assert_allclose(forces[:, TRUNK, :3].sum(axis=0) * dt, pushes[1].impulse, atol=1e-9)
     both = np.add(pushes[0].impulse, pushes[2].impulse)
     np.testing.assert_allclose(forces[:, PELVIS, :3].sum(axis=0) * dt, both, atol=1e-9)

@@ -14,7 +14,7 @@ from push_recovery.controllers.whole_body.mass_matrix import com_velocity
 from push_recovery.envs.biped.core import BipedCore, substeps
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
-from push_recovery.envs.physics.stepping import PHYSICS_DT
+from push_recovery.envs.scenario.physics_options import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -56,7 +56,7 @@ def single_support(biped_core, begin):
         qpos, qvel = core.physics.qpos[0].copy(), core.physics.qvel[0].copy()
         com, before = core.physics.com[0, 0].copy(), np.array(com_velocity(core.physics, 0))
         core.step(gait, action)
-        acceleration = (com_velocity(core.physics, 0) - before) / PHYSICS_DT
+        acceleration = (com_velocity(core.physics, 0) - before) / CONTROL_STEP
         stance, plan = int(core.gait.stance[0]), core.gait.plan[0]
         mujoco.mj_resetData(MODEL, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, core.physics.ctrl[0]
@@ -242,4 +242,4 @@ def test_robots_without_a_state_take_no_step(begin):
     for k in (0, 2):
         begin(core, k, Scenario("walk"))
     step(core)
-    assert core.gait.time.tolist() == [core.substeps * PHYSICS_DT] * 3
+    assert core.gait.time.tolist() == [core.substeps * CONTROL_STEP] * 3

@@ -19,7 +19,7 @@ from push_recovery.controllers.whole_body.kinematics import (
 from push_recovery.envs.biped.env import BIPED
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
-from push_recovery.envs.physics.stepping import PHYSICS_DT
+from push_recovery.envs.scenario.physics_options import CONTROL_STEP
 
 TORQUE_LIMITS = {
     "waist_pitch": 150, "waist_roll": 150, "hip_yaw": 100, "hip_roll": 200, "hip_pitch": 220, "knee": 300,
@@ -31,7 +31,7 @@ def test_size():
     model = biped_model()
     assert (model.nq, model.nv, model.nu) == (21, NV, NU)
     assert model.body_mass.sum() == pytest.approx(BIPED.mass, abs=1e-12)
-    assert model.opt.timestep == PHYSICS_DT == 0.002
+    assert model.opt.timestep == CONTROL_STEP == 0.002
 
 
 def test_named_indices_are_the_models():

@@ -7,9 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.physics.stepping import PHYSICS_DT
-from push_recovery.envs.scenario.error_ranges import DELAY_STEP, ErrorRanges
+from push_recovery.envs.scenario.error_ranges import ErrorRanges
 from push_recovery.envs.scenario.model_errors import BOUNDS, EXACT_MODEL, ModelErrors
+from push_recovery.envs.scenario.physics_options import CONTROL_STEP
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -89,9 +89,8 @@ def test_ranges_are_kept_and_filled():
     offsets = np.array([errors.trunk_com for errors in drawn])
     assert np.abs(offsets).max() <= 0.02
     assert np.abs(np.corrcoef(offsets.T) - np.eye(3)).max() < 0.2
-    steps = {round(errors.delay / DELAY_STEP, 9) for errors in drawn}
+    steps = {round(errors.delay / CONTROL_STEP, 9) for errors in drawn}
     assert steps == {1.0, 2.0, 3.0, 4.0, 5.0}
-    assert DELAY_STEP == PHYSICS_DT
     assert all(errors.slope_left == errors.dcm_noise == 0.0 for errors in drawn)
 
 

@@ -4,7 +4,6 @@ import re
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.physics.stepping import PHYSICS_DT
 from push_recovery.envs.scenario.physics_options import CONTROL_STEP, PLAIN_PHYSICS, PhysicsOptions
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -14,7 +13,7 @@ FINE = PhysicsOptions(
 
 
 def test_the_default_is_one_step_of_physics_in_one_of_control():
-    assert CONTROL_STEP == PHYSICS_DT
+    assert PLAIN_PHYSICS.time_step == CONTROL_STEP
     assert PLAIN_PHYSICS.steps == 1
     assert PLAIN_PHYSICS.to_dict() == {}
     assert "physics" not in Scenario("a").to_dict()
