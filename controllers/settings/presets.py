@@ -2,8 +2,9 @@
 
     {"format": "push-recovery preset", "format_version": 1, "base": "biped",
      "planner": {"touchdown_delay": 0.004},           fields of PlannerConfig, for every arm
-     "arms": {"two-stage": {"beta_dcm": 900.0}},      the same for one arm
      "biped": {"gains": {"swing_kp": 350.0}},         limits, gait, gains, bounds of the MuJoCo biped
+     "arms": {"two-stage": {"beta_dcm": 900.0,        both for one arm
+                            "biped": {"gait": {"apex": 0.05}}}},
      "found": {...}}                                  for the reader
 
 What a file leaves out is that of its base: a named preset, or "neutral", the defaults of `PlannerConfig`. The
@@ -40,7 +41,7 @@ class PresetFile:
 
     base: str = "default"
     planner: Values = field(default_factory=dict)  # field of PlannerConfig -> value
-    arms: Mapping[str, Values] = field(default_factory=dict)  # policy -> the same
+    arms: Mapping[str, Values] = field(default_factory=dict)  # policy -> the same, and its own `biped`
     biped: Mapping[str, Values] = field(default_factory=dict)  # section -> field -> value
     found: Values = field(default_factory=dict)
 
@@ -49,8 +50,12 @@ class PresetFile:
         if self.base not in valid:
             raise UnknownNameError("base of a preset file", self.base, valid)
         sections = {"planner": self.planner, "arms": self.arms, "biped": self.biped, "found": self.found}
-        groups = {**{f"arms.{name}": part for name, part in _items(self.arms)},
-                  **{f"biped.{name}": part for name, part in _items(self.biped)}}  # fmt: skip
+        groups = {f"arms.{name}": part for name, part in _items(self.arms)}
+        robots = {"biped": self.biped}
+        for name, part in groups.items():
+            robots[f"{name}.biped"] = dict(_items(part)).get("biped", {})
+        for name, robot in robots.items():
+            groups |= {name: robot, **{f"{name}.{section}": part for section, part in _items(robot)}}
         for name, section in {**sections, **groups}.items():
             if not isinstance(section, Mapping):
                 raise InvalidValueError(f"{name} of a preset file must be an object, got {section!r}")
@@ -67,7 +72,8 @@ class PresetFile:
             UnknownNameError: a field that PlannerConfig does not have.
             InvalidValueError: a value that it refuses.
         """
-        values = {**self.planner, **self.arms.get(arm, {})}
+        own = {name: value for name, value in self.arms.get(arm, {}).items() if name != "biped"}
+        values = {**self.planner, **own}
         valid = [entry.name for entry in fields(PlannerConfig)]
         for name in values:
             if name not in valid:
@@ -75,12 +81,21 @@ class PresetFile:
         base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(arm)
         return base.replace(**values)
 
-    def robot(self) -> dict[str, dict[str, Any]]:
-        """Section -> field -> value of the robot: the base's, with this file's put in."""
-        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot()
-        for name, values in self.biped.items():
-            sections[name] = {**sections.get(name, {}), **values}
+    def robot(self, arm: str = "") -> dict[str, dict[str, Any]]:
+        """Section -> field -> value of the robot that an arm walks: the base's, with this file's put in.
+
+        For the empty name, and for arms that have none of their own, it is the robot common to all.
+        """
+        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot(arm)
+        for part in (self.biped, self.arms.get(arm, {}).get("biped", {})):
+            for name, values in part.items():
+                sections[name] = {**sections.get(name, {}), **values}
         return sections
+
+    def has_own_robot(self, arm: str) -> bool:
+        """Whether an arm walks another robot, or another timing of its touchdown, than the common one."""
+        delays = self.config(arm).touchdown_delay, self.config().touchdown_delay
+        return self.robot(arm) != self.robot() or delays[0] != delays[1]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
@@ -148,14 +163,14 @@ def _parse(text: str | bytes, name: str) -> PresetFile:
     return PresetFile(**{section: content[section] for section in SECTIONS if section in content})
 
 
-def preset_config(preset: str) -> PlannerConfig:
-    """The planner's settings of a preset, by name or file: what is common to all arms.
+def preset_config(preset: str, arm: str = "") -> PlannerConfig:
+    """The planner's settings of a preset, by name or file: of an arm, or what is common to all.
 
     Raises:
         UnknownNameError: listing the valid names.
         InvalidValueError: a file that cannot be read or has an impossible value.
     """
-    return load_preset(preset).config() if is_preset_file(preset) else named_preset(preset).config()
+    return load_preset(preset).config(arm) if is_preset_file(preset) else named_preset(preset).config(arm)
 
 
 def _items(section: Any) -> list[tuple[str, Any]]:

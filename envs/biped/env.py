@@ -28,7 +28,8 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     `threads` share their physics and change nothing else. The robot is the biped, or another one by the
     place of its RobotDescription (`module:attribute`) or by the description itself. `profile` names what is
     true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is. A `sensing`
-    stands above what any scenario says of it.
+    stands above what any scenario says of it. `arm` names the policy whose own robot they are, where the
+    preset has one for it.
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
@@ -42,19 +43,20 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
         sensing: str | None = None,
+        arm: str = "",
     ):
         self.profile = get_profile(profile)
         self.description = robot_description(robot)
         body = compiled_robot(self.description)
         preset = self.description.preset if preset is None else preset
-        settings = biped_settings(preset).of_robot(body.robot)
-        super().__init__(n, body.robot, settings.limits, preset, control_hz)
+        settings = biped_settings(preset, arm).of_robot(body.robot)
+        super().__init__(n, body.robot, settings.limits, preset, control_hz, arm)
         self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
-        self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset))
+        self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset, arm))
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
-        own = self.description, self.profile.name, self.core.senses.forced
+        own = self.description, self.profile.name, self.core.senses.forced, self.arm
         return BipedEpisodes(n, self.preset, self.control_hz, threads, *own)
 
     def motion(self) -> Motion:
@@ -82,6 +84,7 @@ class BipedEnv(GaitEnv):
         robot: str | RobotDescription = "biped",
         profile: str = "exact",
         sensing: str | None = None,
+        arm: str = "",
     ):
         """Build one biped.
 
@@ -96,9 +99,11 @@ class BipedEnv(GaitEnv):
                 or "hardware", with its own sensors, losses, delay, collisions and finer physics.
             sensing: what planner and control act on in every scenario, the true state ("exact") or what the
                 robot's own sensors tell ("onboard"); None: what the scenario says.
+            arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).
         """
-        episodes = BipedEpisodes(1, preset, control_hz, robot=robot, profile=profile, sensing=sensing)
+        episodes = BipedEpisodes(1, preset, control_hz, 1, robot, profile, sensing, arm)
         super().__init__(episodes, render_mode, push_distribution)
+        self.arm = arm
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
@@ -123,11 +128,12 @@ def make_biped_vector(
     robot: str | RobotDescription = "biped",
     profile: str = "exact",
     sensing: str | None = None,
+    arm: str = "",
 ) -> GaitVectorEnv:
     """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
 
     `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
     those of `BipedEnv`.
     """
-    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile, sensing)
+    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile, sensing, arm)
     return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)

@@ -78,6 +78,6 @@ class BipedSettings:
         return {name: {key: values[key] for key in SECTIONS[name]} for name, values in sections.items()}
 
 
-def biped_settings(preset: str) -> BipedSettings:
-    """The settings of a preset, by name or file; what it leaves out is the biped's own preset's."""
-    return BipedSettings().changed(load_preset(preset).robot())
+def biped_settings(preset: str, arm: str = "") -> BipedSettings:
+    """The settings of a preset, by name or file, for an arm; the rest is the biped's own preset's."""
+    return BipedSettings().changed(load_preset(preset).robot(arm))

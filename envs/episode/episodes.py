@@ -55,8 +55,10 @@ class GaitEpisodes(ABC, Generic[C]):
     profile: Profile = EXACT  # of the robots in scenarios that are drawn
     core: C
 
-    def __init__(self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float):
-        """Set up all but the core.
+    def __init__(
+        self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float, arm: str = ""
+    ):
+        """Set up all but the core; the timing of touchdowns is the preset's for an arm.
 
         Raises:
             InvalidValueError: no robot or too many; a robot or limits that are none; a rate outside
@@ -68,7 +70,7 @@ class GaitEpisodes(ABC, Generic[C]):
         require_kind("limits", limits, GaitLimits)
         if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
             raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {shown(control_hz)}")
-        config = preset_config(preset)
+        config = preset_config(preset, arm)
         if config.double_support > 0 and not self.has_double_support:
             valid = [name for name in preset_names() if preset_config(name).double_support == 0]
             raise InvalidValueError(
@@ -77,7 +79,7 @@ class GaitEpisodes(ABC, Generic[C]):
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
-        self.control_hz = control_hz
+        self.control_hz, self.arm = control_hz, arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]

@@ -8,7 +8,7 @@ import gymnasium as gym
 
 from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import make_env
+from ..rollout.environments import make_env_for
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.one import rollout as run_episode
 from ..rollout.outcome import Outcome
@@ -37,7 +37,7 @@ def rollout(
     """
     scenario = get_profile(profile).applied(scenario)
     ((label, source),) = policy_sources(policy if policy_name is None else {policy_name: policy}).items()
-    made = make_env(env) if isinstance(env, str) else env
+    made = make_env_for(source.origin, env) if isinstance(env, str) else env
     try:
         return run_episode(made, source.load(made), scenario, label)
     finally:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...controllers.errors import MissingExtraError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import make_env
+from ..rollout.environments import make_env_for
 from ..rollout.load_policy import load_policy
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
@@ -62,7 +62,7 @@ def show_episode(
         from ...envs.physics.offscreen import require_display
 
         require_display()
-    env = make_env(env_id, render_mode="rgb_array" if out else "human")
+    env = make_env_for(policy, env_id, render_mode="rgb_array" if out else "human")
     try:
         if out is None:
             return rollout(env, load_policy(policy, env), scenario, policy), None

@@ -14,6 +14,7 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import read_file
+from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
 from .names import NAMESPACE
 from .user_object import import_from_here
@@ -87,6 +88,23 @@ def make_env(env_id: str, **kwargs: Any) -> gym.Env:
     if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(env.unwrapped, part)]:
         raise InvalidValueError(f"environment {env_id!r} has no {', '.join(lacks)} on env.unwrapped")
     return env
+
+
+def has_own_robot(env: Any, policy: Any) -> bool:
+    """Whether the preset of a biped has a robot for this policy alone, which the environment is not yet."""
+    biped = env.unwrapped
+    if not (isinstance(policy, str) and policy in ARMS and getattr(biped, "arm", policy) != policy):
+        return False
+    return load_preset(biped.preset).has_own_robot(policy)
+
+
+def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
+    """`make_env` with the robot that a policy walks, where the preset has one of its own for it."""
+    env = make_env(env_id, **kwargs)
+    if not has_own_robot(env, policy):
+        return env
+    env.close()
+    return make_env(env_id, arm=policy, **kwargs)
 
 
 def preset_digest(env_id: str) -> dict[str, str]:

@@ -14,12 +14,14 @@ from itertools import islice
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+import gymnasium as gym
+
 from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
 from .batch import batch_episodes, plans_batches, rollout_batch
-from .environments import make_env
+from .environments import has_own_robot, make_env
 from .one import rollout
 from .outcome import Outcome
 from .policy_source import PolicySource, Sources
@@ -37,8 +39,25 @@ class WorkerError(PushRecoveryError):
     """An episode raised in a worker process; the message carries what it said."""
 
 
+class Place:
+    """One environment, with the same robots side by side, made on first use."""
+
+    def __init__(self, env: gym.Env):
+        self.env = env
+        self.rule: ActionRule | None = action_rule(env)
+        self._slots: GaitEpisodes | None = None
+
+    def slots(self) -> GaitEpisodes | None:
+        """SLOTS robots; None where the environment has a way of its own."""
+        if self._slots is None and self.rule is not None:
+            self._slots = batch_episodes(self.rule.env, SLOTS)
+        return self._slots
+
+
 class Runner:
     """Runs jobs in one environment, making it and its policies once.
+
+    A policy that has a robot of its own in the environment's preset acts in an environment with that one.
 
     Args:
         env_id: environment.
@@ -47,22 +66,29 @@ class Runner:
 
     def __init__(self, env_id: str, sources: Sources = MappingProxyType({})):
         self.env = make_env(env_id)
-        self._sources = sources
+        self._env_id, self._sources = env_id, sources
         self._policies: dict[str, Policy] = {}
-        self._rule: ActionRule | None = action_rule(self.env)
-        self._slots: GaitEpisodes | None = None  # made on first use
+        self._common = Place(self.env)
+        self._own: dict[str, Place] = {}  # by label
 
     def policy(self, name: str) -> Policy:
         """The policy of this label, made on first use."""
         if name not in self._policies:
             source = self._sources.get(name) or PolicySource(name, name)
-            self._policies[name] = source.load(self.env)
+            if has_own_robot(self.env, source.origin):
+                self._own[name] = Place(make_env(self._env_id, arm=source.origin))
+            self._policies[name] = source.load(self._place(name).env)
         return self._policies[name]
+
+    def _place(self, name: str) -> Place:
+        """Where the policy of a label acts, once it is made."""
+        return self._own.get(name, self._common)
 
     def run(self, job: Job) -> Outcome:
         """One episode."""
         name, scenario = job
-        return rollout(self.env, self.policy(name), scenario, name)
+        policy = self.policy(name)
+        return rollout(self._place(name).env, policy, scenario, name)
 
     def run_all(self, name: str, scenarios: Iterable[Scenario]) -> Iterator[Outcome]:
         """Episodes of one policy, side by side where that changes no outcome, as they finish.
@@ -70,25 +96,22 @@ class Runner:
         A scenario is taken when there is room for it: outcomes so far may decide what comes. One such run at
         a time.
         """
-        slots = self._make_slots(name)
+        slots = self._slots(name)
         if slots is None:
             return (self.run((name, scenario)) for scenario in scenarios)
-        return rollout_batch(slots, self.policy(name), scenarios, name, self._rule)
+        return rollout_batch(slots, self.policy(name), scenarios, name, self._place(name).rule)
 
     def chunk(self, name: str) -> int:
         """How many scenarios are worth a job of this policy."""
-        return 1 if self._make_slots(name) is None else SLOTS
+        return 1 if self._slots(name) is None else SLOTS
 
-    def _make_slots(self, name: str) -> GaitEpisodes | None:
-        if self._rule is None or not plans_batches(self.policy(name)):
-            return None
-        if self._slots is None:
-            self._slots = batch_episodes(self._rule.env, SLOTS)
-        return self._slots
+    def _slots(self, name: str) -> GaitEpisodes | None:
+        return self._place(name).slots() if plans_batches(self.policy(name)) else None
 
     def close(self) -> None:
-        """Close the environment."""
-        self.env.close()
+        """Close the environments."""
+        for place in (self._common, *self._own.values()):
+            place.env.close()
 
 
 def spawn_pool(workers: int, start: Callable[..., None], *arguments: Any) -> ProcessPoolExecutor:

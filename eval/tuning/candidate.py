@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from ...controllers.settings.presets import PresetFile, load_preset
@@ -24,8 +24,7 @@ def space_of(settings: TuningSettings) -> Space:
     preset = load_preset(settings.preset)
     start: dict[str, Mapping[str, Any]] = {
         "planner": asdict(preset.config(settings.policy)),
-        "shared": asdict(preset.config()),
-        **BipedSettings().changed(preset.robot()).to_dict(),
+        **BipedSettings().changed(preset.robot(settings.policy)).to_dict(),
     }
     return make_space(select(dimensions, settings.only), start)
 
@@ -35,20 +34,15 @@ def preset_of(
     values: Mapping[str, Mapping[str, float]],
     found: Mapping[str, Any] | None = None,
 ) -> PresetFile:
-    """The preset of a point: what the study starts from, with the point's values put in.
+    """The preset of a point: what the study starts from, with the point's values put in as the arm's own.
 
-    The group `planner` becomes the arm's own, `shared` that of every arm; the planner holds its plan when
-    the gait machine commits the swing foot.
+    The planner holds its plan when the gait machine commits the swing foot.
     """
     start = load_preset(settings.preset)
-    shared = {**start.planner, **values.get("shared", {})}
+    own = {**start.arms.get(settings.policy, {}), **values.get("planner", {})}
     if "commit" in values.get("gait", {}):
-        shared["freeze"] = values["gait"]["commit"]
-    arms = {name: dict(own) for name, own in start.arms.items()}
-    if "planner" in values:
-        arms[settings.policy] = {**arms.get(settings.policy, {}), **values["planner"]}
-    biped = {name: dict(section) for name, section in start.biped.items()}
-    for section in SECTIONS:
-        if section in values:
-            biped[section] = {**biped.get(section, {}), **values[section]}
-    return PresetFile(start.base, shared, arms, biped, dict(found or {}))
+        own["freeze"] = values["gait"]["commit"]
+    if sections := {name: values[name] for name in SECTIONS if name in values}:
+        robot = own.get("biped", {})
+        own["biped"] = {**robot, **{name: {**robot.get(name, {}), **part} for name, part in sections.items()}}
+    return replace(start, arms={**start.arms, settings.policy: own}, found=dict(found or {}))

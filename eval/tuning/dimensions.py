@@ -69,8 +69,8 @@ def _price(name: str) -> Dimension:
 
 
 ROBOT = (
-    Dimension("shared", "touchdown_delay", 0.0, 0.03, 0.003),  # of the planner: the robot's timing [s]
-    Dimension("shared", "swing_acceleration", 40.0, 300.0, 1.1, "log"),  # of the planner, likewise [m/s^2]
+    _planner("touchdown_delay", 0.0, 0.03, 0.003),  # the robot's timing [s]
+    Dimension("planner", "swing_acceleration", 40.0, 300.0, 1.1, "log"),  # likewise [m/s^2]
     _limit("length_min", -0.55, -0.25, 0.02),  # [m]
     _limit("length_max", 0.25, 0.55, 0.02),
     _limit("width_min", 0.104, 0.16, 0.006),  # the feet are 0.1 m wide

@@ -39,10 +39,10 @@ def check_env(env_id: str) -> str:
     return name
 
 
-def preset_episodes(env_id: str, n: int, preset: str) -> GaitEpisodes:
-    """Episodes of n robots of an environment with a preset, by name or file."""
+def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisodes:
+    """Episodes of n robots of an environment with a preset, by name or file, that a policy walks."""
     if env_id == BIPED:
-        return BipedEpisodes(n, preset)
+        return BipedEpisodes(n, preset, arm=policy)
     return PendulumEpisodes(n, preset=preset)
 
 
@@ -55,7 +55,7 @@ def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePol
 
 @lru_cache(maxsize=1)
 def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, TwoStagePolicy]:
-    episodes = preset_episodes(env_id, SLOTS, preset)
+    episodes = preset_episodes(env_id, SLOTS, preset, policy)
     return episodes, preset_policy(policy, episodes, preset)
 
 

@@ -69,6 +69,12 @@ def test_policies_take_a_file_for_a_preset(tmp_path):
         ({"planner": {"beta_dcm": -1.0}}, r"^PlannerConfig.beta_dcm must be finite and >= 0, got -1.0$"),
         ({"arms": {"two-stage": 3}}, r"^arms.two-stage of a preset file must be an object, got 3$"),
         ({"biped": []}, r"^biped of a preset file must be an object, got \[\]$"),
+        ({"biped": {"gait": 1}}, r"^biped.gait of a preset file must be an object, got 1$"),
+        ({"arms": {"two-stage": {"biped": 4}}}, r"^arms.two-stage.biped of a preset file must be an object"),
+        (
+            {"arms": {"two-stage": {"biped": {"gait": 5}}}},
+            r"^arms.two-stage.biped.gait of a preset file must be an object, got 5$",
+        ),
     ],
 )  # fmt: skip
 def test_bad_files_are_refused(tmp_path, changes, message):
@@ -101,6 +107,33 @@ def test_a_file_changes_single_values_of_the_robot_of_its_base():
     assert sections["gains"].pop("swing_kp") == 350.0 != base["gains"].pop("swing_kp")
     assert sections == base
     assert PresetFile("default").robot() == {}
+
+
+OWN = PresetFile(
+    "biped",
+    arms={
+        "stage-1": {"biped": {"gains": {"swing_kp": 360.0}, "gait": {"apex": 0.05}}},
+        "two-stage": {"touchdown_delay": 0.007},
+        "raibert": {"push_carry": 0.01},
+    },
+    biped={"gains": {"swing_kp": 350.0, "swing_kd": 100.0}},
+)
+
+
+def test_an_arm_walks_its_own_robot_then_the_common_one_then_the_bases():
+    robot, base = OWN.robot("stage-1"), named_preset("biped").robot()
+    assert robot["gains"] == {**base["gains"], "swing_kp": 360.0, "swing_kd": 100.0}
+    assert robot["gait"] == {**base["gait"], "apex": 0.05}
+    assert robot["limits"] == base["limits"]
+    assert OWN.robot("raibert") == OWN.robot() == {**base, "gains": {**base["gains"], **OWN.biped["gains"]}}
+    assert OWN.config("stage-1") == named_preset("biped").config("stage-1")
+
+
+def test_an_own_robot_is_one_that_differs_or_touches_down_at_another_time():
+    assert [OWN.has_own_robot(arm) for arm in ("stage-1", "two-stage", "raibert", "passive", "")] == [
+        True, True, False, False, False,
+    ]  # fmt: skip
+    assert not named_preset("biped").has_own_robot("stage-1")
 
 
 def test_replace_names_the_nearest_field():

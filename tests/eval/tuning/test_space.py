@@ -19,7 +19,6 @@ LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
 SPACE = Space((LINEAR, LOG), (0.5, 10.0))
 START = {
     "planner": asdict(preset_config("biped")),
-    "shared": asdict(preset_config("biped")),
     **BipedSettings().to_dict(),
 }
 PLANNER = {d.name: d for arm in ARMS for d in planner_dimensions(arm)}
@@ -47,7 +46,7 @@ def test_every_dimension_is_a_field_and_none_comes_twice():
     planner = {entry.name for entry in fields(PlannerConfig)}
     for dimension in (*PLANNER.values(), *ROBOT):
         group = dimension.group
-        assert dimension.name in (planner if group in {"planner", "shared"} else SECTIONS[group])
+        assert dimension.name in (planner if group == "planner" else SECTIONS[group])
     for arm in ARMS:
         labels = [d.label for d in (*planner_dimensions(arm), *ROBOT)]
         assert len(set(labels)) == len(labels)

@@ -68,7 +68,7 @@ def test_the_preset_file_scores_what_the_study_says(study):
     """Loaded by name, the file gives the episodes of the best trial."""
     scenarios = tuning_suite(TUNING, 8).scenarios
     for trial, path in ((study.best, str(study.path)), (study.start, "default")):
-        episodes = preset_episodes(PENDULUM, 3, path)
+        episodes = preset_episodes(PENDULUM, 3, path, SETTINGS.policy)
         policy = preset_policy(SETTINGS.policy, episodes, path)
         found = {o.scenario_id: worth(o) for o in rollout_batch(episodes, policy, scenarios, "p")}
         assert [found[s.id] for s in scenarios] == trial["values"]

@@ -1,0 +1,62 @@
+"""Arms with a robot of their own: who walks what, wherever a policy is named."""
+
+from dataclasses import replace
+
+import pytest
+from push_recovery.controllers.settings.presets import PresetFile
+from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.api.rollout import rollout as named_rollout
+from push_recovery.eval.rollout.environments import has_own_robot, make_env
+from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.rollout.policy_source import policy_sources
+from push_recovery.eval.rollout.workers import Runner
+
+BIPED = "PushRecovery/Biped-v0"
+OWN = {"touchdown_delay": 0.009, "biped": {"gait": {"apex": 0.05}, "limits": {"length_max": 0.4}}}
+SCENARIO = Scenario("push", (polar_push(300.0, 0.4, 0.1, 0.5),), duration=0.9)
+
+
+@pytest.fixture(scope="module")
+def preset(tmp_path_factory):
+    path = tmp_path_factory.mktemp("own") / "own.json"
+    PresetFile("biped", arms={"stage-1": OWN}).save(path)
+    return str(path)
+
+
+def test_the_environment_is_the_robot_of_its_arm(preset):
+    one = BipedEpisodes(1, preset, arm="stage-1")
+    for episodes in (one, one.alike(2)):
+        assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.05, 0.4)
+        assert episodes.touchdown_delay == 0.009
+    for arm in ("", "two-stage"):
+        episodes = BipedEpisodes(1, preset, arm=arm)
+        assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.0674, 0.434)
+        assert episodes.touchdown_delay == 0.0116
+
+
+def test_only_an_arm_with_its_own_robot_needs_another_environment(preset):
+    env = BipedEnv(preset=preset)
+    assert has_own_robot(env, "stage-1")
+    assert not has_own_robot(BipedEnv(preset=preset, arm="stage-1"), "stage-1")
+    assert not any(has_own_robot(env, other) for other in ("two-stage", "random", "file.json", object()))
+    assert not has_own_robot(BipedEnv(), "stage-1")
+
+
+def test_policies_side_by_side_walk_their_own_robots(preset):
+    """Those of a run are those of environments made by hand, whatever the label and the order."""
+    sources = policy_sources({"mine": "stage-1", "two-stage": "two-stage"})
+    env_id = f"{BIPED}@{preset}"
+    runner = Runner(env_id, sources)
+    for label, arm, kwargs in (("two-stage", "two-stage", {}), ("mine", "stage-1", {"arm": "stage-1"})):
+        env = make_env(env_id, **kwargs)
+        expected = rollout(env, load_policy(arm, env), SCENARIO, label)
+        assert runner.run((label, SCENARIO)) == expected
+        assert list(runner.run_all(label, [SCENARIO])) == [expected]
+        assert named_rollout(env_id, arm, SCENARIO) == replace(expected, policy=arm)
+        common = make_env(env_id)
+        differs = rollout(common, load_policy(arm, common), SCENARIO, label) != expected
+        assert differs == (label == "mine")
+    runner.close()
