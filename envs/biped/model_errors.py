@@ -6,6 +6,9 @@ model at the measured joint state (`believe`); loads and forces of the contacts,
 over the floor, are measured as they are.
 """
 
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 import copy
@@ -14,18 +17,20 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numba.np.numpy_support import carray
 
 from ...controllers.compiled.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.compiled.kernels import njit
+from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.errors import InvalidValueError
 from ...controllers.estimation.leg_odometry import listen_to_soles
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
-from ...controllers.whole_body.kinematics import LEG_DOF, NU, WAIST_DOF, Array, Physics
+from ...controllers.whole_body.kinematics import LEG_DOF, NU, NV, WAIST_DOF, Array, Physics
 from ..physics.stepping import (
     Handles,
-    advance_finely,
     advance_measured,
     believe,
+    show_measured,
     show_unmeasured,
 )
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -41,17 +46,17 @@ from ..scenario.physics_options import CONTROL_STEP, PLAIN_PHYSICS
 from ..scenario.scenario import Scenario
 from ..sensing.onboard import OnboardArrays, sense
 from .plant.altered_model import altered_model
-from .plant.power import limit_power
+from .plant.drives import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
 from .robots.compiled_robot import CompiledRobot
+from .robots.indices import MISSING
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
 DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
-EACH, TOGETHER = 0, 1  # columns of `RobotErrors.power` [W]
 STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
 BELIEVED = {  # errors with which the robot's kinematics, mass matrix and bias are what control takes them for
     "friction", "floor_step", "joint_friction", "joint_damping", "collisions", "motor_power", "bus_power",
-    "delay", "dcm_noise",
+    "back_emf", "continuous_torque", "delay", "dcm_noise",
 }  # fmt: skip
 
 _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen
@@ -68,7 +73,9 @@ class RobotErrors(NamedTuple):
     period: Ints1  # (n,) planning periods since reset
     step: Ints1  # (n,) physics steps since reset, counted where `physical`
     torques: Floats3  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
-    power: Floats2  # (n, 2) most that a motor gives, and all of them [W]
+    motors: Floats3  # (n, 3, 14) of the drives, see `plant.drives`
+    power: Floats2  # (n, 3) most that a motor gives, and all of them [W]; share of its torque that lasts
+    warmth: Floats2  # (n, 14) of the windings
     fine: Ints2  # (n, 2) physics steps in one of control; 1 where each is a whole mj_step, as RK4 needs
 
 
@@ -78,7 +85,8 @@ def no_errors(n: int) -> RobotErrors:
         physical=np.zeros(n, np.int64), believes=np.zeros(n, np.int64), delay=np.zeros(n, np.int64),
         noise=np.zeros((n, 2)), seed=np.zeros(n, np.int64), period=np.zeros(n, np.int64),
         step=np.zeros(n, np.int64), torques=np.zeros((n, LONGEST_DELAY + 1, NU)),
-        power=np.zeros((n, 2)), fine=np.zeros((n, 2), np.int64),
+        motors=np.zeros((n, 3, NU)), power=np.zeros((n, 3)), warmth=np.zeros((n, NU)),
+        fine=np.zeros((n, 2), np.int64),
     )  # fmt: skip
 
 
@@ -98,21 +106,36 @@ def assign_errors(
     errors, physics = scenario.errors, scenario.physics
     for field in table:
         field[k] = 0
-    table.power[k] = math.inf
+    table.power[k], table.fine[k, STEPS] = (math.inf, math.inf, 1.0), 1
+    table.motors[k, :INERTIA] = robot.motors
     if errors == EXACT_MODEL and physics == PLAIN_PHYSICS:
         return None
     check_biped_errors(errors)
     model = altered_model(robot, errors, physics)
     table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0
     table.delay[k] = round(errors.delay / CONTROL_STEP)
-    limits = (math.inf if limit is None else limit for limit in (errors.motor_power, errors.bus_power))
-    table.power[k] = tuple(limits)
+    limits = {EACH: errors.motor_power, TOGETHER: errors.bus_power, CONTINUOUS: errors.continuous_torque}
+    for column, limit in limits.items():
+        if limit is not None:
+            table.power[k, column] = limit
+    if errors.back_emf:
+        table.motors[k, INERTIA] = joint_inertias(robot, model) + errors.armature
     table.fine[k] = physics.steps, physics.integrator == "rk4"
-    own_way = physics.steps > 1 or table.fine[k, WHOLE] != 0 or np.isfinite(table.power[k]).any()
-    table.physical[k] = table.believes[k] or table.delay[k] > 0 or own_way
+    finely = physics.steps > 1 or table.fine[k, WHOLE] != 0
+    limited = errors.back_emf or any(limit is not None for limit in limits.values())
+    table.physical[k] = table.believes[k] or table.delay[k] > 0 or finely or limited
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
     return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
+
+
+def joint_inertias(robot: CompiledRobot, model: mujoco.MjModel | None) -> Array:
+    """Inertia of every joint of control, all others held, in the reference posture, (14,) [kg m^2].
+
+    Of the model's own armature, not what is added to it; 0 for a joint that the robot does not have.
+    """
+    inertia = (robot.model if model is None else model).dof_M0
+    return np.array([0.0 if dof == MISSING else inertia[dof] for dof in robot.indices.dof[-NU:]])
 
 
 @njit(cache=True)
@@ -152,33 +175,43 @@ def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) 
 
 
 @njit(cache=True)
-def move(phys: Physics, errors: RobotErrors, k: int, handles: Handles, force: Array) -> None:
-    """One control step of the physics of a robot with errors: late torques, what the drives can give.
+def move(phys: Physics, errors: RobotErrors, k: int, handles: Handles, force: Array, dt: float) -> None:
+    """One control step of the physics of a robot with errors: late torques, what the drives give of them.
+
+    The torques asked for are held; the drives answer in every physics step to the speed that they then have.
 
     Args:
         phys: where the robot truly is, and the torques asked for, which are written over.
         errors: of all robots.
         k: the robot.
         handles: of the simulations.
-        force: (20,) its row of the forces of contacts, see `advance_finely`.
+        force: (20,) its row of the forces of contacts, which becomes their mean over the physics steps.
+        dt: step of control [s].
     """
     if errors.delay[k] > 0:
         delay_torque(errors, k, phys.ctrl[k])
-    if min(errors.power[k, EACH], errors.power[k, TOGETHER]) < math.inf:
-        limit_power(phys, k, phys.ctrl[k], errors.power[k, EACH], errors.power[k, TOGETHER])
     errors.step[k] += 1
-    if errors.fine[k, STEPS] > 1 or errors.fine[k, WHOLE] != 0:
-        advance_finely(handles, k, errors.fine[k, STEPS], errors.fine[k, WHOLE] != 0, force)
-    else:
-        advance_measured(handles, k)
+    if errors.noise[k, JOINT_NOISE] > 0.0:
+        show_measured(handles, k)  # a drive turns as fast as it does, not as is measured
+    asked, total = carray(stack_floats(14), (NU,)), carray(stack_floats(20), (NV,))
+    asked[:], total[:] = phys.ctrl[k], 0.0
+    steps, whole = errors.fine[k, STEPS], errors.fine[k, WHOLE] != 0
+    for _ in range(steps):
+        phys.ctrl[k] = asked
+        limit_torques(phys, k, errors.motors, errors.power, errors.warmth, phys.ctrl[k], dt / steps)
+        advance_measured(handles, k, whole)
+        for i in range(NV):
+            total[i] += force[i]
+    for i in range(NV):
+        force[i] = total[i] / steps
 
 
 @njit(cache=True)
 def advance_with_errors(
-    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles, force: Array
+    phys: Physics, errors: RobotErrors, k: int, first_side: int, handles: Handles, force: Array, dt: float
 ) -> None:
     """One control step of a robot with errors: its own physics, then what is believed of it."""
-    move(phys, errors, k, handles, force)
+    move(phys, errors, k, handles, force, dt)
     if errors.believes[k] == 0:
         show_unmeasured(handles, k)
         return
@@ -192,7 +225,7 @@ def advance_onboard(
     phys: Physics, errors: RobotErrors, k: int, handles: Handles, arrays: OnboardArrays, dt: float
 ) -> None:
     """One control step of a robot that knows of itself what its own sensors tell."""
-    move(arrays.judged, errors, k, arrays.handles, arrays.judged_contacts.force[k])
+    move(arrays.judged, errors, k, arrays.handles, arrays.judged_contacts.force[k], dt)
     show_unmeasured(arrays.handles, k)
     sense(phys, arrays, k, errors.step[k], dt)
     if errors.noise[k, JOINT_NOISE] > 0.0:

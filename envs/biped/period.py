@@ -161,7 +161,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
                 advance_onboard(phys, errors, k, handles, onboard_of(t), dt)
             else:
                 first_side = (gait.stance[k] + gait.steps[k]) % 2
-                advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k])
+                advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k], dt)
             if escaped(judged.qvel, k):
                 gait.failure[k] = NOT_FINITE
                 break

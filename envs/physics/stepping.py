@@ -224,35 +224,24 @@ def _copy_in(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
 
 
 @njit(cache=True)
-def advance_measured(handles: Handles, k: int) -> None:
-    """One physics step of simulation k of which only what is MEASURED gets into the arrays."""
-    own, calls = handles.addresses[k], handles.calls
+def show_measured(handles: Handles, k: int) -> None:
+    """Copy the MEASURED outputs as simulation k itself has them."""
+    calls = handles.calls
     inputs = calls[INPUT_RUNS]
-    _copy_in(handles, k, own, 0, inputs)
-    _call_step(calls[0], own[MODEL], own[DATA])
-    _call_step(calls[1], own[MODEL], own[DATA])
-    _copy_out(handles, k, own, inputs, inputs + calls[MEASURED_RUNS])
+    _copy_out(handles, k, handles.addresses[k], inputs, inputs + calls[MEASURED_RUNS])
 
 
 @njit(cache=True)
-def advance_finely(handles: Handles, k: int, steps: int, whole: bool, force: Array) -> None:
-    """The same over `steps` physics steps with the same inputs; `whole`: each by mj_step, which RK4 needs.
+def advance_measured(handles: Handles, k: int, whole: bool) -> None:
+    """One physics step of simulation k of which only what is MEASURED gets into the arrays.
 
-    `force` (nv,) is the row of qfrc_constraint among the arrays; it becomes the mean over the steps.
+    `whole`: by mj_step, which RK4 needs, instead of mj_step2; either is followed by mj_step1.
     """
     own, calls = handles.addresses[k], handles.calls
-    inputs = calls[INPUT_RUNS]
-    step = calls[WHOLE_STEP] if whole else calls[0]
-    total = np.zeros(force.shape[0])
-    _copy_in(handles, k, own, 0, inputs)
-    for _ in range(steps):
-        _call_step(step, own[MODEL], own[DATA])
-        _call_step(calls[1], own[MODEL], own[DATA])
-        _copy_out(handles, k, own, inputs, inputs + calls[MEASURED_RUNS])
-        for i in range(force.shape[0]):
-            total[i] += force[i]
-    for i in range(force.shape[0]):
-        force[i] = total[i] / steps
+    _copy_in(handles, k, own, 0, calls[INPUT_RUNS])
+    _call_step(calls[WHOLE_STEP] if whole else calls[0], own[MODEL], own[DATA])
+    _call_step(calls[1], own[MODEL], own[DATA])
+    show_measured(handles, k)
 
 
 @njit(cache=True)
@@ -265,7 +254,7 @@ def show_unmeasured(handles: Handles, k: int) -> None:
 @njit(cache=True)
 def advance(handles: Handles, k: int) -> None:
     """One physics step of simulation k: inputs into its data, mj_step2, mj_step1, outputs into the arrays."""
-    advance_measured(handles, k)
+    advance_measured(handles, k, False)
     show_unmeasured(handles, k)
 
 

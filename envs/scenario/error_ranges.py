@@ -15,7 +15,7 @@ from .model_errors import ModelErrors
 from .physics_options import CONTROL_STEP
 
 DRAWS = 12  # numbers that a draw takes of its generator, whatever is given
-LATER = ("joint_friction", "joint_damping", "armature", "motor_power", "bus_power")
+LATER = ("joint_friction", "joint_damping", "armature", "motor_power", "bus_power", "continuous_torque")
 
 Range = tuple[float, float]
 
@@ -43,6 +43,7 @@ class ErrorRanges:
     armature: Range | None = None  # [kg m^2]
     motor_power: Range | None = None  # [W]
     bus_power: Range | None = None  # [W]
+    continuous_torque: Range | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -30,8 +30,10 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "armature": (" [kg m^2]", 0.0, 1.0),
     "motor_power": (" [W]", 1.0, 1e6),
     "bus_power": (" [W]", 1.0, 1e6),
+    "continuous_torque": ("", 0.1, 1.0),
 }
-OPEN = ("friction", "motor_power", "bus_power")  # that may be None
+OPEN = ("friction", "motor_power", "bus_power", "continuous_torque")  # that may be None
+SWITCHES = ("collisions", "back_emf")
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class ModelErrors:
     collisions: bool = False  # legs, arms and trunk collide with each other and with the floor
     motor_power: float | None = None  # most that one motor gives [W]; None: as torque and speed allow
     bus_power: float | None = None  # most that all motors together take from the battery [W]; None: any
+    back_emf: bool = False  # a motor turned faster than it turns without load brakes
+    continuous_torque: float | None = None  # share of its torque that a motor gives for ever; None: all
 
     def __post_init__(self) -> None:
         for name, (unit, low, high) in BOUNDS.items():
@@ -69,10 +73,9 @@ class ModelErrors:
         for axis, value in zip("xyz", trunk_com, strict=True):
             require_number(f"ModelErrors.trunk_com {axis} [m]", value, -TRUNK_COM_MAX, TRUNK_COM_MAX)
         object.__setattr__(self, "trunk_com", tuple(value + 0.0 for value in trunk_com))
-        if not isinstance(self.collisions, bool):
-            raise InvalidValueError(
-                f"ModelErrors.collisions must be true or false, got {shown(self.collisions)}"
-            )
+        for name in SWITCHES:
+            if not isinstance(value := getattr(self, name), bool):
+                raise InvalidValueError(f"ModelErrors.{name} must be true or false, got {shown(value)}")
 
     @property
     def names(self) -> tuple[str, ...]:

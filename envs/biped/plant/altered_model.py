@@ -20,7 +20,10 @@ from ..robots.compiled_robot import CompiledRobot
 from .collisions import add_collisions
 from .floor import add_tiles
 
-OUTSIDE = {"delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None}
+OUTSIDE = {
+    "delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None,
+    "back_emf": False, "continuous_torque": None,
+}  # fmt: skip
 ENUMS = {
     "integrator": ("mjtIntegrator", "mjINT_"),
     "solver": ("mjtSolver", "mjSOL_"),

@@ -32,6 +32,7 @@ DIFFERENT = (
     BODY,
     ModelErrors(trunk_com=(0.0, 0.02, 0.0), dcm_noise=0.002),
     ModelErrors(floor_step=0.015, delay=0.002),
+    ModelErrors(back_emf=True, continuous_torque=0.4, delay=0.004),
 )
 
 
@@ -209,6 +210,50 @@ def test_torques_act_late_by_whole_physics_steps(biped_core, begin, steps):
     step(prompt)
     np.testing.assert_array_equal(first[0], asked[0])
     assert not np.array_equal(asked[-1], acted[-1])
+
+
+def test_late_torques_keep_to_the_line_of_the_speed_at_which_they_act(biped_core, begin):
+    """A torque that was allowed 20 ms ago may be more than the motor gives at the speed of now."""
+    core, found, before = biped_core(), [], np.zeros(14)
+
+    def look():
+        late = core.errors.torques[0, (core.errors.step[0] - 1 - 10) % core.errors.torques.shape[1]]
+        found.append((late.copy(), core.simulations.data[0].ctrl.copy(), before.copy()))
+        before[:] = core.simulations.data[0].qvel[6:]
+
+    core.after_physics_step = look
+    begin(core, 0, Scenario("a", (Push((900.0, 0.0, 0.0), 0.1, 0.1),), errors=ModelErrors(delay=0.02)))
+    for _ in range(60):
+        step(core)
+    late, acted, speed = (np.array(column) for column in zip(*found[11:], strict=True))
+    top, free = MODEL.actuator_forcerange[:, 1], MODEL.actuator_user[:, 0]
+    line = top * np.clip((1.0 - np.abs(speed) / free) / 0.3, 0.0, 1.0)
+    driving = np.where(speed >= 0.0, 1.0, -1.0) * np.array([late, acted])
+    assert (driving[1] <= line + 1e-9).all()
+    assert (driving[0] > line + 1.0).any()
+    np.testing.assert_allclose(driving[1], np.clip(driving[0], -top, line), atol=1e-9)
+
+
+def test_a_joint_beyond_its_speed_without_load_is_braked(biped_core, begin):
+    """The right ankle's pitch at 20 rad/s, 9 without load: the line is 150 / 2.7 N m s/rad, capped at 150."""
+    for back_emf in (False, True):
+        core = biped_core()
+        begin(core, 0, Scenario("a", errors=ModelErrors(back_emf=back_emf, delay=0.002)))
+        qpos, qvel = (field.copy() for field in (core.physics.qpos[0], core.physics.qvel[0]))
+        qpos[2] += 1.0  # in the air
+        qvel[18], qvel[19] = 20.0, -10.0
+        core.put(0, qpos, qvel)
+        torques = []
+        core.after_physics_step = lambda core=core, t=torques: t.append(core.simulations.data[0].ctrl.copy())
+        step(core)
+        pitch, roll = torques[0][12:]
+        if not back_emf:
+            assert pitch <= 0.0 <= roll
+            continue
+        slopes = np.array([150.0, 100.0]) / (0.3 * 9.0)
+        least = slopes * [11.0, 1.0] / (1.0 + slopes * 0.002 / MODEL.dof_M0[18:])
+        assert pitch <= -least[0] + 1e-9
+        assert roll >= least[1] - 1e-9
 
 
 def test_a_delay_that_is_no_whole_number_of_steps_changes_nothing(biped_core, begin):
