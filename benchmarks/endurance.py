@@ -1,11 +1,12 @@
 """Minutes of walking under random commands and pushes: how often does the robot fall?
 
-python benchmarks/endurance.py [--policy two-stage] [--runs 20] [--minutes 10] [--frontier FILE FILE] [--json]
+python benchmarks/endurance.py [--profile hardware] [--share 0.333] [--runs 20] [--minutes 10] [--out DIR]
 
-Every 5 s a new random command; every 3 s a push of 0.1 s on pelvis or trunk, at any phase of the step, half
-of what the frontier of this body survives in its direction, seen from the robot (`frontier --body pelvis
---json` and the same with trunk; measured first without the files). The frontier is that of the start of a
-left stance in place, the robot may stand on either foot: half of the one may be up to 0.8 of the other.
+Every 5 s a new random command; every 3 s a push of 0.1 s on pelvis or trunk, at any phase of the step, a
+share of what the frontier of this body survives in its direction, seen from the robot. Unless `--frontier`
+gives both (`frontier --body pelvis --json` and the same with trunk), the frontier is measured first, on the
+same robot: it is that of the start of a left stance in place, and the robot may stand on either foot, so half
+of the one may be up to 0.8 of the other. What `--out` holds already is not done again.
 """
 
 from __future__ import annotations
@@ -15,39 +16,72 @@ import json
 import math
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from push_recovery.controllers.files import write_text
 from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.interface import Policy
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.episode.profile import get_profile
 from push_recovery.envs.scenario.push import BODIES, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
-from push_recovery.eval.frontier.scan import FrontierSettings, frontier
+from push_recovery.eval.frontier.grid import BEYOND, Scanned, directions_deg, multiples, scan_upwards
+from push_recovery.eval.frontier.scan import FrontierSettings
+from push_recovery.eval.output.rows import RowFile
 from push_recovery.eval.rollout.batch import rollout_batch
-from push_recovery.eval.rollout.outcome import Outcome
+from push_recovery.eval.rollout.environments import code_digest
 
 COMMAND_EVERY, PUSH_EVERY = 5.0, 3.0  # [s]
 PHASE = 0.6  # a push comes up to this much later: longer than a step [s]
 PUSH_DURATION = 0.1  # [s]
 SLOWEST, FASTEST, SIDEWAYS = -0.25, 0.5, 0.2  # [m/s]
 TURN = 0.3  # [rad/s]
+SIDE_BY_SIDE = 8  # forces of a scan
 Tables = dict[str, NDArray[np.float64]]  # by body, (directions, 2): psi [deg], force [N]
+Row = dict[str, Any]
 
 
-def measured_frontiers(policy: str, workers: int) -> list[dict[str, Any]]:
-    """Survived forces by direction, in place, as `frontier --json` prints them."""
-    found = []
-    with tempfile.TemporaryDirectory() as folder:
-        for body in BODIES:
-            settings = FrontierSettings("PushRecovery/Biped-v0", body=body)
-            found.append(frontier(settings, [policy], 16, workers, Path(folder) / body).to_dict(policy))
-    return found
+def largest_survived(options: argparse.Namespace, policy: Policy, episodes: BipedEpisodes, body: Any) -> Row:
+    """Survived forces by direction, in place, of a robot of the profile; keys as `frontier --json` has."""
+    settings = FrontierSettings("PushRecovery/Biped-v0", body=body, profile=options.profile)
+    rows = []
+    for psi in directions_deg(options.directions):
+
+        def run(forces: Iterator[float], psi: float = psi) -> Iterator[tuple[float, bool]]:
+            force_of: dict[str, float] = {}
+
+            def scenarios() -> Iterator[Scenario]:
+                for force in forces:
+                    scenario = settings.scenario(psi, force)
+                    force_of[scenario.id] = force
+                    yield scenario
+
+            for out in rollout_batch(episodes, policy, scenarios(), options.policy):
+                yield force_of[out.scenario_id], out.survived
+
+        found = Scanned.of(scan_upwards(run, multiples(options.grid), BEYOND, bool))
+        rows.append({"psi_deg": psi, "survived_N": found.survived})
+        print(f"{body} {psi:5.1f} deg: {found.survived:g} N", file=sys.stderr, flush=True)
+    return {"push": {"body": body, "duration": PUSH_DURATION}, "directions": rows}
 
 
-def tables_of(frontiers: list[dict[str, Any]]) -> Tables:
+def measured_frontiers(options: argparse.Namespace) -> list[Row]:
+    """The frontiers of pelvis and trunk; kept in `--out`."""
+    path = options.out / "frontier.json"
+    if not path.exists():
+        episodes = BipedEpisodes(SIDE_BY_SIDE, threads=options.threads, sensing=options.sensing)
+        policy = make_policy(options.policy, episodes.robot, episodes.limits, episodes.preset)
+        found = [largest_survived(options, policy, episodes, body) for body in BODIES]
+        write_text(path, json.dumps(found, indent=1) + "\n")
+    return json.loads(path.read_text())
+
+
+def tables_of(frontiers: list[Row]) -> Tables:
     """Survived force by direction for each body."""
     tables = {
         found["push"]["body"]: np.array([[row["psi_deg"], row["survived_N"]] for row in found["directions"]])
@@ -91,41 +125,67 @@ def random_walk(seed: int, seconds: float, tables: Tables, share: float) -> Scen
     )
 
 
-def report(outcomes: list[Outcome], seconds: float) -> str:
-    """Falls and their times."""
-    falls = [out for out in outcomes if not out.survived]
-    walked = sum(out.end_time for out in outcomes)
-    lines = [
-        f"{len(falls)} of {len(outcomes)} runs of {seconds / 60:g} min fell; {walked / 60:.1f} min walked"
-    ]
-    lines += [f"  {out.scenario_id}: {out.failure_reason} at {out.end_time:.2f} s" for out in falls]
+def walk(options: argparse.Namespace, tables: Tables) -> list[Row]:
+    """Rows of all runs, kept in `--out` as they finish."""
+    seconds, profile = 60.0 * options.minutes, get_profile(options.profile)
+    told = {name: getattr(options, name) for name in ("policy", "profile", "sensing", "share", "minutes")}
+    pushes = {body: table.tolist() for body, table in tables.items()}
+    rows = RowFile(options.out, {**told, "frontier": pushes, "code": code_digest()}, ("scenario_id",))
+    runs = [random_walk(seed, seconds, tables, options.share) for seed in range(options.runs)]
+    left = [profile.applied(run) for run in runs if (run.id,) not in rows.rows]
+    if left:
+        episodes = BipedEpisodes(
+            min(len(left), options.together), threads=options.threads, sensing=options.sensing
+        )
+        policy = make_policy(options.policy, episodes.robot, episodes.limits, episodes.preset)
+        for out in rollout_batch(episodes, policy, left, options.policy):
+            rows.append(asdict(out))
+    rows.close()
+    return [rows.rows[run.id,] for run in runs]
+
+
+def report(rows: list[Row], seconds: float) -> str:
+    """Falls: when, why, and what bound the robot met first since its first push."""
+    falls = [row for row in rows if not row["survived"]]
+    walked = sum(row["end_time"] for row in rows) / 60.0
+    lines = [f"{len(falls)} of {len(rows)} runs of {seconds / 60:g} min fell; {walked:.1f} min walked"]
+    lines += [f"  {row['scenario_id']}: {row['failure_reason']} at {row['end_time']:.2f} s" for row in falls]
     return "\n".join(lines)
+
+
+def options_of() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--policy", default="two-stage", help="name (default: %(default)s)")
+    parser.add_argument("--profile", default="exact", help="of the robot (default: %(default)s)")
+    parser.add_argument("--sensing", help="exact or onboard, whatever the profile says")
+    parser.add_argument("--runs", type=int, default=20, help="(default: %(default)s)")
+    parser.add_argument("--together", type=int, default=20, help="runs side by side (default: %(default)s)")
+    parser.add_argument("--minutes", type=float, default=10.0, help="each (default: %(default)s)")
+    parser.add_argument("--share", type=float, default=0.5, help="of the frontier (default: %(default)s)")
+    parser.add_argument("--directions", type=int, default=16, help="of the frontier (default: %(default)s)")
+    parser.add_argument("--grid", type=float, default=20.0, help="of its force [N] (default: %(default)s)")
+    parser.add_argument(
+        "--frontier", type=Path, nargs=2, help="what frontier --json has printed for pelvis and trunk"
+    )
+    parser.add_argument("--out", type=Path, help="keeps frontier and rows (default: nothing is kept)")
+    parser.add_argument("--threads", type=int, default=1, help="of the physics (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    return parser.parse_args()
 
 
 def main() -> None:
     """Walk, and say who fell when."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--policy", default="two-stage", help="name (default: %(default)s)")
-    parser.add_argument("--runs", type=int, default=20, help="side by side (default: %(default)s)")
-    parser.add_argument("--minutes", type=float, default=10.0, help="each (default: %(default)s)")
-    parser.add_argument("--share", type=float, default=0.5, help="of the frontier (default: %(default)s)")
-    parser.add_argument(
-        "--frontier", type=Path, nargs=2, help="what frontier --json has printed for pelvis and trunk"
-    )
-    parser.add_argument("--threads", type=int, default=1, help="of the physics (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
-    options = parser.parse_args()
-    files = [json.loads(path.read_text()) for path in options.frontier or ()]
-    tables = tables_of(files or measured_frontiers(options.policy, options.threads))
-    episodes, seconds = BipedEpisodes(options.runs, threads=options.threads), 60.0 * options.minutes
-    policy = make_policy(options.policy, episodes.robot, episodes.limits, episodes.preset)
-    runs = [random_walk(seed, seconds, tables, options.share) for seed in range(options.runs)]
-    found = {out.scenario_id: out for out in rollout_batch(episodes, policy, runs, options.policy)}
-    outcomes = [found[run.id] for run in runs]
+    options = options_of()
+    with tempfile.TemporaryDirectory() as folder:
+        options.out = options.out or Path(folder)
+        options.out.mkdir(parents=True, exist_ok=True)
+        files = [json.loads(path.read_text()) for path in options.frontier or ()]
+        rows = walk(options, tables_of(files or measured_frontiers(options)))
     if options.json:
-        json.dump({"seconds": seconds, "outcomes": [asdict(out) for out in outcomes]}, sys.stdout)
+        print(json.dumps({"seconds": 60.0 * options.minutes, "outcomes": rows}))
     else:
-        print(report(outcomes, seconds))
+        print(report(rows, 60.0 * options.minutes))
 
 
 if __name__ == "__main__":

@@ -19,8 +19,7 @@ does on the level, so the planner is shown CoM and DCM moved by it.
 The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
 from one period to the next, in the median, tells its noise; a push that does not rise above it is not shown.
 
-While a sole slides, the horizontal share of the floor's force is the friction: whole-body control asks for no
-more from then on.
+How much friction whole-body control may count on, slides and holding soles tell (`grip`).
 """
 
 from __future__ import annotations
@@ -39,6 +38,7 @@ from ..model.robot import GRAVITY
 from ..whole_body.gait_machine import Gait, GaitSettings
 from ..whole_body.kinematics import Array, Physics, sole_position
 from ..whole_body.mass_matrix import com_velocity
+from .grip import MOST, SIZE, feel_grip
 from .observe import Contacts, external_force
 
 MEMORY = 0.5  # of the mass [s]
@@ -55,9 +55,6 @@ NOISE_KNOWN = 0.03  # less counts as none [m]
 NOISE_SHARE = 2.0  # of the noise that a push must rise above
 
 STANDING = 0.03  # a sole that has stood for less may still slide from its landing [s]
-SLIDES = 0.3  # speed from which the stance sole slides [m/s]
-SLIDING = 3  # periods of sliding that tell the friction: one alone may be a blow
-GRIP_MIN = 0.4  # the least friction that is believed
 
 # Columns of `SelfModel.step`; of a pair (x, y) the first one
 DRIFT = 0  # pair, sum of the drift
@@ -70,11 +67,6 @@ STEP_SIZE = 11
 # Columns of `SelfModel.felt`
 FELT = 0  # pair, push estimate of the last period, heading frame [m]
 JUMP = 2  # median of its jumps [m]
-# Columns of `SelfModel.stood`
-PLACE = 0  # pair, of the stance sole at the last observation [m]
-ITS_STEP = 2  # number of the step in which it stood there
-SHARE = 3  # largest horizontal share of the floor's force while the sole has slid
-PERIODS = 4  # for how many periods it has
 
 _DCM, _COM, _PUSH = DCM.start, COM.start, PUSH_ESTIMATE.start
 
@@ -89,7 +81,7 @@ class SelfModel(NamedTuple):
     step: Floats2  # (n, STEP_SIZE) of the step that goes on and the last one
     felt: Floats2  # (n, 3) what the push estimate was, and how it jumps
     grip: Floats1  # (n,) friction that whole-body control may count on
-    stood: Floats2  # (n, 5) where the stance sole stood, and how it slides
+    stood: Floats2  # (n, grip.SIZE) where the stance sole stood, and how it slides
 
 
 def empty_self_model(n: int) -> SelfModel:
@@ -102,7 +94,7 @@ def empty_self_model(n: int) -> SelfModel:
         np.zeros((n, STEP_SIZE)),
         np.zeros((n, 3)),
         np.ones(n),
-        np.zeros((n, 5)),
+        np.zeros((n, SIZE)),
     )
 
 
@@ -115,6 +107,7 @@ def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
     known.step[k, QUIET] = 1.0  # the first step counts
     known.grip[k] = friction
     known.stood[k] = 0.0
+    known.stood[k, MOST] = friction
 
 
 @njit(cache=True, forceinline=True)
@@ -162,20 +155,12 @@ def end_step(known: SelfModel, k: int) -> None:
 
 
 @njit(cache=True)
-def feel_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
-    """Take the friction from a period in which the stance sole has slid, if it is not the first or second."""
-    stood, (x, y, _) = known.stood[k], sole_position(phys, k, gait.stance[k])
-    slid = math.hypot(x - stood[PLACE], y - stood[PLACE + 1]) > SLIDES * contacts.time[k]
-    stands = stood[ITS_STEP] == gait.steps[k] and gait.elapsed[k] > STANDING
-    impulse = contacts.impulse[k]
-    if stands and slid and impulse[2] > 0.0:
-        stood[SHARE] = max(stood[SHARE], math.hypot(impulse[0], impulse[1]) / impulse[2])
-        stood[PERIODS] += 1.0
-        if stood[PERIODS] >= SLIDING:
-            known.grip[k] = min(known.grip[k], max(stood[SHARE], GRIP_MIN))
-    else:
-        stood[SHARE] = stood[PERIODS] = 0.0
-    stood[PLACE], stood[PLACE + 1], stood[ITS_STEP] = x, y, gait.steps[k]
+def learn_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
+    """Take in what the floor has held of robot k, whose stance sole may slide from its landing at first."""
+    (x, y, _), impulse = sole_position(phys, k, gait.stance[k]), contacts.impulse[k]
+    share = math.hypot(impulse[0], impulse[1]) / impulse[2] if impulse[2] > 0.0 else -1.0
+    landed, step, span = gait.elapsed[k] > STANDING, gait.steps[k], contacts.time[k]
+    known.grip[k] = feel_grip(known.stood[k], known.grip[k], x, y, step, landed, share, span)
 
 
 @njit(cache=True)
@@ -184,7 +169,7 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     span = contacts.time[k]
     if span <= 0.0:
         return
-    feel_grip(known, k, phys, gait, contacts)
+    learn_grip(known, k, phys, gait, contacts)
     velocity = com_velocity(phys, k)
     x, y, z = subtract(velocity, vector_of(contacts.velocity[k], 0))
     step, mass = known.step[k], s.mass * known.mass[k]
