@@ -10,7 +10,9 @@ NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
 ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
-SUITE_NAMES = ("quick", "standard", "hard", "varied", "varied-sealed")  # of `score.suites.SUITES`
+SUITE_NAMES = (  # of `score.suites.SUITES`
+    "quick", "standard", "hard", "varied", "hardware", "varied-sealed", "hardware-sealed",
+)  # fmt: skip
 
 
 def default_workers() -> int:

@@ -15,7 +15,7 @@ from ...controllers.errors import InvalidValueError, UnknownNameError, shown
 from ...controllers.files import is_file, read_file, write_text
 from ...controllers.json_text import parse_json
 from ...controllers.validation import require_keys
-from ...envs.episode.profile import EXACT, Profile, get_profile
+from ...envs.episode.profile import EXACT, HARDWARE, Profile, get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
@@ -183,12 +183,26 @@ def varied_sealed_suite() -> Suite:
     return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, int(code_digest(), 16)))
 
 
+@cache
+def hardware_suite() -> Suite:
+    """The pushes of `varied`, by the same ids, on robots of the profile `hardware`."""
+    return Suite("hardware", VERSION, with_profile(varied_suite(), HARDWARE).scenarios)
+
+
+@cache
+def hardware_sealed_suite() -> Suite:
+    """The pushes of `varied-sealed` on robots of the profile `hardware`."""
+    return Suite("hardware-sealed", VERSION, with_profile(varied_sealed_suite(), HARDWARE).scenarios)
+
+
 SUITES: dict[str, Callable[[], Suite]] = {
     "quick": quick_suite,
     "standard": standard_suite,
     "hard": hard_suite,
     "varied": varied_suite,
+    "hardware": hardware_suite,
     "varied-sealed": varied_sealed_suite,
+    "hardware-sealed": hardware_sealed_suite,
 }
 
 

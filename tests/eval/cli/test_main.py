@@ -12,7 +12,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.commands.names import Names
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.names import SUITE_NAMES
-from push_recovery.eval.score.suites import SUITES, Suite, quick_suite
+from push_recovery.eval.score.suites import SUITES, Suite, quick_suite, standard_suite
 
 import push_recovery
 
@@ -20,7 +20,7 @@ import push_recovery
 @pytest.fixture
 def suite(tmp_path):
     path = tmp_path / "suite.json"
-    Suite("head", "1", quick_suite().scenarios[:6]).save(path)
+    Suite("head", "1", standard_suite().scenarios[:6]).save(path)
     return str(path)
 
 
@@ -86,7 +86,7 @@ def test_list(capsys):
     content = json.loads(capsys.readouterr().out)
     assert "PushRecovery/Biped-v0" in content["envs"]
     assert "two-stage" in content["policies"]
-    assert [s["name"] for s in content["suites"]] == ["quick", "standard", "hard", "varied", "varied-sealed"]
+    assert [s["name"] for s in content["suites"]] == list(SUITE_NAMES)
     assert main(["list"]) == 0
     assert quick_suite().sha256 in capsys.readouterr().out
 

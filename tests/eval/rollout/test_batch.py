@@ -22,7 +22,7 @@ from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.workers import SLOTS, Runner
 from push_recovery.eval.rollout.wrapped_action import action_rule
-from push_recovery.eval.score.suites import quick_suite
+from push_recovery.eval.score.suites import standard_suite
 
 PENDULUM, BIPED, RESIDUAL = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual"))
 LATE = polar_push(150.0, 2.0, 0.2, GaitEvent(2, "right", 0.5))
@@ -32,7 +32,7 @@ SCENARIOS = (
     Scenario("three", (polar_push(90.0, 1.0, 0.1, 0.2), LATE, polar_push(60.0, 3.0, 0.1, 1.1)), Command(0.3)),
     Scenario("right", (LATE,), Command(0.1, -0.1), "right"),
     Scenario("calm", (), Command(0.2), settle_time=2.0),
-    *quick_suite().scenarios[:4],
+    *standard_suite().scenarios[:4],
 )
 
 

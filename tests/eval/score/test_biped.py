@@ -2,10 +2,10 @@ import json
 
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
 ENV_ID = "PushRecovery/Biped-v0"
-SUITE = Suite("head", "1", quick_suite().scenarios[:3])
+SUITE = Suite("head", "1", standard_suite().scenarios[:3])
 
 
 def test_workers_and_order_change_nothing(tmp_path):

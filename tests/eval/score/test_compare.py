@@ -6,9 +6,9 @@ import pytest
 import toy_gait_env as toy
 from push_recovery.eval.score.compare import compare
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
-SUITE = Suite("ten", "1", quick_suite().scenarios[:10])
+SUITE = Suite("ten", "1", standard_suite().scenarios[:10])
 #        both  only a    only b  neither
 OF_A = [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]  # recovered
 OF_B = [1, 1, 0, 0, 0, 0, 1, 0, 0, 0]

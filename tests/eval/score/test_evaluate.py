@@ -13,9 +13,9 @@ from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.outcome import Score, failure_label
 from push_recovery.eval.score.compare import compare
 from push_recovery.eval.score.evaluate import CHUNKS_A_WORKER, evaluate, make_chunks
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
-SUITE = Suite("head", "1", quick_suite().scenarios[:24])
+SUITE = Suite("head", "1", standard_suite().scenarios[:24])
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.score.kinds import groups_of, kind_cells
-from push_recovery.eval.score.suites import quick_suite
+from push_recovery.eval.score.suites import standard_suite
 
 FORCE = (100.0, 0.0, 0.0)
 PELVIS, TRUNK = Push(FORCE, 0.1, 1.0), Push(FORCE, 0.1, 1.0, "trunk")
@@ -34,6 +34,6 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 
 def test_a_kind_of_one_group_only_tells_nothing():
-    """All of `quick` are single pushes at the pelvis."""
-    assert set(groups_of(quick_suite().scenarios)) == {"backward", "forward", "in place", "sideways"}
+    """All of `standard` are single pushes at the pelvis."""
+    assert set(groups_of(standard_suite().scenarios)) == {"backward", "forward", "in place", "sideways"}
     assert groups_of(SCENARIOS[:1]) == {}

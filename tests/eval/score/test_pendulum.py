@@ -6,10 +6,10 @@ from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.frontier.scan import FrontierSettings, ScanJob, scan
 from push_recovery.eval.rollout.workers import Runner
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
 ENV_ID = "PushRecovery/Pendulum-v0"
-SUITE = Suite("head", "1", quick_suite().scenarios[:12])
+SUITE = Suite("head", "1", standard_suite().scenarios[:12])
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from push_recovery.controllers.settings.presets import PresetFile
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 
@@ -38,7 +38,7 @@ def test_an_id_with_a_preset_makes_robot_and_arm_of_the_file(preset):
 
 def test_rows_of_a_preset_that_has_changed_are_refused(tmp_path, preset, capsys):
     suite, out = str(tmp_path / "suite.json"), str(tmp_path / "out")
-    Suite("two", "1", quick_suite().scenarios[:2]).save(Path(suite))
+    Suite("two", "1", standard_suite().scenarios[:2]).save(Path(suite))
     options = ["evaluate", "--env", PENDULUM, "--policies", "stage-1", "--workers", "1", "--json"]
     options += ["--suite", suite, "--preset", str(preset), "--out", out]
     assert main(options) == 0

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.report import COLUMNS, evaluation_cells, kinds_markdown
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
 
 def row(impulse, recovered, survived=True, reason=None):
@@ -18,7 +18,7 @@ ROWS = [
 
 
 def test_the_second_rate_is_of_pushes_from_5_to_60_newton_seconds():
-    suite = Suite("five", "1", quick_suite().scenarios[:5])
+    suite = Suite("five", "1", standard_suite().scenarios[:5])
     evaluation = Evaluation(suite, "env", {"p": ROWS, "q": ROWS[3:]}, Path("out"), 0.0)
     p, q = evaluation_cells(evaluation)
     assert COLUMNS[4] == "rate 5-60 N s"
@@ -28,7 +28,10 @@ def test_the_second_rate_is_of_pushes_from_5_to_60_newton_seconds():
 
 
 def test_kinds_of_push_have_a_column_for_each_policy():
-    first, other = quick_suite().scenarios[0], next(s for s in quick_suite().scenarios if s.command.vx > 0)
+    first, other = (
+        standard_suite().scenarios[0],
+        next(s for s in standard_suite().scenarios if s.command.vx > 0),
+    )
     names = {s.id: "forward" if s.command.vx > 0 else "other" for s in (first, other)}
     assert set(names.values()) == {"forward", "other"}
     suite = Suite("two", "1", (first, other))

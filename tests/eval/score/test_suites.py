@@ -11,9 +11,11 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.score import suites
 from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array, stratified_uniforms
 from push_recovery.eval.score.suites import (
+    SUITES,
     Suite,
     get_suite,
     hard_suite,
+    hardware_suite,
     load_suite,
     quick_suite,
     standard_suite,
@@ -26,20 +28,31 @@ QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994
 STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
 HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
 VARIED_SHA256 = "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507"
+HARDWARE_SHA256 = "2ef69dacd4acf187a32ae2a1ab97e721935944657ad483fb1c346bcc7206e3b8"
 
 
-def test_content_hash_is_that_of_version_1():
+def test_content_hash_is_that_of_the_version():
     assert quick_suite().sha256 == QUICK_SHA256
+    assert hardware_suite().sha256 == HARDWARE_SHA256
     assert standard_suite().sha256 == STANDARD_SHA256
     assert hard_suite().sha256 == HARD_SHA256
     assert varied_suite().sha256 == VARIED_SHA256
-    assert quick_suite().version == standard_suite().version == hard_suite().version == "1"
-    assert varied_suite().version == "1"
+    versions = {name: get_suite(name).version for name in SUITES if not name.endswith("sealed")}
+    assert versions == dict.fromkeys(versions, "1")
 
 
 def test_quick_is_the_head_of_standard():
     assert len(standard_suite().scenarios) == 1024
     assert quick_suite().scenarios == standard_suite().scenarios[:256]
+
+
+def test_hardware_has_the_pushes_of_varied_on_other_robots():
+    """By the same ids and noise seeds, so that rows of either profile pair; the sealed two alike."""
+    for name, real in (("varied", "hardware"), ("varied-sealed", "hardware-sealed")):
+        pairs = zip(get_suite(name).scenarios, get_suite(real).scenarios, strict=True)
+        assert all(HARDWARE.applied(a) == b for a, b in pairs)
+        assert get_suite(real).name == real
+    assert {s.sensing for s in hardware_suite().scenarios} == {"onboard"}
 
 
 def test_the_sealed_pushes_are_those_of_the_code(monkeypatch):
