@@ -26,6 +26,10 @@ Count = Annotated[int, arg(metavar="N")]
 Real = Annotated[float, arg(metavar="X")]
 Policy = Annotated[str, arg(metavar="NAME|FILE")]
 SUITES_TEXT = f"{', '.join(SUITE_NAMES)}, or a JSON file."
+PROFILE_TEXT = (
+    "How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses, "
+    "delay and collisions (docs/scenarios.md)."
+)
 ERRORS_TEXT = (
     "What robot and floor are off from what the planner believes, in every scenario, such as "
     '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md).'
@@ -125,9 +129,7 @@ class ErrorOptions(Options):
 class RobotOptions(ErrorOptions):
     """Of a command whose robots are of a profile."""
 
-    profile: Annotated[str, arg(metavar="NAME")] = "exact"
-    """How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses,
-    delay and collisions (docs/scenarios.md)."""
+    profile: Annotated[str, arg(metavar="NAME", help=PROFILE_TEXT)] = "exact"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -119,13 +119,9 @@ class Score:
         """The contract's object of one policy."""
         return {
             "recovered": self.recovered,
+            "survived": self.survived,
             "episodes": self.episodes,
             "rate": self.rate,
             "ci95": list(self.ci95),
             "failures": self.failures,
         }
-
-
-def impulse_between(rows: Iterable[Mapping[str, Any]], low: float, high: float) -> list[Mapping[str, Any]]:
-    """Rows whose first push has an impulse in [low, high] [N s]."""
-    return [row for row in rows if low <= row["impulse"] <= high]

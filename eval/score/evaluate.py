@@ -16,7 +16,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
 from ..rollout.environments import code_digest, env_label, preset_digest
-from ..rollout.outcome import Score, impulse_between
+from ..rollout.outcome import Score
 from ..rollout.policy_source import Sources, open_rows, policy_sources
 from ..rollout.workers import Chunk, Runner, parallel, run_chunk
 from .bounds_met import bound_summary
@@ -26,7 +26,6 @@ FORMAT = 2  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
 CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
-SUBSET = (5.0, 60.0)  # impulses of the second rate in tables [N s]
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
 
 
@@ -43,10 +42,6 @@ class Evaluation:
     def score(self, policy: str) -> Score:
         """Over the whole suite."""
         return Score.of(self.rows[policy])
-
-    def subset_score(self, policy: str) -> Score:
-        """Over first-push impulses within SUBSET."""
-        return Score.of(impulse_between(self.rows[policy], *SUBSET))
 
     def to_dict(self) -> dict[str, Any]:
         """The contract's object."""
@@ -154,8 +149,6 @@ def write_reports(evaluation: Evaluation, markdown: str) -> Path:
     """Write report.json and report.md into the directory; returns the path of the latter."""
     content = evaluation.to_dict()
     for name, entry in content["policies"].items():
-        entry["survived"] = evaluation.score(name).survived
-        entry["impulse_5_60"] = evaluation.subset_score(name).to_dict()
         entry["limits"] = bound_summary(evaluation.rows[name])
     content["wall_time_s"] = round(evaluation.wall_time, 3)
     write_text(evaluation.directory / "report.json", json.dumps(content, indent=1) + "\n")

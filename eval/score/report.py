@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
+import numpy as np
+
+from ..output.statistics import PairedCounts
 from ..output.tables import markdown_table
 from ..rollout.outcome import Score
 from .bounds_met import COLUMNS as BOUND_COLUMNS
 from .bounds_met import NOTE, bound_cells, first_bounds
-from .evaluate import SUBSET, Evaluation
+from .evaluate import Evaluation
 from .kinds import groups_of, kind_cells
 
-COLUMNS = (
-    "policy",
-    "recovered",
-    "rate",
-    "95 % interval",
-    f"rate {SUBSET[0]:g}-{SUBSET[1]:g} N s",
-    "survived",
-    "not recovered",
-    "first limit of the falls",
+COLUMNS = ("policy", "recovered", "rate", "95 % interval", "survived")
+PAIR_COLUMNS = ("A", "B", "only A recovers", "only B recovers", "p")
+REASONS = ("not recovered", "first limit of the falls")  # columns of the report besides
+RECOVERED_NOTE = (
+    "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
+    "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
 )
 
 
@@ -31,13 +33,18 @@ def evaluation_cells(evaluation: Evaluation) -> list[tuple[str, ...]]:
     """One row of cells for each policy, in COLUMNS."""
     cells = []
     for name in evaluation.rows:
-        score, subset = evaluation.score(name), evaluation.subset_score(name)
-        low, high = subset.ci95
-        part = f"{subset.rate:.3f} ({low:.3f}-{high:.3f})" if subset.episodes else "-"
-        reasons = ", ".join(f"{reason} {count}" for reason, count in score.failures.items()) or "-"
-        counts = f"{score.recovered}/{score.episodes}"
-        met = first_bounds(evaluation.rows[name])
-        cells.append((name, counts, *rate_cells(score), part, str(score.survived), reasons, met))
+        score = evaluation.score(name)
+        cells.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}"))
+    return cells
+
+
+def reason_cells(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """Why each policy did not recover, and what its falls met first, in REASONS."""
+    cells = []
+    for name, rows in evaluation.rows.items():
+        failures = evaluation.score(name).failures
+        reasons = ", ".join(f"{reason} {count}" for reason, count in failures.items()) or "-"
+        cells.append((reasons, first_bounds(rows)))
     return cells
 
 
@@ -52,13 +59,25 @@ def evaluation_title(evaluation: Evaluation) -> str:
 
 def evaluation_markdown(evaluation: Evaluation) -> str:
     """The report as Markdown."""
-    note = (
-        "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
-        "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
-    )
-    table = markdown_table(COLUMNS, evaluation_cells(evaluation))
-    parts = f"{kinds_markdown(evaluation)}{limits_markdown(evaluation)}"
-    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{note}{parts}"
+    told, reasons = evaluation_cells(evaluation), reason_cells(evaluation)
+    cells = [(*cell, *why) for cell, why in zip(told, reasons, strict=True)]
+    table = markdown_table((*COLUMNS, *REASONS), cells)
+    parts = f"{pairs_markdown(evaluation)}{kinds_markdown(evaluation)}{limits_markdown(evaluation)}"
+    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{RECOVERED_NOTE}{parts}"
+
+
+def pairs_markdown(evaluation: Evaluation) -> str:
+    """A table of every two policies on the same pushes; nothing where there is one alone."""
+    recovered = {
+        name: np.array([row["recovered"] for row in rows], dtype=bool)
+        for name, rows in evaluation.rows.items()
+    }
+    lines = []
+    for a, b in combinations(recovered, 2):
+        pairs = PairedCounts.of(recovered[a], recovered[b])
+        lines.append((a, b, str(pairs.only_a), str(pairs.only_b), f"{pairs.p_value:.2g}"))
+    table = markdown_table(PAIR_COLUMNS, lines)
+    return f"\n## Pairs\n\n{table}\np: exact McNemar.\n" if lines else ""
 
 
 def kinds_markdown(evaluation: Evaluation) -> str:

@@ -26,6 +26,10 @@ from .varied import varied_scenarios
 SEED, HARD_SEED, VARIED_SEED = 20180609, 20181121, 20261122
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
+PROFILED = {  # suites of a profile that have names of their own
+    "varied+hardware": "hardware",
+    "varied-sealed+hardware": "hardware-sealed",
+}
 # Names of directories under runs/ begin with that of the suite, and terminals show it.
 PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+=,@-]{0,999}")
 
@@ -127,7 +131,8 @@ def with_profile(suite: Suite, profile: Profile) -> Suite:
     if profile == EXACT:
         return suite
     scenarios = tuple(profile.applied(scenario) for scenario in suite.scenarios)
-    return Suite(f"{suite.name}+{profile.name}", suite.version, scenarios)
+    name = f"{suite.name}+{profile.name}"
+    return Suite(PROFILED.get(name, name), suite.version, scenarios)
 
 
 def on_robots(suite: Suite, errors: ModelErrors, profile: str) -> Suite:
@@ -186,13 +191,13 @@ def varied_sealed_suite() -> Suite:
 @cache
 def hardware_suite() -> Suite:
     """The pushes of `varied`, by the same ids, on robots of the profile `hardware`."""
-    return Suite("hardware", VERSION, with_profile(varied_suite(), HARDWARE).scenarios)
+    return with_profile(varied_suite(), HARDWARE)
 
 
 @cache
 def hardware_sealed_suite() -> Suite:
     """The pushes of `varied-sealed` on robots of the profile `hardware`."""
-    return Suite("hardware-sealed", VERSION, with_profile(varied_sealed_suite(), HARDWARE).scenarios)
+    return with_profile(varied_sealed_suite(), HARDWARE)
 
 
 SUITES: dict[str, Callable[[], Suite]] = {

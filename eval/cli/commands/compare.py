@@ -7,11 +7,12 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from ..options import RobotOptions
 from .evaluate import SuiteOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compare(SuiteOptions):
+class Compare(SuiteOptions, RobotOptions):
     """Compare two policies on the same pushes."""
 
     a: Annotated[Positional[str], arg(metavar="A")]
@@ -26,7 +27,13 @@ class Compare(SuiteOptions):
 
         env_id = self.env_id
         comparison = compare(
-            self.a, self.b, self.pushes, env_id, self.workers, self.directory, self.overwrite
+            self.a,
+            self.b,
+            self.pushes_under(self.profile),
+            env_id,
+            self.workers,
+            self.directory,
+            self.overwrite,
         )
         content = comparison.to_dict()
         if self.json:

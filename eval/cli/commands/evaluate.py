@@ -7,46 +7,77 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
+from ....controllers.errors import InvalidValueError
 from ...rollout.names import TABLE_ARMS
-from ..options import SUITES_TEXT, EnvOptions, RobotOptions, RunningOptions
+from ..options import PROFILE_TEXT, SUITES_TEXT, EnvOptions, ErrorOptions, RunningOptions
 
 if TYPE_CHECKING:
+    from ...score.evaluate import Evaluation
     from ...score.suites import Suite
+
+REPORT = "report.md"
+POLICIES_TEXT = (
+    "Names (see list), policy files, or MODULE:ATTRIBUTE. Not among the default ones: passive, which falls "
+    "in 2 s without a push."
+)
+PROFILES_TEXT = f"{PROFILE_TEXT} Several stand side by side."
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuiteOptions(EnvOptions, RobotOptions, RunningOptions):
+class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     """Of a command that runs policies on a suite."""
 
     suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "quick"
 
-    @property
-    def pushes(self) -> Suite:
-        """The suite, with the model errors and the profile in every scenario."""
+    def pushes_under(self, profile: str) -> Suite:
+        """The suite, with the model errors and a profile in every scenario."""
         from ...score.suites import get_suite, on_robots
 
-        return on_robots(get_suite(self.suite), self.model_errors, self.profile)
+        return on_robots(get_suite(self.suite), self.model_errors, profile)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(SuiteOptions):
     """Score policies on a suite."""
 
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
-    """Names (see list), policy files, or MODULE:ATTRIBUTE."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)] = TABLE_ARMS
+    profile: Annotated[tuple[str, ...], arg(metavar="NAME", help=PROFILES_TEXT)] = ("exact",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(set(self.profile)) < len(self.profile):
+            raise InvalidValueError(f"--profile must name each one once, got {' '.join(self.profile)}")
 
     def run(self) -> None:
-        """Evaluate, print the table or the object, write the reports."""
+        """Evaluate under each profile, print one table or object, write the reports."""
         from ...output.tables import print_table
-        from ...score.evaluate import evaluate, write_reports
-        from ...score.report import COLUMNS, evaluation_cells, evaluation_markdown, evaluation_title
+        from ...score.profiles import profile_cells, profile_columns, write_profiles
+        from ...score.report import COLUMNS, evaluation_cells, evaluation_title
 
-        evaluation = evaluate(
-            self.pushes, self.env_id, self.policies, self.workers, self.directory, self.overwrite
-        )
-        report = write_reports(evaluation, evaluation_markdown(evaluation))
+        found = self._evaluations()
+        (first, *others) = found.values()
         if self.json:
-            self.print_json(evaluation.to_dict())
+            objects = {name: evaluation.to_dict() for name, evaluation in found.items()}
+            self.print_json({"profiles": objects} if others else first.to_dict())
             return
-        print_table(evaluation_title(evaluation), COLUMNS, evaluation_cells(evaluation))
-        print(f"report: {report}")
+        if not others:
+            print_table(evaluation_title(first), COLUMNS, evaluation_cells(first))
+        else:
+            print_table(evaluation_title(first), profile_columns(found), profile_cells(found))
+            print(f"profiles: {write_profiles(found, self.directory or first.directory)}")
+        for evaluation in found.values():
+            print(f"report: {evaluation.directory / REPORT}")
+
+    def _evaluations(self) -> dict[str, Evaluation]:
+        """By profile; each has a directory of its own, below DIR where there are several."""
+        from ...score.evaluate import evaluate, write_reports
+        from ...score.report import evaluation_markdown
+
+        suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
+        found = {}
+        for name, suite in suites.items():
+            several = self.directory is not None and len(suites) > 1
+            place = self.directory / name if several and self.directory else self.directory
+            found[name] = evaluate(suite, self.env_id, self.policies, self.workers, place, self.overwrite)
+            write_reports(found[name], evaluation_markdown(found[name]))
+        return found

@@ -10,7 +10,6 @@ from push_recovery.eval.rollout.outcome import (
     Outcome,
     Score,
     failure_label,
-    impulse_between,
 )
 
 
@@ -34,7 +33,12 @@ def test_a_score_counts_what_recovered_and_says_why_the_rest_did_not():
     ]  # fmt: skip
     assert score.recovered + sum(score.failures.values()) == score.episodes
     content = score.to_dict()
-    assert (content["recovered"], content["episodes"], content["rate"]) == (3, 8, 3 / 8)
+    assert (content["recovered"], content["survived"], content["episodes"], content["rate"]) == (
+        3,
+        4,
+        8,
+        3 / 8,
+    )
     # Wilson (1927) for 3 of 8: (p + z^2/2n -+ z sqrt(p q/n + z^2/4n^2)) / (1 + z^2/n), z = 1.959964
     assert content["ci95"] == pytest.approx([0.136840, 0.694258], abs=1e-5)
 
@@ -49,11 +53,6 @@ def test_a_score_counts_what_recovered_and_says_why_the_rest_did_not():
 )
 def test_a_label_for_each_end(of, label):
     assert failure_label(of) == label
-
-
-def test_impulses_are_taken_with_both_ends():
-    rows = [row(True, True, impulse=impulse) for impulse in (4.9, 5.0, 30.0, 60.0, 60.1)]
-    assert [r["impulse"] for r in impulse_between(rows, 5.0, 60.0)] == [5.0, 30.0, 60.0]
 
 
 PUSHED = Scenario(

@@ -3,7 +3,12 @@
 from pathlib import Path
 
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import COLUMNS, evaluation_cells, kinds_markdown
+from push_recovery.eval.score.report import (
+    evaluation_cells,
+    kinds_markdown,
+    pairs_markdown,
+    reason_cells,
+)
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 
@@ -17,14 +22,24 @@ ROWS = [
 ]  # fmt: skip
 
 
-def test_the_second_rate_is_of_pushes_from_5_to_60_newton_seconds():
+def test_recovered_survived_and_why_not():
     suite = Suite("five", "1", standard_suite().scenarios[:5])
     evaluation = Evaluation(suite, "env", {"p": ROWS, "q": ROWS[3:]}, Path("out"), 0.0)
-    p, q = evaluation_cells(evaluation)
-    assert COLUMNS[4] == "rate 5-60 N s"
-    # Wilson (1927) of 2 of 5 and of 2 of 2: 1 / (1 + z^2 / n) below, z = 1.959964
-    assert p == ("p", "2/5", "0.400", "0.118-0.769", "1.000 (0.342-1.000)", "3", "low 2, not_settled 1", "-")
-    assert q[1:3] + q[4:6] == ("0/2", "0.000", "-", "0")
+    # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
+    assert evaluation_cells(evaluation) == [
+        ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
+    ]  # fmt: skip
+    assert reason_cells(evaluation) == [("low 2, not_settled 1", "-"), ("low 2", "-")]
+
+
+def test_every_two_policies_are_paired():
+    suite = Suite("five", "1", standard_suite().scenarios[:5])
+    none = [{**row, "recovered": False} for row in ROWS]
+    evaluation = Evaluation(suite, "env", {"p": ROWS, "q": none, "r": none}, Path("out"), 0.0)
+    page = pairs_markdown(evaluation)
+    assert "| p | q | 2 | 0 | 0.5 |" in page  # two that differ: p = 2 / 2^2
+    assert "| q | r | 0 | 0 | 1 |" in page
+    assert pairs_markdown(Evaluation(suite, "env", {"p": ROWS}, Path("out"), 0.0)) == ""
 
 
 def test_kinds_of_push_have_a_column_for_each_policy():

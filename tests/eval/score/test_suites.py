@@ -52,6 +52,7 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
         pairs = zip(get_suite(name).scenarios, get_suite(real).scenarios, strict=True)
         assert all(HARDWARE.applied(a) == b for a, b in pairs)
         assert get_suite(real).name == real
+        assert with_profile(get_suite(name), HARDWARE) == get_suite(real)
     assert {s.sensing for s in hardware_suite().scenarios} == {"onboard"}
 
 
