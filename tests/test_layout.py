@@ -20,6 +20,7 @@ ROOMS = (
     "controllers.settings",
     "controllers.stage_1",
     "controllers.stage_2",
+    "controllers.baselines",
     "controllers.policies",
     "controllers.whole_body",
     "controllers.estimation",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..baselines.linear_mpc import LinearMpc
 from ..compiled.compile_notice import announce_compilation
 from ..compiled.threads import RangeThreads
 from ..errors import InvalidValueError
@@ -20,7 +22,7 @@ from ..stage_1.columns import ROW_SIZE
 from ..stage_1.columns import STATUS as STATUS_COLUMN
 from ..stage_1.planner import StepPlanner
 from ..stage_2.forms import make_regulator
-from ..stage_2.interface import STATUS
+from ..stage_2.interface import STATUS, Regulator
 from ..validation import require_kind
 from .plan import Plan, plan_of_row
 
@@ -69,7 +71,9 @@ class TwoStagePolicy:
         self.name = name
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
-        self._stage_2 = make_regulator(self.robot, self.limits, self.config, threads)
+        mpc = self.config.foothold == "linear_mpc"
+        make = LinearMpc if mpc else partial(make_regulator, threads=threads)
+        self._stage_2: Regulator = make(self.robot, self.limits, self.config)
         self._bounds = self.limits.box, self.config.double_support
         self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 

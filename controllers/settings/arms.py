@@ -11,7 +11,7 @@ class Stages(NamedTuple):
     use_cop: bool
     use_trunk: bool
     fixed_time: bool = False  # T stays nominal
-    capture_point: bool = False  # the foothold is that of `stage_1/capture_step`, T nominal
+    foothold: str = "optimal"  # of `PlannerConfig`; another one than this leaves T nominal
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -19,14 +19,15 @@ class Stages(NamedTuple):
         values: dict[str, Any] = {"use_cop": self.use_cop, "use_trunk": self.use_trunk}
         if self.fixed_time:
             values["adapt_duration"] = False
-        if self.capture_point:
-            values["foothold"] = "capture_point"
+        if self.foothold != "optimal":
+            values["foothold"] = self.foothold
         return values
 
 
 ARMS: dict[str, Stages] = {
     "passive": Stages(False, False),  # walks the nominal gait, without reaction
-    "raibert": Stages(False, False, capture_point=True),
+    "raibert": Stages(False, False, foothold="capture_point"),
+    "herdt": Stages(False, False, foothold="linear_mpc"),
     "fixed-time": Stages(False, False, fixed_time=True),
     "stage-1-paper": Stages(False, False),
     "stage-1": Stages(False, False),
@@ -36,4 +37,5 @@ ARMS: dict[str, Stages] = {
     "two-stage": Stages(True, True),
 }
 PAPER_SUFFIX = "-paper"  # of arms with the paper's Table II
-ON_REQUEST = ("passive", "raibert", "fixed-time")  # not in tables unless asked for: no parts of the planner
+# Not in tables unless asked for: no parts of the planner
+ON_REQUEST = ("passive", "raibert", "herdt", "fixed-time")

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from ..errors import InvalidValueError, UnknownNameError, is_finite_number
 
 CHOICES = {
-    "foothold": ("optimal", "capture_point"),
+    "foothold": ("optimal", "capture_point", "linear_mpc"),
     "form": ("zoh", "jerk"),
     "solver": ("daqp", "osqp"),
     "jerk_cost": ("literal", "repaired"),
@@ -27,7 +27,9 @@ class PlannerConfig:
     alpha_offset: float = 1e6  # alpha_3 [1/m^2]
     adapt_step: bool = True  # False keeps the nominal place
     adapt_duration: bool = True  # False keeps the nominal time
-    foothold: Literal["optimal", "capture_point"] = "optimal"  # eq. 3, or the rule of `stage_1/capture_step`
+    foothold: Literal["optimal", "capture_point", "linear_mpc"] = (
+        "optimal"  # eq. 3, the rule of `stage_1/capture_step`, or `baselines/linear_mpc`
+    )
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
     swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
     freeze: float = 0.0  # the plan of both stages is held when less than this remains [s]
@@ -63,6 +65,11 @@ class PlannerConfig:
     jerk_cost: Literal["literal", "repaired"] = (
         "repaired"  # jerk form: eq. 20 as written, or about the free motion
     )
+
+    # Linear MPC, against |CoP - sole's centre|^2; all are deviations from the nominal gait
+    mpc_velocity: float = 0.1  # of the CoM [s^2]
+    mpc_jerk: float = 1e-8  # of the CoM [s^6]
+    mpc_step: float = 1e-3  # of the footsteps, against the integral over the horizon [s]
 
     # Trunk law of the arms without momentum regulation
     upright_stiffness: float = 20.0  # [1/s^2]

@@ -43,7 +43,7 @@ class StepConstants(NamedTuple):
     transfer: float  # c = kappa(0)
     swing_acceleration: float  # bound of the swing foot's; 0: none [m/s^2]
     adapt: float  # 0 gives the nominal gait
-    capture_point: float  # 1: the rule of `capture_step` in the place of eq. 3
+    capture_point: float  # 1: the rule of `capture_step` in the place of eq. 3, also ahead of linear MPC
 
 
 CONSTANTS = len(StepConstants._fields)
@@ -82,7 +82,7 @@ def pack_constants(
             transfer=transfer_weight(0.0, config.double_support, robot.omega),
             swing_acceleration=config.swing_acceleration,
             adapt=float(adapt),
-            capture_point=float(config.foothold == "capture_point"),
+            capture_point=float(config.foothold != "optimal"),
         )
     )
 

@@ -20,8 +20,8 @@ def _planner(name: str, low: float, high: float, unit: float) -> Dimension:
     return Dimension("planner", name, low, high, unit)
 
 
-def _weight(name: str, unit: float = 2.0) -> Dimension:
-    return Dimension("planner", name, 1e-6, 1e9, unit, "log")
+def _weight(name: str, unit: float = 2.0, low: float = 1e-6) -> Dimension:
+    return Dimension("planner", name, low, 1e9, unit, "log")
 
 
 WEIGHTS = (_weight("alpha_duration", 1.5), _weight("alpha_offset"))  # of eq. 3; the former prices T
@@ -45,6 +45,11 @@ TRUNK = (
     _weight("beta_trunk_limit"),
     _planner("trunk_gravity", 0.0, 150.0, 10.0),  # [N m]
     _planner("tail_sampling_time", 0.03, 0.12, 0.006),  # [s]
+)
+MPC = (
+    _weight("mpc_velocity"),
+    _weight("mpc_jerk", 4.0, 1e-12),
+    _weight("mpc_step"),
 )
 UPRIGHT = (
     Dimension("planner", "upright_stiffness", 2.0, 200.0, 1.3, "log"),  # [1/s^2]
@@ -115,11 +120,11 @@ def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
     assert isinstance(arm, TwoStagePolicy)  # noqa: S101
     config: PlannerConfig = arm.config
     stage_2 = config.use_cop or config.use_trunk
-    weights = WEIGHTS if config.adapt_duration else WEIGHTS[1:]
+    weights, mpc = WEIGHTS if config.adapt_duration else WEIGHTS[1:], config.foothold == "linear_mpc"
     return (
-        (weights if config.foothold == "optimal" else ())
+        (weights if config.foothold == "optimal" else MPC if mpc else ())
         + STAGE_1
         + (STAGE_2 if stage_2 else ())
-        + (COP if config.use_cop else ())
+        + (COP if config.use_cop or mpc else ())
         + (TRUNK if config.use_trunk else UPRIGHT)
     )

@@ -46,6 +46,7 @@ class ArmStyle:
 ARM_STYLES: dict[str, ArmStyle] = {
     "passive": ArmStyle("#8c8c8c", (0, (1, 1)), "x", "no reaction"),
     "raibert": ArmStyle("#7d7420", (0, (2, 2)), "h", "capture-point foothold, fixed time"),
+    "herdt": ArmStyle("#3d6b35", (0, (4, 1, 1, 1)), "*", "linear MPC over footsteps, fixed time"),
     "fixed-time": ArmStyle("#b0305c", (0, (9, 2, 1, 2)), "d", "stage 1, fixed time"),
     "random": ArmStyle("#b0a17a", (0, (1, 3)), "+", "random"),
     "stage-1-paper": ArmStyle("#e69f00", "--", "v", "stage 1, paper's weights"),

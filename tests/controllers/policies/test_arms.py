@@ -21,7 +21,7 @@ def arm(name: str, preset: str = "default") -> TwoStagePolicy:
     return policy
 
 
-@pytest.mark.parametrize("name", ["raibert", "fixed-time"])
+@pytest.mark.parametrize("name", ["raibert", "herdt", "fixed-time"])
 def test_the_time_of_a_baseline_is_nominal_whatever_happens(name):
     policy = arm(name)
     nominal = nominal_gait(policy.robot, policy.limits, (0.2, 0.0))
@@ -59,3 +59,4 @@ def test_an_arm_overrides_of_a_preset_only_what_makes_it_that_arm():
     assert ARMS["fixed-time"].settings == fixed
     rule = {"use_cop": False, "use_trunk": False, "foothold": "capture_point"}
     assert ARMS["raibert"].settings == rule
+    assert ARMS["herdt"].settings == {**rule, "foothold": "linear_mpc"}

@@ -8,7 +8,9 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_start import nominal_start
 from push_recovery.controllers.model.observation import (
+    COM,
     COMMAND,
     DCM,
     ELAPSED,
@@ -72,6 +74,7 @@ def test_nominal_state_gives_the_nominal_step(name):
         obs = np.zeros(36)
         obs[COMMAND] = command
         obs[DCM] = gait.offset_x, -gait.offset_y
+        obs[COM] = nominal_start(gait, ROBOT.pelvis_width, ROBOT.omega).com
         plan = make_policy(name).plan(obs)
         assert plan.gait[:3] == pytest.approx([gait.length, gait.width, gait.duration], abs=1e-6)
         if "paper" not in name:
@@ -122,11 +125,12 @@ def test_arms_use_only_what_they_may():
     obs[ELAPSED] = 0.1
     plans = {name: make_policy(name).plan(obs) for name in POLICY_NAMES if name != "random"}
     upright = np.clip(-20 * obs[TRUNK_ANGLE] - 9 * obs[TRUNK_RATE], -18.75, 18.75)
-    for name in ("passive", "raibert", "fixed-time", "stage-1", "stage-1-paper", "stage-1+cop"):
+    for name in ("passive", "raibert", "herdt", "fixed-time", "stage-1", "stage-1-paper", "stage-1+cop"):
         assert plans[name].trunk_acceleration == pytest.approx(upright)
     for name in ("passive", "raibert", "fixed-time", "stage-1", "stage-1-paper", "stage-1+momentum"):
         assert plans[name].cop.tolist() == [0.0, 0.0]
-    assert np.abs(plans["stage-1+cop"].cop).max() > 0.01
+    for name in ("herdt", "stage-1+cop"):
+        assert np.abs(plans[name].cop).max() > 0.01
     assert np.abs(plans["two-stage"].cop).max() > 0.01
     assert np.abs(plans["stage-1+momentum"].trunk_acceleration - upright).max() > 1.0
     assert plans["passive"].step == pytest.approx(

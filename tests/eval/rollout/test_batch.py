@@ -200,6 +200,6 @@ def test_an_environment_that_acts_in_its_own_way_runs_alone():
 
 
 def test_a_table_leaves_out_what_falls_without_a_push():
-    assert set(ANALYTIC_ARMS) - set(TABLE_ARMS) == {"passive", "raibert", "fixed-time"}
+    assert set(ANALYTIC_ARMS) - set(TABLE_ARMS) == {"passive", "raibert", "herdt", "fixed-time"}
     assert Evaluate().policies == TABLE_ARMS
     assert "passive" in policy_names()  # for those who ask for it

@@ -101,6 +101,6 @@ def test_arms_without_gains_are_refused():
     assert set(UPRIGHT) <= set(planner_dimensions("stage-1"))
     with pytest.raises(
         UnknownNameError,
-        match=r"unknown policy to tune 'passive' \(valid: raibert, fixed-time, stage-1, stage-1\+cop",
+        match=r"unknown policy to tune 'passive' \(valid: raibert, herdt, fixed-time, stage-1, stage-1\+cop",
     ):
         planner_dimensions("passive")

@@ -1,0 +1,1 @@
+"""Planners of the field that are no parts of the two-stage planner."""
