@@ -13,9 +13,9 @@ from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, 
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.model_errors import BOUNDS, ModelErrors
 from push_recovery.envs.scenario.physics_options import PhysicsOptions
-from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.push import FORCE_MAX, GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.reproduction.pendulum.batch import run_batch
 from push_recovery.eval.reproduction.pendulum.sensor import Measurement
@@ -210,3 +210,31 @@ def test_a_pendulum_has_no_sensors():
     many = episodes([Scenario("a")])
     with pytest.raises(InvalidValueError, match=r"no sensors: sensing must be 'exact', got 'onboard'"):
         many.begin(0, Scenario("b", sensing="onboard"))
+
+
+@pytest.mark.parametrize("noise", [0.0, BOUNDS["dcm_noise"][2]])
+def test_the_hardest_pushes_end_only_the_pendulums_that_they_hit(noise):
+    calm = Scenario("calm", (Push((20.0, 10.0, 0.0), 0.1, 0.06),), duration=1.5)
+    hits = [
+        Push((force * x, force * y, 0.0), duration, 0.05)
+        for force in (1e4, 1e6, FORCE_MAX) for duration in (1e-4, 0.1) for x, y in ((1.0, 0.0), (-0.6, -0.8))
+    ]  # fmt: skip
+
+    def walk(pushes):
+        off = ModelErrors(dcm_noise=noise)
+        many = episodes([calm, *(Scenario("hit", (push,), duration=1.5, errors=off) for push in pushes)])
+        policy = make_policy("two-stage", many.robot, many.limits, many.preset)
+        seen = []
+        for _ in range(100):
+            actions = policy.predict(many.core.observation)[0]
+            period = many.step(actions)
+            assert np.isfinite(actions).all()
+            assert np.isfinite(many.core.observation).all()
+            assert np.isfinite(period.reward.total).all()
+            seen.append(many.core.observation[0].copy())
+        return np.array(seen), many.failure()
+
+    (seen, failure), (alone, _) = walk(hits), walk([PUSH] * len(hits))
+    np.testing.assert_array_equal(seen, alone)
+    assert failure[0] == 0
+    assert failure[1:][[push.impulse_magnitude >= 1e3 for push in hits]].all()

@@ -1,0 +1,157 @@
+"""Peaks of the recoveries from hard pushes: speeds of the joints, their torques, power, force of the floor.
+
+python benchmarks/peaks.py [--suite hard] [--sample 128] [--profile exact] [--policy two-stage] [--json]
+
+Every control step of the pushes that are recovered, from the push on. A joint of a leg counts as in a
+collision for WINDOW after its foot has met the floor: while the sole settles, or bounces. All other
+over-speed is the motors' own business. Walking, unpushed at 0.5 m/s, stands beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from push_recovery.controllers.model.robot import GRAVITY
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.whole_body.kinematics import NU
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.episode.profile import Profile
+from push_recovery.envs.scenario.physics_options import CONTROL_STEP
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.eval.score.suites import get_suite
+from push_recovery.eval.sensitivity.run import sample_of
+from push_recovery.eval.sensitivity.variations import VARIATIONS
+
+WINDOW = 0.03  # three time constants of the contacts [s]
+JOINTS = (
+    "waist_pitch",
+    "waist_roll",
+    "hip_yaw",
+    "hip_roll",
+    "hip_pitch",
+    "knee",
+    "ankle_pitch",
+    "ankle_roll",
+)
+LEG_OF = np.array([-1, -1] + 6 * [0] + 6 * [1])  # of every motor; -1: none
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Peaks:
+    """Largest values of n robots since their pushes began."""
+
+    own: Array  # (n, 14) speed over that without load, out of collisions
+    collision: Array  # (n, 14) in collisions
+    torque: Array  # (n, 14) over the largest
+    power: Array  # (n,) that all motors give together [W/kg]
+    floor: Array  # (n,) force of the floor [body weights]
+
+    def rows(self) -> dict[str, list[float]]:
+        """Median, 95th percentile and largest of each, both sides of a joint as one."""
+        found = {}
+        for name in ("own", "collision", "torque"):
+            values = getattr(self, name)
+            for joint, label in enumerate(JOINTS):
+                columns = [joint] if joint < 2 else [joint, joint + 6]
+                found[f"{label} {name}"] = _spread(values[:, columns].max(axis=1))
+        return {**found, "power": _spread(self.power), "floor": _spread(self.floor)}
+
+
+def _spread(values: Array) -> list[float]:
+    return [float(np.quantile(values, q)) for q in (0.5, 0.95, 1.0)]
+
+
+class Watch:
+    """Looks at a core after every control step, all robots beginning together."""
+
+    def __init__(self, episodes: BipedEpisodes, pushed: bool):
+        self.core, self.pushed = episodes.core, pushed
+        n, (self.top, self.free) = episodes.core.n, episodes.core.body.motors
+        self.weight = episodes.robot.mass * GRAVITY
+        self.since = np.full((n, 2), np.inf)  # a foot has met the floor [s]
+        self.loaded = np.ones((n, 2), bool)
+        self.peaks = Peaks(*np.zeros((3, n, NU)), *np.zeros((2, n)))
+        self.core.after_physics_step = self
+
+    def __call__(self) -> None:
+        """Note the control step just made."""
+        true, core, peaks = self.core.judged, self.core, self.peaks
+        load = true.load > 0.0
+        self.since = np.where(load & ~self.loaded, 0.0, self.since + CONTROL_STEP)
+        self.loaded = load
+        begun = core.gait.time >= core.pushes.start.min(axis=1) if self.pushed else True
+        counts = begun & (core.gait.failure == 0)
+        speed, torque = true.qvel[:, 6:20], np.clip(true.ctrl, -self.top, self.top)
+        met = (self.since <= WINDOW)[:, LEG_OF] & (LEG_OF >= 0)
+        power = np.maximum(torque * speed, 0.0).sum(axis=1) / self.weight * GRAVITY
+        force = np.linalg.norm(core.senses.last.judged_contacts.force[:, :3], axis=1) / self.weight
+        over = np.abs(speed) / self.free
+        for most, now in (
+            (peaks.own, np.where(met, 0.0, over)), (peaks.collision, np.where(met, over, 0.0)),
+            (peaks.torque, np.abs(torque) / self.top), (peaks.power, power), (peaks.floor, force),
+        ):  # fmt: skip
+            most[counts] = np.maximum(most, now)[counts]
+
+
+def measured(scenarios: list[Scenario], policy: str) -> tuple[Peaks, int]:
+    """Peaks of the scenarios that are recovered, and how many there are."""
+    episodes = BipedEpisodes(len(scenarios))
+    watch = Watch(episodes, bool(scenarios[0].pushes))
+    planner = make_policy(policy, episodes.robot, episodes.limits, episodes.preset)
+    outcomes = {o.scenario_id: o for o in rollout_batch(episodes, planner, scenarios, policy)}
+    good = np.array([outcomes[s.id].recovered or not s.pushes for s in scenarios])
+    return Peaks(*(values[good] for values in vars(watch.peaks).values())), int(good.sum())
+
+
+def walked(profile: Profile, policy: str) -> Peaks:
+    """Peaks of walking at 0.5 m/s without a push."""
+    walk = Scenario("walk", command=Command(0.5), duration=10.0)
+    return measured([profile.applied(walk)], policy)[0]
+
+
+def print_table(walk: dict[str, list[float]], rows: dict[str, list[float]]) -> None:
+    """One row a joint, then power and floor."""
+    print("| joint | speed / no load, out of collisions | in collisions | torque / largest |")
+    print("|---|---|---|---|")
+    for label in JOINTS:
+        cells = (
+            f"{walk[f'{label} {kind}'][2]:.2f}; " + ", ".join(f"{x:.2f}" for x in rows[f"{label} {kind}"])
+            for kind in ("own", "collision", "torque")
+        )
+        print(f"| {label} | {' | '.join(cells)} |")
+    for label, unit in (("power", "W/kg"), ("floor", "body weights")):
+        print(f"{label} [{unit}]: {walk[label][2]:.3g}; {', '.join(f'{x:.3g}' for x in rows[label])}")
+
+
+def main() -> None:
+    """Print walking; median, 95th percentile and largest of the recoveries."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--suite", default="hard", help="name or file (default: %(default)s)")
+    parser.add_argument("--sample", type=int, default=128, help="pushes of it (default: %(default)s)")
+    parser.add_argument(
+        "--profile", default="exact", choices=VARIATIONS, help="or variation of `sensitivity`"
+    )
+    parser.add_argument("--policy", default="two-stage", help="name (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    options = parser.parse_args()
+    profile = VARIATIONS[options.profile]
+    pushes = sample_of(get_suite(options.suite), options.sample).scenarios
+    peaks, recovered = measured([profile.applied(push) for push in pushes], options.policy)
+    walk, rows = walked(profile, options.policy).rows(), peaks.rows()
+    if options.json:
+        json.dump({"recovered": recovered, "pushes": len(pushes), "walk": walk, "pushed": rows}, sys.stdout)
+        return
+    print(f"{options.profile}, {options.policy}: {recovered} of {len(pushes)} of {options.suite} recovered.")
+    print("Each: walking; median, 95 %, largest of the recoveries.\n")
+    print_table(walk, rows)
+
+
+if __name__ == "__main__":
+    main()
