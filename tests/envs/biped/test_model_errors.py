@@ -199,7 +199,7 @@ def test_torques_act_late_by_whole_physics_steps(biped_core, begin, steps):
 
     core.after_physics_step = look
     begin(core, 0, Scenario("a", errors=ModelErrors(delay=0.002 * steps)))
-    for _ in range(16):
+    for _ in range(12):  # at 50 ms it is so fast after 16 that its drives limit the torques
         step(core)
     late = [asked[0]] * steps + asked[:-steps]
     np.testing.assert_array_equal(acted, late)
@@ -322,13 +322,15 @@ def test_without_noise_all_that_is_true_is_seen(biped_core, begin):
 
 
 def test_robots_together_are_those_alone_bit_for_bit(biped_core, begin):
-    together = [trajectory(biped_core(9, threads=threads), begin, scenarios(), 1.0) for threads in (1, 2)]
+    together = [
+        trajectory(biped_core(len(DIFFERENT), threads=threads), begin, scenarios(), 1.0) for threads in (1, 2)
+    ]
     assert together[0].tobytes() == together[1].tobytes()
     for k, scenario in enumerate(scenarios()):
         alone = trajectory(biped_core(), begin, [scenario], 1.0)
         assert together[0][:, k].tobytes() == alone[:, 0].tobytes(), scenario.errors
     ends = together[0][-1, :, :2]
-    assert len(np.unique(ends.round(9), axis=0)) == 9  # the errors do something
+    assert len(np.unique(ends.round(9), axis=0)) == len(DIFFERENT)  # the errors do something
 
 
 def test_nothing_of_an_error_is_left_after_the_next_reset(biped_core, begin):
