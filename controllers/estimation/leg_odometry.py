@@ -18,6 +18,7 @@ from .base_estimate import LIFT_VV, VV, BaseEstimate, update_level, update_lift
 
 STANDS = 0.06  # deviation of the velocity of a standing sole [m/s]
 ROLL = 0.1  # from the sole's centre to the edge that it may roll over [m]
+TURNING = 0.4  # deviation that a sole's velocity is weighed with, over the rate at which the sole turns [m]
 LOADED = 60.0  # a sole with less load may move [N]
 GATE = 3.0  # deviations that a standing sole's velocity may lie from zero
 DOUBT = 0.02  # variance that velocity gains while a loaded sole is left out [m^2/s^3]
@@ -44,9 +45,8 @@ def listen_to_soles(estimate: BaseEstimate, k: int, phys: Physics, dt: float) ->
         sole = sole_motion(phys, k, leg, omega)
         now = vector_in(estimate.velocity, k, 0)
         rest = add(sole.velocity, subtract(now, moved))  # what the other sole has corrected is known
-        noise = _noise(sole.omega)
-        if _rests(estimate, k, rest, noise):
-            _correct(estimate, k, rest, sole.omega, noise)
+        if _rests(estimate, k, rest, _noise(sole.omega, ROLL)):
+            _correct(estimate, k, rest, sole.omega, _noise(sole.omega, TURNING))
             _hold_place(estimate, k, leg, subtract(sole.position, vector_at(phys.xpos, k, PELVIS)), dt)
             stands = True
         else:
@@ -60,9 +60,9 @@ def listen_to_soles(estimate: BaseEstimate, k: int, phys: Physics, dt: float) ->
 
 
 @njit(cache=True, forceinline=True)
-def _noise(omega: Vector) -> float:
-    """Variance of the velocity of a standing sole that turns at omega [m^2/s^2]."""
-    return STANDS**2 + ROLL**2 * (omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
+def _noise(omega: Vector, lever: float) -> float:
+    """Variance of the velocity of a standing sole that turns at omega, with a deviation over it [m^2/s^2]."""
+    return STANDS**2 + lever**2 * (omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
 
 
 @njit(cache=True, forceinline=True)

@@ -12,7 +12,7 @@ from push_recovery.controllers.estimation.base_estimate import (
 )
 from push_recovery.controllers.estimation.leg_odometry import GATE, LOADED, STANDS, listen_to_soles
 from push_recovery.controllers.estimation.strapdown import Inertial, navigate
-from push_recovery.controllers.whole_body.kinematics import Physics, sole_position
+from push_recovery.controllers.whole_body.kinematics import LEG_DOF, Physics, sole_motion, sole_position
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.biped.robots.biped.robot import biped
 
@@ -56,6 +56,18 @@ def test_a_standing_sole_corrects_the_velocity_by_the_gain_of_one_measurement(st
     np.testing.assert_allclose(estimate.velocity[0], left * np.array([0.02, -0.01, 0.015]), rtol=1e-12)
     np.testing.assert_array_equal(phys.qvel[0, :3], estimate.velocity[0])
     np.testing.assert_allclose(estimate.level[0, VV], left * 9e-4, rtol=1e-12)
+
+
+def test_a_sole_that_turns_counts_for_less(standing):
+    """At 0.5 rad/s its velocity has a deviation of 0.2 m/s beside that of a sole at rest."""
+    phys, estimate = standing((300.0, 0.0))
+    moving(estimate, phys, (0.02, 0.0, 0.0))
+    estimate.level[0, VV] = 9e-4
+    phys.qvel[0, LEG_DOF[0] + 5] = 0.5  # of the ankle about the foot's long axis, through the sole's centre
+    before = sole_motion(phys, 0, 0, (0.0, 0.0, 0.0)).velocity[0]
+    listen_to_soles(estimate, 0, phys, DT)
+    noise = STANDS**2 + 0.2**2
+    np.testing.assert_allclose(estimate.velocity[0, 0], 0.02 - 9e-4 / (9e-4 + noise) * before, rtol=1e-6)
 
 
 def test_two_soles_count_as_two_measurements(standing):
