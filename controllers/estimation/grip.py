@@ -9,8 +9,9 @@ sigma along each axis,
 
 which is Page's test of a change of the mean (Biometrika 1954): the sum of the periods' displacements is one
 difference of two places, so noise does not add up over it. A second difference of three places has the
-variance 6 sigma^2 along each axis whatever the sole's steady speed, which tells sigma; up to NO_NOISE there
-counts as none, and each period's displacement tells by itself.
+variance 6 sigma^2 along each axis whatever the sole's steady speed, which tells sigma; a sole that shakes for
+a while in a fall adds little to it. Up to NO_NOISE it counts as none, and each period's displacement tells
+by itself.
 
 While a sole slides, the horizontal share of the floor's force is the friction. What was believed in noise is
 tried again: while the sole rests although that share is as large as the belief, there is more friction, and
@@ -34,7 +35,7 @@ DOUBT = 6.0  # deviations of noise that a slide must rise above
 GRIP_MIN = 0.4  # the least friction that is believed
 NOISE_PERIODS = 50.0  # over which the noise is averaged
 NOISE_KNOWN = 10.0  # periods after which it is known
-NOISE_JUMP = 9.0  # the most that one period counts of what it has been: a slide's begin is no noise
+NOISE_JUMP = 3.0  # the most that one period counts of what it has been: sliding and shaking are no noise
 NOISE_LEAST = 1e-9  # and on top of that: noise that begins is found [m^2]
 NO_NOISE = 4e-8  # variance that counts as none [m^2]
 TRIED = 0.95  # share of the belief that a floor has to hold, to be believed more of
@@ -64,7 +65,7 @@ def _keep_place(stood: Array, first: int, x: float, y: float) -> None:
 def _count_noise(stood: Array, x: float, y: float) -> None:
     """Take how the displacement (x, y) of a period differs from that of the one before it."""
     squared = ((x - stood[MOVED]) ** 2 + (y - stood[MOVED + 1]) ** 2) / 12.0
-    if stood[NOISES] > 0.0:
+    if stood[NOISES] >= NOISE_KNOWN:
         squared = min(squared, NOISE_JUMP * stood[NOISE] + NOISE_LEAST)
     stood[NOISES] = min(stood[NOISES] + 1.0, NOISE_PERIODS)
     stood[NOISE] += (squared - stood[NOISE]) / stood[NOISES]

@@ -107,6 +107,7 @@ def make_biped_residual_vector(
     robot: Any = "biped",
     profile: str = "exact",
     sensing: str | None = None,
+    arm: str = "",
 ) -> ResidualVectorEnv:
     """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
 
@@ -115,10 +116,9 @@ def make_biped_residual_vector(
     """
     from ..biped.env import BipedEpisodes
 
+    body = {"robot": robot, "profile": profile, "sensing": sensing, "arm": arm}
     return ResidualVectorEnv(
-        BipedEpisodes(
-            num_envs, control_hz=control_hz, threads=threads, robot=robot, profile=profile, sensing=sensing
-        ),
+        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, **body),
         policy, scale, preset, hold, gate,
         push_distribution=push_distribution, autoreset_mode=autoreset_mode, render_mode=render_mode,
     )  # fmt: skip

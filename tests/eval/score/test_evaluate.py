@@ -84,8 +84,9 @@ def test_workers_and_order_change_nothing(policies, tmp_path):
     assert content["suite"] == {"name": "head", "version": "1", "sha256": SUITE.sha256, "scenarios": 24}
     for name in policies:
         entry = content["policies"][name]
-        assert set(entry) == {"recovered", "episodes", "rate", "ci95", "failures"}
+        assert set(entry) == {"recovered", "survived", "episodes", "rate", "ci95", "failures"}
         assert entry["recovered"] + sum(entry["failures"].values()) == entry["episodes"] == 24
+        assert entry["survived"] == sum(row["survived"] for row in alone.rows[name])
         assert entry["ci95"][0] <= entry["rate"] <= entry["ci95"][1]
     assert alone.score(policies[1]).rate > alone.score(policies[0]).rate
 
