@@ -75,13 +75,13 @@ def _price(name: str) -> Dimension:
 
 ROBOT = (
     _planner("touchdown_delay", 0.0, 0.03, 0.003),  # the robot's timing [s]
-    Dimension("planner", "swing_acceleration", 40.0, 300.0, 1.1, "log"),  # likewise [m/s^2]
+    Dimension("planner", "swing_acceleration", 40.0, 1000.0, 1.1, "log"),  # likewise [m/s^2]
     _limit("length_min", -0.55, -0.25, 0.02),  # [m]
     _limit("length_max", 0.25, 0.55, 0.02),
     _limit("width_min", 0.104, 0.16, 0.006),  # the feet are 0.1 m wide
-    _limit("width_max", 0.3, 0.55, 0.02),
-    _limit("duration_min", 0.14, 0.35, 0.015),  # [s]
-    _limit("duration_max", 0.45, 0.9, 0.03),
+    _limit("width_max", 0.3, 0.7, 0.02),
+    _limit("duration_min", 0.08, 0.35, 0.015),  # [s]
+    _limit("duration_max", 0.4, 0.9, 0.03),
     _gait("apex", 0.02, 0.12, 0.006),  # [m]
     _gait("landing_delay", 0.0, 0.03, 0.003),  # [s]
     _gait("commit", 0.0, 0.12, 0.01),
