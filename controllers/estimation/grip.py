@@ -87,7 +87,7 @@ def feel_grip(
     Args:
         stood: row (SIZE,) of the robot, written.
         grip: friction believed in until now.
-        x: place of the stance sole [m], `y` likewise.
+        x: place of the stance sole [m].
         y: place of the stance sole [m].
         step: its number.
         landed: whether the sole no longer slides from its landing.

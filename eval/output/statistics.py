@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +95,14 @@ class PairedCounts:
         if a.shape != b.shape:
             raise InvalidValueError(f"pairs need equal lengths, got {a.shape} and {b.shape}")
         return cls(int(np.sum(a & b)), int(np.sum(a & ~b)), int(np.sum(~a & b)), int(np.sum(~a & ~b)))
+
+    @classmethod
+    def of_rows(
+        cls, a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]], field: str = "recovered"
+    ) -> PairedCounts:
+        """Count pairs of a field of rows in the same order of scenarios."""
+        first, second = (np.array([row[field] for row in rows], dtype=bool) for rows in (a, b))
+        return cls.of(first, second)
 
     @property
     def pairs(self) -> int:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...controllers.errors import InvalidValueError
 from ..output.statistics import PairedCounts
 from ..rollout.policy_source import policy_sources
@@ -72,16 +70,12 @@ def compare(
     if len(sources) != 2:
         raise InvalidValueError(f"two policies are compared, got {len(sources)}: {', '.join(sources)}")
     evaluation = evaluate(suite, env_id, sources, workers, directory, overwrite)
-    recovered = {
-        name: np.array([row["recovered"] for row in rows], dtype=bool)
-        for name, rows in evaluation.rows.items()
-    }
     first, second = sources
     return Comparison(
         first,
         second,
         suite,
-        PairedCounts.of(recovered[first], recovered[second]),
+        PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[second]),
         (evaluation.score(first).survived, evaluation.score(second).survived),
         evaluation.directory,
     )

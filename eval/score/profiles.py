@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from ...controllers.files import write_text
 from ..output.statistics import PairedCounts
@@ -43,7 +40,7 @@ def kept_cells(a: Evaluation, b: Evaluation) -> list[tuple[str, ...]]:
     """
     lines = []
     for policy in a.rows:
-        pairs = _pairs(a.rows[policy], b.rows[policy])
+        pairs = PairedCounts.of_rows(a.rows[policy], b.rows[policy])
         before, after = a.score(policy), b.score(policy)
         shares = (after.recovered, before.recovered), (after.survived, before.survived)
         kept = [f"{new / old:.3f}" if old else "-" for new, old in shares]
@@ -71,9 +68,3 @@ def write_profiles(evaluations: Evaluations, directory: Path) -> Path:
     path = directory / "profiles.md"
     write_text(path, profiles_markdown(evaluations))
     return path
-
-
-def _pairs(a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]]) -> PairedCounts:
-    """Recoveries of the same pushes, which come in the same order."""
-    first, second = (np.array([row["recovered"] for row in rows], dtype=bool) for rows in (a, b))
-    return PairedCounts.of(first, second)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from itertools import combinations
 
-import numpy as np
-
 from ..output.statistics import PairedCounts
 from ..output.tables import markdown_table
 from ..rollout.outcome import Score
@@ -68,13 +66,9 @@ def evaluation_markdown(evaluation: Evaluation) -> str:
 
 def pairs_markdown(evaluation: Evaluation) -> str:
     """A table of every two policies on the same pushes; nothing where there is one alone."""
-    recovered = {
-        name: np.array([row["recovered"] for row in rows], dtype=bool)
-        for name, rows in evaluation.rows.items()
-    }
     lines = []
-    for a, b in combinations(recovered, 2):
-        pairs = PairedCounts.of(recovered[a], recovered[b])
+    for a, b in combinations(evaluation.rows, 2):
+        pairs = PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
         lines.append((a, b, str(pairs.only_a), str(pairs.only_b), f"{pairs.p_value:.2g}"))
     table = markdown_table(PAIR_COLUMNS, lines)
     return f"\n## Pairs\n\n{table}\np: exact McNemar.\n" if lines else ""

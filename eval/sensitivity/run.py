@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_choice, require_integer
 from ...envs.episode.profile import EXACT
@@ -59,7 +57,7 @@ class Sensitivity:
         parts = [rows[i : i + self.pushes] for i in range(0, len(rows), self.pushes)]
         found = []
         for name, part in zip(self.variations, parts, strict=True):
-            pairs = (_pairs(part, parts[0], field) for field in ("recovered", "survived"))
+            pairs = (PairedCounts.of_rows(part, parts[0], field) for field in ("recovered", "survived"))
             found.append(Change(name, Score.of(part), *pairs))
         return found
 
@@ -75,11 +73,6 @@ class Sensitivity:
             },
             "out": str(self.evaluation.directory),
         }
-
-
-def _pairs(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]], field: str) -> PairedCounts:
-    first, second = (np.array([row[field] for row in rows], dtype=bool) for rows in (a, b))
-    return PairedCounts.of(first, second)
 
 
 def sample_of(suite: Suite, count: int) -> Suite:
