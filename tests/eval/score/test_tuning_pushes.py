@@ -8,7 +8,7 @@ from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from push_recovery.envs.scenario.physics_options import PLAIN_PHYSICS
+from push_recovery.envs.scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
 from push_recovery.eval.score.kinds import groups_of
 from push_recovery.eval.score.suites import get_suite
 from push_recovery.eval.score.tuning_pushes import (
@@ -75,17 +75,19 @@ def test_errors_spoil_every_second_robot_and_half_of_them_with_less_mass():
     assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
 
 
-def test_every_second_robot_is_of_the_profile_hardware_with_every_kind_of_push():
+def test_half_the_robots_are_of_the_profile_hardware_and_a_quarter_in_finer_physics_with_every_kind_of_push():
+    finer = PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
     for name in (VARIED, held_out_of(VARIED)):
         scenarios = SUITES[name].scenarios
-        exact, real = scenarios[::2], scenarios[1::2]
-        assert {s.errors for s in exact} == {EXACT_MODEL}
+        exact, fine, real = scenarios[::4], scenarios[2::4], scenarios[1::2]
+        assert {s.errors for s in (*exact, *fine)} == {EXACT_MODEL}
         assert {s.physics for s in exact} == {PLAIN_PHYSICS}
+        assert {s.physics for s in fine} == {finer}
         assert all(HARDWARE.applied(s) == s for s in real)
-        for half in (exact, real):
-            sizes = {group: len(ids) for group, ids in groups_of(half).items()}
+        for part in (exact, fine, real):
+            sizes = {group: len(ids) for group, ids in groups_of(part).items()}
             for group, share in (("single", 8), ("double", 4), ("repeated", 4), ("trunk", 8), ("turning", 4)):
-                assert sizes[group] / len(half) == pytest.approx(share / 16, abs=0.05), (name, group)
+                assert sizes[group] / len(part) == pytest.approx(share / 16, abs=0.08), (name, group)
 
 
 def test_pushes_of_every_kind_are_fixed():
