@@ -16,8 +16,9 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	$(PIP) torch -e '.[train,view,dev]'
 	touch $@ $(VENV)/run.stamp
 
+ARMS := raibert stage-1 stage-1+cop stage-1+momentum two-stage
 run: $(VENV)/run.stamp
-	$(BIN)/push-recovery evaluate --suite quick
+	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(ARMS)
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests

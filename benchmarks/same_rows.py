@@ -1,8 +1,8 @@
 """Whether this tree gives the rows and numbers of another commit, bit for bit.
 
-python benchmarks/same_rows.py 7bb5027             runs both trees: quick, hard and reproduce, every arm
-python benchmarks/same_rows.py 7bb5027 --suites quick --no-reproduce
-python benchmarks/same_rows.py --a DIR --b DIR     of finished runs: folders that hold DIR/quick, DIR/hard,
+python benchmarks/same_rows.py 7bb5027             runs both trees: quick-1, hard and reproduce, every arm
+python benchmarks/same_rows.py 7bb5027 --suites varied --no-reproduce
+python benchmarks/same_rows.py --a DIR --b DIR     of finished runs: folders that hold DIR/quick-1, DIR/hard,
                                                    DIR/reproduce, or are such folders themselves
 
 The other commit gets a git worktree and a virtual environment of its own below `--out`, where its runs stay
@@ -125,6 +125,15 @@ def reference_tree(commit: str, out: Path) -> tuple[Path, str]:
     return tree, str(python)
 
 
+def suite_file(name: str, out: Path) -> str:
+    """The suite of this tree as a file, which the other tree can read whatever its own suites are."""
+    from push_recovery.eval.score.suites import get_suite
+
+    path = out / f"{Path(name).stem}.json"
+    get_suite(name).save(path)
+    return str(path)
+
+
 def run_all(python: str, tree: Path, out: Path, options: argparse.Namespace, anew: bool) -> None:
     """Evaluate the suites with every arm, and reproduce, of one tree; into folders of `out`."""
     command, again = [python, "-m", "push_recovery"], ["--overwrite"] * anew
@@ -144,7 +153,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("commit", nargs="?", help="the reference: any name that git knows")
     parser.add_argument("--a", type=Path, help="finished runs of the reference")
     parser.add_argument("--b", type=Path, help="finished runs to hold against them")
-    parser.add_argument("--suites", nargs="*", default=["quick", "hard"], help="suites to run")
+    parser.add_argument("--suites", nargs="*", default=["quick-1", "hard"], help="suites to run")
     parser.add_argument("--policies", nargs="+", default=list(ARMS), help="policies to run")
     parser.add_argument(
         "--no-reproduce", dest="reproduce", action="store_false", help="leave `reproduce` out"
@@ -168,6 +177,7 @@ def main(arguments: list[str] | None = None) -> None:
         out = options.out.resolve() / found.stdout.strip()
         a, b = out / "a", out / "b"
         out.mkdir(parents=True, exist_ok=True)
+        options.suites = [suite_file(name, out) for name in options.suites]
         tree, python = reference_tree(found.stdout.strip(), out)
         run_all(python, tree, a, options, anew=False)
         run_all(sys.executable, ROOT, b, options, anew=True)

@@ -13,12 +13,12 @@ from ..score.compare import compare as compare_sources
 from ..score.evaluate import Evaluation, write_reports
 from ..score.evaluate import evaluate as evaluate_sources
 from ..score.report import evaluation_markdown
-from ..score.suites import Suite, get_suite, on_robots
+from ..score.suites import Suite, default_suite, get_suite, on_robots
 
 
 def evaluate(
     policies: Any = TABLE_ARMS,
-    suite: Suite | str | PathLike[str] = "quick",
+    suite: Suite | str | PathLike[str] | None = None,
     env: str = DEFAULT_ENV,
     *,
     errors: ModelErrors = EXACT_MODEL,
@@ -36,7 +36,7 @@ def evaluate(
         policies: one or several, or a mapping of labels to them: a name, a file, "MODULE:ATTRIBUTE", or an
             object with `predict(observation)`. State, episode_start and deterministic are handed over where
             the signature takes them; (action, state) or the action alone may be returned.
-        suite: a suite, its name, or its file.
+        suite: a suite, its name, or its file; by default `quick`, and `quick-1` on the pendulum.
         env: id of a gait environment.
         errors: what robot and floor are off from what the planner believes, in every scenario.
         profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
@@ -52,7 +52,7 @@ def evaluate(
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
     evaluation = evaluate_sources(
-        _suite(suite, errors, profile), env, policies, workers, _directory(out), overwrite
+        _suite(suite, env, errors, profile), env, policies, workers, _directory(out), overwrite
     )
     write_reports(evaluation, evaluation_markdown(evaluation))
     return evaluation
@@ -61,7 +61,7 @@ def evaluate(
 def compare(
     a: Any,
     b: Any,
-    suite: Suite | str | PathLike[str] = "quick",
+    suite: Suite | str | PathLike[str] | None = None,
     env: str = DEFAULT_ENV,
     *,
     errors: ModelErrors = EXACT_MODEL,
@@ -77,11 +77,14 @@ def compare(
     Raises:
         PushRecoveryError: as `evaluate`.
     """
-    return compare_sources(a, b, _suite(suite, errors, profile), env, workers, _directory(out), overwrite)
+    return compare_sources(
+        a, b, _suite(suite, env, errors, profile), env, workers, _directory(out), overwrite
+    )
 
 
-def _suite(suite: Suite | str | PathLike[str], errors: ModelErrors, profile: str) -> Suite:
-    return on_robots(suite if isinstance(suite, Suite) else get_suite(str(suite)), errors, profile)
+def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
+    named = default_suite(env) if suite is None else suite
+    return on_robots(named if isinstance(named, Suite) else get_suite(str(named)), errors, profile)
 
 
 def _directory(out: str | PathLike[str] | None) -> Path | None:

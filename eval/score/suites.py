@@ -19,13 +19,14 @@ from ...envs.episode.profile import EXACT, HARDWARE, Profile, get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import code_digest
+from ..rollout.environments import code_digest, env_label
 from .stratified import BLOCK, stratified_scenario, stratified_uniforms
-from .varied import varied_scenarios
+from .varied import harder, varied_scenarios
 
-SEED, HARD_SEED, VARIED_SEED = 20180609, 20181121, 20261122
+SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
+HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
 PROFILED = {  # suites of a profile that have names of their own
     "varied+hardware": "hardware",
     "varied-sealed+hardware": "hardware-sealed",
@@ -162,9 +163,15 @@ def standard_suite() -> Suite:
 
 
 @cache
-def quick_suite() -> Suite:
-    """The first 256 of `standard`, stratified too."""
+def quick_1_suite() -> Suite:
+    """`quick` until its version 2: the first 256 of `standard`, stratified too; the pendulum's still."""
     return Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])
+
+
+@cache
+def quick_suite() -> Suite:
+    """256 pushes of every kind like those of `varied`, up to harder ones: they tell policies apart."""
+    return Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST)))
 
 
 @cache
@@ -208,7 +215,13 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "hardware": hardware_suite,
     "varied-sealed": varied_sealed_suite,
     "hardware-sealed": hardware_sealed_suite,
+    "quick-1": quick_1_suite,
 }
+
+
+def default_suite(env_id: str) -> str:
+    """`quick`; the pendulum, which neither turns nor has a trunk to push, has `quick-1`."""
+    return "quick-1" if env_label(env_id).startswith("Pendulum") else "quick"
 
 
 def get_suite(name_or_file: str) -> Suite:

@@ -7,7 +7,9 @@ a draw of another seed, with two arms, so that strong arms lose some pushes and 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from ...envs.scenario.command import FASTEST_TURN, Command
@@ -32,10 +34,21 @@ class Target:
     offset_high: tuple[float, float, float]  # [m]
 
 
-TARGETS: dict[Body, Target] = {
-    "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
-    "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
-}
+Targets = Mapping[Body, Target]
+TARGETS: Targets = MappingProxyType(
+    {
+        "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
+        "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
+    }
+)
+
+
+def harder(pelvis: float, trunk: float) -> Targets:
+    """TARGETS with other largest impulses [N s]."""
+    largest: dict[Body, float] = {"pelvis": pelvis, "trunk": trunk}
+    return {
+        body: replace(target, impulse=(target.impulse[0], largest[body])) for body, target in TARGETS.items()
+    }
 
 
 class Walk(NamedTuple):
@@ -76,20 +89,20 @@ class Point(NamedTuple):
 FACTORS = len(Point._fields)
 
 
-def varied_scenarios(name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
+def varied_scenarios(name: str, blocks: int, seed: int, targets: Targets = TARGETS) -> tuple[Scenario, ...]:
     """256 scenarios a block, every pair of factors stratified in each."""
     points = stratified_uniforms(blocks, FACTORS, seed).tolist()
-    return tuple(varied_scenario(f"{name}-{i:04d}", Point(*u), i) for i, u in enumerate(points))
+    return tuple(varied_scenario(f"{name}-{i:04d}", Point(*u), i, targets) for i, u in enumerate(points))
 
 
-def varied_scenario(scenario_id: str, u: Point, noise_seed: int) -> Scenario:
+def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Targets = TARGETS) -> Scenario:
     """Scenario of one point; values are rounded far below what matters, as in `stratified_scenario`."""
     bits = int(u.sides * LEVELS)
     stance: Side = "left" if bits & 2 else "right"
     event = GaitEvent(FIRST_STEP, "left" if bits & 4 else "right", round(u.phase, 4))
     return Scenario(
         id=scenario_id,
-        pushes=_pushes(u, "trunk" if bits & 1 else "pelvis", event, stance),
+        pushes=_pushes(u, "trunk" if bits & 1 else "pelvis", event, stance, targets),
         command=_command(u, to_left=bool(bits & 8)),
         stance_side=stance,
         noise_seed=noise_seed,
@@ -118,9 +131,9 @@ def _command(u: Point, to_left: bool) -> Command:
     return Command(*(round(value, 4) + 0.0 for value in (vx, vy, turn)))  # + 0.0: no -0.0
 
 
-def _pushes(u: Point, body: Body, event: GaitEvent, stance: Side) -> tuple[Push, ...]:
+def _pushes(u: Point, body: Body, event: GaitEvent, stance: Side, targets: Targets) -> tuple[Push, ...]:
     """The pushes of a point: equal in force, duration and place, in the robot's frame."""
-    target, count = TARGETS[body], COUNTS[int(u.pushes * LEVELS)]
+    target, count = targets[body], COUNTS[int(u.pushes * LEVELS)]
     shortest, longest = DURATIONS
     duration = round(shortest * (longest / shortest) ** u.duration, 4)
     low, high = target.impulse

@@ -20,6 +20,7 @@ POLICIES_TEXT = (
     "Names (see list), policy files, or MODULE:ATTRIBUTE. Not among the default ones: passive, which falls "
     "in 2 s without a push."
 )
+DEFAULT_TEXT = f"{SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
 PROFILES_TEXT = f"{PROFILE_TEXT} Several stand side by side."
 
 
@@ -27,13 +28,14 @@ PROFILES_TEXT = f"{PROFILE_TEXT} Several stand side by side."
 class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     """Of a command that runs policies on a suite."""
 
-    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "quick"
+    suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
 
     def pushes_under(self, profile: str) -> Suite:
         """The suite, with the model errors and a profile in every scenario."""
-        from ...score.suites import get_suite, on_robots
+        from ...score.suites import default_suite, get_suite, on_robots
 
-        return on_robots(get_suite(self.suite), self.model_errors, profile)
+        suite = get_suite(default_suite(self.env) if self.suite is None else self.suite)
+        return on_robots(suite, self.model_errors, profile)
 
 
 @dataclass(frozen=True, kw_only=True)

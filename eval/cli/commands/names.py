@@ -17,7 +17,7 @@ class Names(JsonOption):
         from ...rollout.load_policy import FORMS, policy_names
         from ...score.suites import SUITES
 
-        suites = {name: make().summary() for name, make in SUITES.items()}
+        suites = {name: {**make().summary(), "name": name} for name, make in SUITES.items()}
         if self.json:
             self.print_json(
                 {"envs": env_ids(), "policies": list(policy_names()), "suites": list(suites.values())}

@@ -45,7 +45,7 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
         if self.suite is not None or self.scenario is not None:
-            return self._of_suite("quick" if self.suite is None else self.suite)
+            return self._of_suite(self.suite)
         from ...frontier.scan import FrontierSettings
 
         settings = FrontierSettings(
@@ -59,10 +59,12 @@ class Play(EnvOptions, PushOptions, RobotOptions):
         scenario = settings.scenario(self.psi, self.force)
         return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")
 
-    def _of_suite(self, name: str) -> Scenario:
-        from ...score.suites import get_suite, on_robots
+    def _of_suite(self, name: str | None) -> Scenario:
+        from ...score.suites import default_suite, get_suite, on_robots
 
-        suite = on_robots(get_suite(name), self.model_errors, self.profile)
+        suite = on_robots(
+            get_suite(default_suite(self.env) if name is None else name), self.model_errors, self.profile
+        )
         ids = [scenario.id for scenario in suite.scenarios]
         wanted = ids[0] if self.scenario is None else self.scenario
         if wanted not in ids:

@@ -1,6 +1,7 @@
 import itertools
 import json
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array,
 from push_recovery.eval.score.suites import (
     SUITES,
     Suite,
+    default_suite,
     get_suite,
     hard_suite,
     hardware_suite,
@@ -23,8 +25,10 @@ from push_recovery.eval.score.suites import (
     with_errors,
     with_profile,
 )
+from push_recovery.eval.score.varied import count_of, walk_of
 
-QUICK_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
+QUICK_SHA256 = "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286"
+QUICK_1_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
 STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
 HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
 VARIED_SHA256 = "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507"
@@ -33,17 +37,37 @@ HARDWARE_SHA256 = "2ef69dacd4acf187a32ae2a1ab97e721935944657ad483fb1c346bcc7206e
 
 def test_content_hash_is_that_of_the_version():
     assert quick_suite().sha256 == QUICK_SHA256
+    assert get_suite("quick-1").sha256 == QUICK_1_SHA256
     assert hardware_suite().sha256 == HARDWARE_SHA256
     assert standard_suite().sha256 == STANDARD_SHA256
     assert hard_suite().sha256 == HARD_SHA256
     assert varied_suite().sha256 == VARIED_SHA256
     versions = {name: get_suite(name).version for name in SUITES if not name.endswith("sealed")}
-    assert versions == dict.fromkeys(versions, "1")
+    assert versions == {**dict.fromkeys(versions, "1"), "quick": "2"}
 
 
-def test_quick_is_the_head_of_standard():
+def test_quick_was_the_head_of_standard():
     assert len(standard_suite().scenarios) == 1024
-    assert quick_suite().scenarios == standard_suite().scenarios[:256]
+    assert get_suite("quick-1").scenarios == standard_suite().scenarios[:256]
+
+
+def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
+    scenarios = quick_suite().scenarios
+    assert len(scenarios) == 256
+    assert Counter(map(count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
+    assert set(map(walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
+    for body, least, most in (("pelvis", 50.0, 200.0), ("trunk", 30.0, 140.0)):
+        single = [s.pushes[0] for s in scenarios if s.pushes[0].body == body and len(s.pushes) == 1]
+        impulse = [push.impulse_magnitude for push in single]
+        assert least <= min(impulse) < least + 10.0
+        assert most - 10.0 < max(impulse) <= most
+    others = {s.pushes for s in varied_suite().scenarios}
+    assert not others & {s.pushes for s in scenarios}
+
+
+def test_what_is_run_where_no_suite_is_named():
+    assert default_suite("PushRecovery/Biped-v0") == default_suite("my_module:My-v0@file.json") == "quick"
+    assert default_suite("PushRecovery/Pendulum-v0@paper") == "quick-1"
 
 
 def test_hardware_has_the_pushes_of_varied_on_other_robots():
@@ -98,7 +122,7 @@ def test_stratified_points_fill_every_interval():
 
 
 @pytest.mark.parametrize(
-    ("name", "least", "most"), [("quick", 5, 80), ("standard", 5, 80), ("hard", 80, 200)]
+    ("name", "least", "most"), [("quick-1", 5, 80), ("standard", 5, 80), ("hard", 80, 200)]
 )
 def test_suite_covers_its_ranges_evenly(name, least, most):
     scenarios = get_suite(name).scenarios
@@ -174,7 +198,7 @@ def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
     assert with_errors(quick_suite(), ModelErrors()) is quick_suite()
-    with pytest.raises(InvalidValueError, match="has model errors already: scenario 'standard-0000' has"):
+    with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
         with_errors(off, errors)
 
 
