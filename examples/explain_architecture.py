@@ -43,8 +43,8 @@ ROOMS = (
 )
 BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled.\n"
-    "Beside them, in eval/: output (rows, tables), bench, tuning, reproduction."
+    "settings (presets), solvers, compiled, and baselines of the field.\n"
+    "Beside them, in eval/: output (rows, tables), sensitivity, bench, tuning, reproduction."
 )
 FLOW = (  # from, to, what goes along
     ("controllers/estimation", "controllers/stage_1", "observation"),
@@ -54,7 +54,7 @@ FLOW = (  # from, to, what goes along
     ("envs/residual", "controllers/whole_body", "action"),
     ("controllers/whole_body", "envs/biped", "torque"),
     ("envs/biped", "envs/physics", "torque, push"),
-    ("envs/physics", "controllers/estimation", "state"),
+    ("envs/physics", "controllers/estimation", "state, or its sensors (envs/sensing)"),
     ("envs/scenario", "envs/episode", "push"),
     ("envs/scenario", "eval/rollout", "scenario"),
     ("envs/episode", "envs/biped", "start, push"),
