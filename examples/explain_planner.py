@@ -239,8 +239,8 @@ def biped_step() -> Any:
         need.plot(distance, time, look, color=EARLY, label=f"moving there at {speed:g} m/s")
     need.axhline(BIPED_LIMITS.duration_min, color=GREY, lw=1)
     need.text(0.01, BIPED_LIMITS.duration_min + 0.004, "T_min", color=GREY)
-    need.set(xlabel="way left for the foot [m]", ylabel="time it needs [s]", xlim=(0, 0.9), ylim=(0, 0.32))
-    need.legend(loc="lower right")
+    need.set(xlabel="way left for the foot [m]", ylabel="time it needs [s]", xlim=(0, 0.9), ylim=(0, 0.25))
+    need.legend(loc="upper left")
     moments = (
         (-config.freeze, f"{1000 * config.freeze:.0f} ms before T: the plan is held"),
         (-s.early, f"{1000 * s.early:.0f} ms before T: contact counts"),
@@ -256,9 +256,9 @@ def biped_step() -> Any:
         line.plot([1000 * at] * 2, [0, height], color=GREY, lw=1)
         line.plot(1000 * at, height, "o", color=DCM_COLOUR, ms=5)
         line.text(1000 * at + 4, height, text, va="center")
-    line.axvspan(-95, -1000 * config.freeze, color="#dcecf7")
-    line.text(-93, 0.3, "both stages\nchoose")
-    line.set(xlim=(-95, 185), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
+    line.axvspan(-120, -1000 * config.freeze, color="#dcecf7")
+    line.text(-117, 0.3, "both stages\nchoose")
+    line.set(xlim=(-120, 225), ylim=(0, 5), xlabel="time from the planned touchdown T [ms]", yticks=[])
     line.grid(visible=False)
     return figure
 

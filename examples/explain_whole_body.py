@@ -127,7 +127,7 @@ def knee(record: Recorder) -> Any:
     length = np.sqrt(THIGH**2 + SHANK**2 + 2 * THIGH * SHANK * np.cos(angle))
     geometry.plot(length, knee_rate(length), color=BLUE, lw=2)
     geometry.axhline(free, color=ORANGE, ls="--")
-    geometry.text(0.46, free + 0.5, "the motor gives nothing beyond", color=ORANGE)
+    geometry.text(0.46, free + 0.5, "no torque beyond", color=ORANGE)
     geometry.axvline(THIGH + SHANK, color=GREY, ls=":")
     geometry.axvline(BIPED_GAIT.reach, color=GREY)
     geometry.text(BIPED_GAIT.reach - 0.005, 22, "reach of\nthe plan", ha="right", color=GREY)
@@ -159,7 +159,8 @@ def height(record: Recorder) -> Any:
     rows, s, time = figure.subplots(3, 1, sharex=True), record.series, record.time
     rows[0].plot(time, s["height_asked"], color=BLUE, lw=2.4, label="asked: the quintic")
     rows[0].plot(time, s["height"], "--", color=COM_COLOUR, label="of the robot")
-    lowest = s["height"][(time > -BEFORE) & (time < AFTER)].min()
+    shown = (time > -BEFORE) & (time < AFTER)
+    lowest = min(s["height"][shown].min(), s["height_asked"][shown].min())
     rows[0].set(ylabel="CoM height [m]", ylim=(lowest - 0.01, 0.815))
     rows[0].legend(loc="lower right")
     rows[1].plot(time, s["stance_leg"], color=COM_COLOUR, label="stance leg")
