@@ -137,7 +137,7 @@ def test_a_push_below_its_own_noise_is_not_shown(biped_core, begin, noise):
 @pytest.mark.parametrize("friction", [0.45, 0.6])
 def test_a_robot_that_slides_knows_the_friction(biped_core, begin, friction):
     """The contacts' pyramid |f_x| + |f_y| <= mu f_z gives between mu / sqrt(2) and mu."""
-    core, push = biped_core(), Push((500.0, 500.0, 0.0), 0.1, 0.1)
+    core, push = biped_core(), Push((400.0, 400.0, 0.0), 0.1, 0.1)
     walk(core, begin, 3.0, push)
     assert core.known.grip[0] == BIPED_BOUNDS.friction
     walk(core, begin, 3.0, push, friction=friction)

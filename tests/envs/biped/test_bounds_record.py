@@ -63,6 +63,7 @@ def test_the_step_is_as_soon_as_the_swing_foot_allows():
     at_target = OBSERVATION.copy()
     at_target[9:11] = MIDDLE[:2]
     assert plan_bits([(2, soonest)], at_target) == 0
+    at_target[0] = 0.5 * BIPED_LIMITS.duration_min  # long before the step is final
     assert plan_bits([(2, BIPED_LIMITS.duration_min)], at_target) == bits.STEP_TIME
 
 

@@ -60,7 +60,7 @@ def test_it_walks_at_the_commanded_speed(env, vx, vy):
 
 
 def test_a_fall_ends_the_episode_with_a_reason(env):
-    push = Push((0.0, 900.0, 0.0), 0.2, GaitEvent(1, "right", 0.2))
+    push = Push((0.0, 1500.0, 0.0), 0.2, GaitEvent(1, "right", 0.2))
     _, coms, total, (terminated, truncated, info) = play(env, Scenario("fall", (push,)))
     assert terminated
     assert not truncated
