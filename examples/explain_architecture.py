@@ -24,14 +24,16 @@ class Room(NamedTuple):
 
 
 ROOMS = (
-    Room("controllers/estimation", "what is seen", 0.0, 5.0),
-    Room("controllers/stage_1", "where and when\nto step", 2.7, 5.0),
-    Room("controllers/stage_2", "CoP and trunk", 5.4, 5.0),
-    Room("controllers/policies", "planner, arms,\nnetworks", 8.1, 5.0),
-    Room("envs/residual", "corrections", 8.1, 3.4),
-    Room("controllers/whole_body", "gait machine,\ntorques", 5.4, 3.4),
-    Room("envs/biped", "a period of n robots", 2.7, 3.4),
+    Room("envs/sensing", "sensors of its own,\nor the true state", 0.0, 5.0),
+    Room("controllers/estimation", "what is seen", 2.7, 5.0),
+    Room("controllers/stage_1", "where and when\nto step", 5.4, 5.0),
+    Room("controllers/stage_2", "CoP and trunk", 8.1, 5.0),
+    Room("controllers/policies", "planner, arms,\nnetworks", 10.8, 5.0),
     Room("envs/physics", "MuJoCo", 0.0, 3.4),
+    Room("envs/biped", "a period of n robots", 2.7, 3.4),
+    Room("controllers/whole_body", "gait machine,\ntorques", 5.4, 3.4),
+    Room("envs/residual", "corrections", 8.1, 3.4),
+    Room("controllers/baselines", "the field's planners", 10.8, 3.4),
     Room("envs/scenario", "pushes, command,\nmodel errors", 0.0, 1.9),
     Room("envs/episode", "start, reward, end", 2.7, 1.9),
     Room("envs/pendulum", "the theory's model", 5.4, 1.9),
@@ -39,38 +41,42 @@ ROOMS = (
     Room("eval/rollout", "outcomes", 0.0, 0.4),
     Room("eval/score", "suites, statistics", 2.7, 0.4),
     Room("eval/frontier", "largest push, F*", 5.4, 0.4),
-    Room("eval/cli", "the command line", 8.1, 0.4),
+    Room("eval/sensitivity", "what outcomes\nhang on", 8.1, 0.4),
+    Room("eval/cli", "the command line", 10.8, 0.4),
 )
 BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled, and baselines of the field.\n"
-    "Beside them, in eval/: output (rows, tables), sensitivity, bench, tuning, reproduction."
+    "settings (presets), solvers, compiled.\n"
+    "Beside them, in eval/: output (rows, tables), api (Python functions), bench, tuning, reproduction."
 )
 FLOW = (  # from, to, what goes along
+    ("envs/sensing", "controllers/estimation", "readings"),
     ("controllers/estimation", "controllers/stage_1", "observation"),
     ("controllers/stage_1", "controllers/stage_2", "step, DCM goal"),
     ("controllers/stage_2", "controllers/policies", "CoP, trunk"),
+    ("controllers/baselines", "controllers/policies", "step"),
     ("controllers/policies", "envs/residual", "action"),
     ("envs/residual", "controllers/whole_body", "action"),
     ("controllers/whole_body", "envs/biped", "torque"),
     ("envs/biped", "envs/physics", "torque, push"),
-    ("envs/physics", "controllers/estimation", "state, or its sensors (envs/sensing)"),
+    ("envs/physics", "envs/sensing", "state"),
     ("envs/scenario", "envs/episode", "push"),
     ("envs/scenario", "eval/rollout", "scenario"),
     ("envs/episode", "envs/biped", "start, push"),
     ("envs/episode", "envs/pendulum", "start, push"),
     ("eval/rollout", "eval/score", "rows"),
     ("eval/score", "eval/frontier", ""),
-    ("eval/frontier", "eval/cli", "report"),
+    ("eval/frontier", "eval/sensitivity", ""),
+    ("eval/sensitivity", "eval/cli", "report"),
     ("training", "envs/residual", "learned action"),
 )
 
 
 def draw() -> Any:
     """The rooms, coloured by package, and what goes from one to the next."""
-    figure = Figure(figsize=(10.4, 6.3), facecolor="white")
+    figure = Figure(figsize=(13.8, 6.3), facecolor="white")
     axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
-    axes.set(xlim=(-0.2, 10.4), ylim=(-0.75, 6.5))
+    axes.set(xlim=(-0.2, 13.1), ylim=(-0.75, 6.5))
     axes.axis("off")
     at = {room.folder: (room.x, room.y) for room in ROOMS}
     for room in ROOMS:
@@ -100,7 +106,8 @@ def _arrow(axes: Any, start: tuple[float, float], end: tuple[float, float], word
         down = y1 < y0
         tail = x0 + width / 2, y0 + (-0.06 if down else height + 0.06)
         head = x1 + width / 2, y1 + (height + 0.06 if down else -0.06)
-        place, align = ((tail[0] + head[0]) / 2 + 0.08, (tail[1] + head[1]) / 2 - 0.04), "left"
+        shift, align = ((-0.2, 0.06), "right") if x0 != x1 else ((0.08, -0.04), "left")
+        place = (tail[0] + head[0]) / 2 + shift[0], (tail[1] + head[1]) / 2 + shift[1]
     axes.annotate("", head, tail, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0})
     lines = word.replace(", ", ",\n")
     axes.text(*place, lines, ha=align, va="bottom" if align == "center" else "center", size=7, color=INK)
