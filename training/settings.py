@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from tyro.conf import Positional, Suppress
+from tyro.conf import Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.policies.residual import check_residual_scale
@@ -20,6 +20,7 @@ PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
 LOG_STD = {"residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5), "scratch": (-1.0,)}
 # Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
 TRAINING_PUSHES = PushDistribution(impulse_min=30.0, impulse_max=80.0, first_step=0, settle_time=2.0)
+Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 DEFAULT_GATE = (0.02, 0.06)  # an undisturbed walk of the biped stays below 0.004 m
 
 
@@ -40,7 +41,8 @@ class TrainingSettings:
     hold: int = 2  # planning periods for which a learned action is held: 20 ms, 50 Hz on 100 Hz
     policy: str = "two-stage"  # what a residual corrects
     scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
-    gate: tuple[float, ...] | None = DEFAULT_GATE  # (shut, open) of `ResidualGate` [m]; None: always open
+    gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
+    """of `ResidualGate` [m]; None: always open"""
     pushes: Suppress[PushDistribution] = TRAINING_PUSHES  # of the training episodes; scores use other ones
 
     # Proximal policy optimisation
@@ -52,9 +54,10 @@ class TrainingSettings:
     clip_range: float = 0.2  # of the ratio of probabilities
     learning_rate: float = 5e-4  # of Adam at the start; falls linearly to that at the end
     learning_rate_end: float = 5e-5  # of Adam at the end
-    policy_layers: tuple[int, ...] = (128, 128)  # widths of the hidden layers
-    value_layers: tuple[int, ...] = (256, 256)  # widths of the hidden layers
-    log_std: float | tuple[float, ...] | None = None  # initial, one or one per action; None: that of the kind
+    policy_layers: Widths = (128, 128)  # widths of the hidden layers
+    value_layers: Widths = (256, 256)  # widths of the hidden layers
+    log_std: Annotated[float | tuple[float, ...] | None, arg(metavar="{None|X [X ...]}")] = None
+    """initial, one or one per action; None: that of the kind"""
     normalise_reward: bool = True  # divided by the running deviation of the return
 
     # Reports

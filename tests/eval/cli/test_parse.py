@@ -41,6 +41,7 @@ def test_every_option_has_a_text(name, capsys):
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for option in text.split(" --")[2:]:
         assert len(option.partition("(default")[0].split()) > 1, option
+    assert not [form for form in ("{None}", "{[", "[INT", "[FLOAT") if form in text]
 
 
 FRAMED = """\
