@@ -170,7 +170,7 @@ def quick_1_suite() -> Suite:
 
 @cache
 def quick_suite() -> Suite:
-    """256 pushes of every kind like those of `varied`, up to harder ones: they tell policies apart."""
+    """256 pushes of every kind like those of `varied`, up to harder ones."""
     return Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST)))
 
 
