@@ -34,6 +34,7 @@ class Errors(NamedTuple):
     tilt: NDArray[np.float64]  # (n, 2) of the pelvis' vertical axis [rad]
     velocity_stated: NDArray[np.float64]  # (n, 3) [m/s]
     tilt_stated: NDArray[np.float64]  # (n, 2) [rad]
+    heading: NDArray[np.float64]  # (n,) of the pelvis [rad]
 
 
 def errors_of(core) -> Errors:
@@ -41,9 +42,11 @@ def errors_of(core) -> Errors:
     up, sensing = core.gait.failure == 0, core.senses.last
     velocity = core.physics.qvel[up, :3] - sensing.judged.qvel[up, :3]
     tilt = core.physics.xmat[up, PELVIS, 2:6:3] - sensing.judged.xmat[up, PELVIS, 2:6:3]
+    headings = [p.xmat[up, PELVIS, 0] + 1j * p.xmat[up, PELVIS, 3] for p in (core.physics, sensing.judged)]
     stated = deviations(sensing.estimate)
     velocities = np.column_stack([stated.velocity, stated.velocity, stated.climb])[up]
-    return Errors(velocity, tilt, velocities, np.column_stack([stated.tilt, stated.tilt])[up])
+    tilts = np.column_stack([stated.tilt, stated.tilt])[up]
+    return Errors(velocity, tilt, velocities, tilts, np.angle(headings[0] * headings[1].conj()))
 
 
 def watched(episodes: BipedEpisodes, found: list[Errors]) -> None:
@@ -79,7 +82,8 @@ def report(errors: Errors) -> None:
     tilt = np.degrees(np.sqrt((errors.tilt**2).sum(axis=1).mean()))
     ratios = np.square(errors.velocity / errors.velocity_stated), np.square(errors.tilt / errors.tilt_stated)
     level, climb, lean = (np.sqrt(r.mean()) for r in (ratios[0][:, :2], ratios[0][:, 2], ratios[1]))
-    print(f"  base velocity rms {rms.round(4)} m/s, tilt rms {tilt:.2f} degrees")
+    heading = np.degrees(np.sqrt((errors.heading**2).mean()))
+    print(f"  base velocity rms {rms.round(4)} m/s, tilt {tilt:.2f}, heading {heading:.2f} degrees")
     print(f"  stated: horizontal velocity {level:.2f}, vertical {climb:.2f}, tilt {lean:.2f}")
 
 

@@ -23,6 +23,7 @@ LOADED = 60.0  # a sole with less load may move [N]
 GATE = 3.0  # deviations that a standing sole's velocity may lie from zero
 DOUBT = 0.02  # variance that velocity gains while a loaded sole is left out [m^2/s^3]
 SOLE_TURNS = 0.1  # deviation of the turning rate of a standing sole [rad/s]
+TWISTING = 4.0  # deviation that a sole's turning rate is weighed with, over that rate: it twists for a while
 ANCHOR_GAIN = 0.1  # share of the distance to a sole's place that the base moves in a step
 ANCHOR_NOISE = 0.003  # deviation of the place of a new foothold [m]
 ANCHOR_LOSS = 5.0  # a sole that is left out loses its time of standing this much faster than it gains it
@@ -81,7 +82,8 @@ def _correct(estimate: BaseEstimate, k: int, rest: Vector, omega: Vector, noise:
     """
     tilt, bias, velocity = update_level(estimate.level[k], noise)
     climb, lift = update_lift(estimate.lift[k], noise)
-    turn = estimate.turn[k] / (estimate.turn[k] + SOLE_TURNS**2)
+    turns = omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2
+    turn = estimate.turn[k] / (estimate.turn[k] + SOLE_TURNS**2 + TWISTING**2 * turns)
     estimate.turn[k] *= 1.0 - turn
     estimate.velocity[k, 0] -= velocity * rest[0]
     estimate.velocity[k, 1] -= velocity * rest[1]

@@ -70,6 +70,20 @@ def test_a_sole_that_turns_counts_for_less(standing):
     np.testing.assert_allclose(estimate.velocity[0, 0], 0.02 - 9e-4 / (9e-4 + noise) * before, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("yaw", "roll", "noise"), [(0.0, 0.0, 0.1**2), (2.0, 0.0, 0.1**2 + 8.0**2), (1.5, 2.0, 0.1**2 + 10.0**2)]
+)
+def test_a_sole_that_twists_hardly_tells_the_bias_of_the_gyro(standing, yaw, roll, noise):
+    """Its rate counts with a deviation of four times how fast it turns about any axis, beside 0.1 rad/s."""
+    phys, estimate = standing((300.0, 0.0))
+    estimate.turn[0] = 1e-6
+    phys.qvel[0, LEG_DOF[0]] = yaw
+    phys.qvel[0, LEG_DOF[0] + 5] = roll
+    listen_to_soles(estimate, 0, phys, DT)
+    np.testing.assert_allclose(estimate.gyro_bias[0, 2], 1e-6 / (1e-6 + noise) * yaw, rtol=1e-6)
+    np.testing.assert_allclose(estimate.turn[0], 1e-6 * noise / (1e-6 + noise), rtol=1e-12)
+
+
 def test_two_soles_count_as_two_measurements(standing):
     phys, estimate = standing()
     moving(estimate, phys, (0.02, 0.0, 0.0))
