@@ -4,7 +4,9 @@ python benchmarks/peaks.py [--suite hard] [--sample 128] [--profile exact] [--po
 
 Every control step of the pushes that are recovered, from the push on. A joint of a leg counts as in a
 collision for WINDOW after its foot has met the floor: while the sole settles, or bounces. All other
-over-speed is the motors' own business. Walking, unpushed at 0.5 m/s, stands beside it.
+over-speed is the motors' own business, but for a sole that stands on an edge and falls flat later: the blow
+of its other edge turns the ankle, too. So speeds stand there twice: out of WINDOW after the foot has met the
+floor, and out of WINDOW after any corner of its sole has. Walking, unpushed at 0.5 m/s, stands beside it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.whole_body.kinematics import NU
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, NU
+from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.profile import Profile
 from push_recovery.envs.scenario.physics_options import CONTROL_STEP
@@ -29,6 +32,7 @@ from push_recovery.eval.sensitivity.run import sample_of
 from push_recovery.eval.sensitivity.variations import VARIATIONS
 
 WINDOW = 0.03  # three time constants of the contacts [s]
+KINDS = ("own", "between", "collision", "torque")  # columns of the table
 JOINTS = (
     "waist_pitch",
     "waist_roll",
@@ -48,6 +52,7 @@ class Peaks:
     """Largest values of n robots since their pushes began."""
 
     own: Array  # (n, 14) speed over that without load, out of collisions
+    between: Array  # (n, 14) the same, no corner of the sole having met the floor just now
     collision: Array  # (n, 14) in collisions
     torque: Array  # (n, 14) over the largest
     power: Array  # (n,) that all motors give together [W/kg]
@@ -56,12 +61,23 @@ class Peaks:
     def rows(self) -> dict[str, list[float]]:
         """Median, 95th percentile and largest of each, both sides of a joint as one."""
         found = {}
-        for name in ("own", "collision", "torque"):
+        for name in KINDS:
             values = getattr(self, name)
             for joint, label in enumerate(JOINTS):
                 columns = [joint] if joint < 2 else [joint, joint + 6]
                 found[f"{label} {name}"] = _spread(values[:, columns].max(axis=1))
         return {**found, "power": _spread(self.power), "floor": _spread(self.floor)}
+
+
+def corners_down(core: BipedCore) -> NDArray[np.bool_]:
+    """Which corners of the soles are in the floor, (n, 2, 4)."""
+    true, (x, y) = core.judged, core.body.half_sole
+    corners = np.array([(a, b, 0.0) for a in (x, -x) for b in (y, -y)])
+    down = []
+    for leg, body in enumerate(FOOT_BODY):
+        upwards = true.xmat[:, body, 6:]  # third row of the foot's axes
+        down.append(true.xpos[:, body, 2:] + upwards @ (corners + true.soles[leg]).T < 0.0)
+    return np.stack(down, axis=1)
 
 
 def _spread(values: Array) -> list[float]:
@@ -76,25 +92,30 @@ class Watch:
         n, (self.top, self.free) = episodes.core.n, episodes.core.body.motors
         self.weight = episodes.robot.mass * GRAVITY
         self.since = np.full((n, 2), np.inf)  # a foot has met the floor [s]
-        self.loaded = np.ones((n, 2), bool)
-        self.peaks = Peaks(*np.zeros((3, n, NU)), *np.zeros((2, n)))
+        self.corner_since = self.since.copy()  # a corner of its sole has
+        self.loaded, self.down = np.ones((n, 2), bool), np.ones((n, 2, 4), bool)
+        self.peaks = Peaks(*np.zeros((4, n, NU)), *np.zeros((2, n)))
         self.core.after_physics_step = self
 
     def __call__(self) -> None:
         """Note the control step just made."""
         true, core, peaks = self.core.judged, self.core, self.peaks
-        load = true.load > 0.0
+        load, down = true.load > 0.0, corners_down(core)
+        meets = (down & ~self.down).any(axis=2)
         self.since = np.where(load & ~self.loaded, 0.0, self.since + CONTROL_STEP)
-        self.loaded = load
+        self.corner_since = np.where(meets, 0.0, self.corner_since + CONTROL_STEP)
+        self.loaded, self.down = load, down
         begun = core.gait.time >= core.pushes.start.min(axis=1) if self.pushed else True
         counts = begun & (core.gait.failure == 0)
         speed, torque = true.qvel[:, 6:20], np.clip(true.ctrl, -self.top, self.top)
         met = (self.since <= WINDOW)[:, LEG_OF] & (LEG_OF >= 0)
+        struck = met | (self.corner_since <= WINDOW)[:, LEG_OF] & (LEG_OF >= 0)
         power = np.maximum(torque * speed, 0.0).sum(axis=1) / self.weight * GRAVITY
         force = np.linalg.norm(core.senses.last.judged_contacts.force[:, :3], axis=1) / self.weight
         over = np.abs(speed) / self.free
         for most, now in (
-            (peaks.own, np.where(met, 0.0, over)), (peaks.collision, np.where(met, over, 0.0)),
+            (peaks.own, np.where(met, 0.0, over)), (peaks.between, np.where(struck, 0.0, over)),
+            (peaks.collision, np.where(met, over, 0.0)),
             (peaks.torque, np.abs(torque) / self.top), (peaks.power, power), (peaks.floor, force),
         ):  # fmt: skip
             most[counts] = np.maximum(most, now)[counts]
@@ -118,12 +139,12 @@ def walked(profile: Profile, policy: str) -> Peaks:
 
 def print_table(walk: dict[str, list[float]], rows: dict[str, list[float]]) -> None:
     """One row a joint, then power and floor."""
-    print("| joint | speed / no load, out of collisions | in collisions | torque / largest |")
-    print("|---|---|---|---|")
+    print("| joint | speed / no load, out of collisions | of corners | in collisions | torque / largest |")
+    print("|---|---|---|---|---|")
     for label in JOINTS:
         cells = (
             f"{walk[f'{label} {kind}'][2]:.2f}; " + ", ".join(f"{x:.2f}" for x in rows[f"{label} {kind}"])
-            for kind in ("own", "collision", "torque")
+            for kind in KINDS
         )
         print(f"| {label} | {' | '.join(cells)} |")
     for label, unit in (("power", "W/kg"), ("floor", "body weights")):

@@ -56,7 +56,7 @@ DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
 STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
 BELIEVED = {  # errors with which the robot's kinematics, mass matrix and bias are what control takes them for
     "friction", "floor_step", "joint_friction", "joint_damping", "collisions", "motor_power", "bus_power",
-    "back_emf", "continuous_torque", "delay", "dcm_noise",
+    "continuous_torque", "delay", "dcm_noise",
 }  # fmt: skip
 
 _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen
@@ -107,7 +107,7 @@ def assign_errors(
     for field in table:
         field[k] = 0
     table.power[k], table.fine[k, STEPS] = (math.inf, math.inf, 1.0), 1
-    table.motors[k, :INERTIA] = robot.motors
+    table.motors[k, :INERTIA], table.motors[k, INERTIA] = robot.motors, joint_inertias(robot, robot.model)
     if errors == EXACT_MODEL and physics == PLAIN_PHYSICS:
         return None
     check_biped_errors(errors)
@@ -118,24 +118,23 @@ def assign_errors(
     for column, limit in limits.items():
         if limit is not None:
             table.power[k, column] = limit
-    if errors.back_emf:
+    if model is not None:
         table.motors[k, INERTIA] = joint_inertias(robot, model) + errors.armature
     table.fine[k] = physics.steps, physics.integrator == "rk4"
     finely = physics.steps > 1 or table.fine[k, WHOLE] != 0
-    limited = errors.back_emf or any(limit is not None for limit in limits.values())
+    limited = any(limit is not None for limit in limits.values())
     table.physical[k] = table.believes[k] or table.delay[k] > 0 or finely or limited
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
     return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
 
 
-def joint_inertias(robot: CompiledRobot, model: mujoco.MjModel | None) -> Array:
+def joint_inertias(robot: CompiledRobot, model: mujoco.MjModel) -> Array:
     """Inertia of every joint of control, all others held, in the reference posture, (14,) [kg m^2].
 
     Of the model's own armature, not what is added to it; 0 for a joint that the robot does not have.
     """
-    inertia = (robot.model if model is None else model).dof_M0
-    return np.array([0.0 if dof == MISSING else inertia[dof] for dof in robot.indices.dof[-NU:]])
+    return np.array([0.0 if dof == MISSING else model.dof_M0[dof] for dof in robot.indices.dof[-NU:]])
 
 
 @njit(cache=True)

@@ -36,6 +36,7 @@ from ..sensing.onboard import OnboardArrays, Shown
 from ..sensing.sensors import Sensors
 from .bounds_record import BoundsRecord, note_bounds, plan_bounds_met
 from .model_errors import DCM_NOISE, RobotErrors, advance_onboard, advance_with_errors, show
+from .plant.drives import brake_joints
 from .plant.floor import Floor, place_tiles
 from .pushes import apply_pushes
 
@@ -156,6 +157,7 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
             if floors.places[k, 0] != 0:
                 place_tiles(floors, k)
             if errors.physical[k] == 0:
+                brake_joints(phys, k, errors.motors, dt)
                 advance(handles, k)
             elif onboard:
                 advance_onboard(phys, errors, k, handles, onboard_of(t), dt)

@@ -49,7 +49,6 @@ HARDWARE = Profile(
         collisions=True,
         motor_power=2000.0,
         bus_power=3000.0,
-        back_emf=True,
         continuous_torque=0.4,
     ),
     PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0),

@@ -33,7 +33,7 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "continuous_torque": ("", 0.1, 1.0),
 }
 OPEN = ("friction", "motor_power", "bus_power", "continuous_torque")  # that may be None
-SWITCHES = ("collisions", "back_emf")
+SWITCHES = ("collisions",)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,6 @@ class ModelErrors:
     collisions: bool = False  # legs, arms and trunk collide with each other and with the floor
     motor_power: float | None = None  # most that one motor gives [W]; None: as torque and speed allow
     bus_power: float | None = None  # most that all motors together take from the battery [W]; None: any
-    back_emf: bool = False  # a motor turned faster than it turns without load brakes
     continuous_torque: float | None = None  # share of its torque that a motor gives for ever; None: all
 
     def __post_init__(self) -> None:

@@ -40,7 +40,6 @@ BODIES = (  # of which a robot has some
     ("motor-2kW", ModelErrors(motor_power=2000.0)),
     ("bus-3kW", ModelErrors(bus_power=3000.0)),
     ("bus-1.5kW", ModelErrors(bus_power=1500.0)),
-    ("back-emf", ModelErrors(back_emf=True)),
     ("continuous-0.4", ModelErrors(continuous_torque=0.4)),
 )
 SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own sensors

@@ -22,7 +22,7 @@ from .floor import add_tiles
 
 OUTSIDE = {
     "delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None,
-    "back_emf": False, "continuous_torque": None,
+    "continuous_torque": None,
 }  # fmt: skip
 ENUMS = {
     "integrator": ("mjtIntegrator", "mjINT_"),

@@ -24,7 +24,7 @@ from ....controllers.whole_body.kinematics import NU, NV, Array, Physics
 from ....controllers.whole_body.motors import FULL_TORQUE_SHARE, driving_share
 from .power import limit_power
 
-LARGEST, FREE_SPEED, INERTIA = 0, 1, 2  # rows of a robot's `motors` [N m], [rad/s], [kg m^2] (0: no brake)
+LARGEST, FREE_SPEED, INERTIA = 0, 1, 2  # rows of a robot's `motors` [N m], [rad/s], [kg m^2] (0: no joint)
 EACH, TOGETHER, CONTINUOUS = 0, 1, 2  # columns of `power` [W], [W], and of the largest torque, that lasts
 HEATING = 40.0  # time constant of a winding [s], our choice: long beside a recovery, short beside a walk
 DERATED = 0.9  # warmth from which a drive gives less
@@ -44,6 +44,31 @@ def over_speed_brake(over: float, top: float, free_speed: float, inertia: float,
     return min(slope * over / (1.0 + slope * dt / inertia), top)
 
 
+@njit(cache=True, forceinline=True)
+def braked_torque(
+    torque: float, speed: float, largest: float, free_speed: float, inertia: float, dt: float
+) -> float:
+    """Torque of a motor, or its brake where its joint is faster than without load [N m]."""
+    over = abs(speed) - free_speed
+    if over <= 0.0 or inertia == 0.0:
+        return torque
+    brake = over_speed_brake(over, largest, free_speed, inertia, dt)
+    return min(torque, -brake) if speed > 0.0 else max(torque, brake)
+
+
+@njit(cache=True, forceinline=True)
+def brake_joints(phys: Physics, k: int, motors: Floats3, dt: float) -> None:
+    """Brake the joints of robot k that are faster than without load.
+
+    Torques that act at once are held to the rest of the line by control.
+    """
+    for i in range(NU):
+        phys.ctrl[k, i] = braked_torque(
+            phys.ctrl[k, i], phys.qvel[k, NV - NU + i], motors[k, LARGEST, i], motors[k, FREE_SPEED, i],
+            motors[k, INERTIA, i], dt,
+        )  # fmt: skip
+
+
 @njit(cache=True)
 def given_torque(asked: float, speed: float, motor: Array, share: float, dt: float) -> float:
     """Torque of one drive [N m].
@@ -59,10 +84,7 @@ def given_torque(asked: float, speed: float, motor: Array, share: float, dt: flo
     towards = math.copysign(1.0, speed)
     torque = towards * asked  # in the direction of motion
     torque = max(min(torque, top * driving_share(abs(speed), free_speed)), -top)
-    over = abs(speed) - free_speed
-    if over > 0.0 and motor[INERTIA] > 0.0:
-        torque = min(torque, -over_speed_brake(over, motor[LARGEST], free_speed, motor[INERTIA], dt))
-    return towards * torque
+    return braked_torque(towards * torque, speed, motor[LARGEST], free_speed, motor[INERTIA], dt)
 
 
 @njit(cache=True)

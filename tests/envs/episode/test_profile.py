@@ -25,7 +25,7 @@ def test_hardware_is_what_the_pages_say():
     applied = HARDWARE.applied(PUSHED)
     assert applied.to_dict()["errors"] == {
         "friction": 0.7, "delay": 0.004, "joint_friction": 1.0, "armature": 0.03, "collisions": True,
-        "motor_power": 2000.0, "bus_power": 3000.0, "back_emf": True, "continuous_torque": 0.4,
+        "motor_power": 2000.0, "bus_power": 3000.0, "continuous_torque": 0.4,
     }  # fmt: skip
     assert applied.to_dict()["sensing"] == "onboard"
     assert applied.to_dict()["physics"] == {"time_step": 0.001, "cone": "elliptic", "impratio": 10.0}

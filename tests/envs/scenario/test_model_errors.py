@@ -17,7 +17,7 @@ ALL = ModelErrors(
     mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,
     delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02, joint_friction=1.0, joint_damping=0.5,
     armature=0.03, collisions=True, motor_power=2000.0, bus_power=3000.0,
-    back_emf=True, continuous_torque=0.4,
+    continuous_torque=0.4,
 )  # fmt: skip
 RANGES = ErrorRanges(mass=(-0.1, 0.2), friction=(0.4, 1.2), delay=(0.002, 0.01), trunk_com=(-0.02, 0.02))
 
@@ -129,9 +129,8 @@ def test_as_many_numbers_are_drawn_as_before_there_were_losses():
 
 @pytest.mark.parametrize("value", [1, "yes", None])
 def test_switches_are_on_or_off(value):
-    for name in ("collisions", "back_emf"):
-        with pytest.raises(InvalidValueError, match=f"{name} must be true or false"):
-            ModelErrors(**{name: value})
+    with pytest.raises(InvalidValueError, match="collisions must be true or false"):
+        ModelErrors(collisions=value)
 
 
 def test_a_distribution_draws_the_same_pushes_with_and_without_errors():
