@@ -98,7 +98,7 @@ class Scorer:
         if self._pool is None:
             found = run_scenarios(*job, scenarios)
         else:
-            stride = 2 * self.workers + 1  # more parts than workers, and none of one profile of the suite alone
+            stride = 2 * self.workers + 1  # odd: no part has one profile of the suite alone
             parts = [scenarios[k::stride] for k in range(stride)]
             for future in [self._pool.submit(run_scenarios, *job, part) for part in parts if part]:
                 found |= future.result()
