@@ -21,7 +21,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 import push_recovery  # noqa: F401
 
 PENDULUM, BIPED, RESIDUAL = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual"))
-HARD = {"impulse_min": 10.0, "impulse_max": 150.0, "first_step": 0, "settle_time": 0.9}
+HARD = {"impulse_min": 10.0, "impulse_max": 250.0, "first_step": 0, "settle_time": 0.9}
 MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
 
