@@ -2,9 +2,9 @@
 
 python tests/pinned/record.py
 
-Of each policy as many rows of a suite are kept as COUNTS says, the first ones that hang on nothing small: on a
-robot heavier or lighter by MASS, far more than another processor's rounding, every word and count stays and
-numbers move by less than STEADY. Hand-written scenarios keep those of their rows of which this is true.
+Of each policy as many rows of a suite are kept as COUNTS says, the first ones that hang on nothing small: on
+a robot heavier or lighter by MASS, far more than another processor's rounding, every word and count stays
+and numbers move by less than STEADY. Hand-written scenarios keep those of their rows of which this is true.
 """
 
 import json
@@ -27,8 +27,8 @@ COUNTS = {
     "hard": {"two-stage": 14, **dict.fromkeys(ARMS, 6)},
 }
 FIELDS = (
-    "scenario_id", "policy", "survived", "recovered", "recovered_at", "failure_reason", "end_time", "env_steps",
-    "total_reward", "first_limit",
+    "scenario_id", "policy", "survived", "recovered", "recovered_at", "failure_reason", "end_time",
+    "env_steps", "total_reward", "first_limit",
 )  # fmt: skip
 
 

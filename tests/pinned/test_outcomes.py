@@ -1,8 +1,8 @@
 """Outcomes that are kept: a change that moves one of them is a change of the results.
 
-The rows are those that `record.py` beside this file has found to hang on nothing small. So words and counts are
-compared exactly and numbers to `TOLERANCE` on any machine, and every bit on a machine like the one that recorded
-them. After a change of the results, which the changelog names, they are recorded anew.
+The rows are those that `record.py` beside this file has found to hang on nothing small. So words and counts
+are compared exactly and numbers to `TOLERANCE` on any machine, and every bit on a machine like the one that
+recorded them. After a change of the results, which the changelog names, they are recorded anew.
 """
 
 import json
@@ -46,9 +46,13 @@ def this_machine() -> dict[str, str]:
 def close(value, pinned, tolerance=TOLERANCE) -> bool:
     """Equal words, counts and order of names; numbers within the tolerance."""
     if isinstance(pinned, dict):
-        return list(value) == list(pinned) and all(close(value[key], pinned[key], tolerance) for key in pinned)
+        return list(value) == list(pinned) and all(
+            close(value[key], pinned[key], tolerance) for key in pinned
+        )
     if isinstance(pinned, list):
-        return len(value) == len(pinned) and all(close(*both, tolerance) for both in zip(value, pinned, strict=True))
+        return len(value) == len(pinned) and all(
+            close(*both, tolerance) for both in zip(value, pinned, strict=True)
+        )
     if isinstance(pinned, float):
         return isinstance(value, float) and abs(value - pinned) <= tolerance * max(1.0, abs(pinned))
     return type(value) is type(pinned) and value == pinned
