@@ -233,7 +233,7 @@ def test_interrupt_keeps_what_was_done_and_exits_130(policy, tmp_path, workers):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
-    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy]
+    argv = ["evaluate", "--env", toy.ENV_ID, "--suite", "standard", "--policies", policy]
     process = start(*argv, "--workers", "2", "--out", str(tmp_path))
     wait_for((tmp_path / "config.json").exists)
     time.sleep(0.15)

@@ -34,7 +34,7 @@ def test_the_environment_is_the_robot_of_its_arm(preset):
     for arm in ("", "two-stage"):
         episodes = BipedEpisodes(1, preset, arm=arm)
         assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.0527, 0.431)
-        assert episodes.touchdown_delay == 0.0177
+        assert episodes.touchdown_delay == 0.0155
 
 
 def test_only_an_arm_with_its_own_robot_needs_another_environment(preset):
