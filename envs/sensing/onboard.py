@@ -119,6 +119,7 @@ def begin_onboard(sensing: Sensing, k: int, physics: Physics, contacts: Contacts
             true[k] = seen[k]
     sensing.judged_contacts.force[k] = contacts.force[k]
     sensing.judged_contacts.time[k] = sensing.judged_contacts.impulse[k] = 0.0
+    sensing.shown.observation[k] = 0.0  # a period of no length keeps the push estimate that it finds
     sensors, true = sensing.sensors, sensing.judged
     seed, side = sensors.seed.item(k), sensors.side.item(k)
     sensors.gravity[k] = gravity

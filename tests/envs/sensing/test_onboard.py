@@ -14,7 +14,7 @@ from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEnv, BipedEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
@@ -193,3 +193,13 @@ def test_the_environment_takes_it_alone_and_in_a_vector():
 
 def test_episodes_alike_sense_alike():
     assert BipedEpisodes(1, sensing="onboard").alike(2).core.senses.forced == "onboard"
+
+
+def test_a_robot_begins_as_if_there_had_been_none_before_it():
+    used, fresh = BipedEnv(sensing="onboard"), BipedEnv(sensing="onboard")
+    used.reset(options={"scenario": Scenario("pushed", (polar_push(400.0, 1.0, 0.1, 0.05),))})
+    for _ in range(10):
+        used.step(np.zeros(7, np.float32))
+    observation, _ = used.reset(options={"scenario": Scenario("next")})
+    expected, _ = fresh.reset(options={"scenario": Scenario("next")})
+    assert observation.tolist() == expected.tolist()
