@@ -29,16 +29,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.array_table import Floats1, Floats2
+from ..compiled.array_table import Floats1, Floats2, Floats3
 from ..compiled.kernels import njit
 from ..compiled.vector_3 import subtract, vector_of
 from ..model.frame import canonical, heading_frame, side_sign
 from ..model.observation import COM, DCM, PUSH_ESTIMATE
 from ..model.robot import GRAVITY
 from ..whole_body.gait_machine import Gait, GaitSettings
-from ..whole_body.kinematics import Array, Physics, sole_position
+from ..whole_body.kinematics import NU, Array, Physics, sole_position
 from ..whole_body.mass_matrix import com_velocity
 from .grip import MOST, SIZE, feel_grip
+from .joint_losses import BEFORE
+from .joint_losses import SIZE as JOINT_SIZE
 from .observe import Contacts, external_force
 
 MEMORY = 0.5  # of the mass [s]
@@ -82,6 +84,8 @@ class SelfModel(NamedTuple):
     felt: Floats2  # (n, 3) what the push estimate was, and how it jumps
     grip: Floats1  # (n,) friction that whole-body control may count on
     stood: Floats2  # (n, grip.SIZE) where the stance sole stood, and how it slides
+    joints: Floats3  # (n, 14, joint_losses.SIZE) friction and rotor of each joint
+    before: Floats2  # (n, joint_losses.BEFORE) the swing leg at the beginning of the physics step
 
 
 def empty_self_model(n: int) -> SelfModel:
@@ -95,6 +99,8 @@ def empty_self_model(n: int) -> SelfModel:
         np.zeros((n, 3)),
         np.ones(n),
         np.zeros((n, SIZE)),
+        np.zeros((n, NU, JOINT_SIZE)),
+        np.zeros((n, BEFORE)),
     )
 
 
@@ -107,6 +113,7 @@ def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
     known.step[k, QUIET] = 1.0  # the first step counts
     known.grip[k] = friction
     known.stood[k] = 0.0
+    known.joints[k] = known.before[k] = 0.0
     known.stood[k, MOST] = friction
 
 

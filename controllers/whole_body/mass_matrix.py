@@ -20,6 +20,7 @@ CHAIN = np.array(
 _LENGTH = [j + 1 if j < BASE else BASE + 1 + j - CHAIN[j] for j in range(NV)]
 ROW = np.concatenate([[0], np.cumsum(_LENGTH)[:-1]])  # first entry of every row
 ENTRIES = int(sum(_LENGTH))
+DIAGONAL = ROW + np.array(_LENGTH) - 1  # entry of M[j, j]
 
 
 def columns(j: int) -> list[int]:

@@ -13,6 +13,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from ...controllers.compiled.array_table import Floats1, Floats2, part_of
 from ...controllers.compiled.kernels import njit
 from ...controllers.estimation.base_estimate import BaseEstimate
+from ...controllers.estimation.joint_losses import add_losses, feel_joints
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
 from ...controllers.whole_body.bounds import Bounds, BoundSettings
@@ -168,6 +169,8 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
                 gait.failure[k] = NOT_FINITE
                 break
             scale_mass(known, k, phys)
+            feel_joints(known.joints, known.before, phys, gait, k, dt)
+            add_losses(known.joints, phys, k)
             count_contacts(contacts, k, dt)
             count_asked(known, k, gait, dt)
 
