@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.estimation.joint_losses import FRICTION, ROTOR
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.arms import make_policy
@@ -161,8 +162,11 @@ def test_control_believes_the_nominal_robot_in_the_measured_state(biped_core, be
             assert arrays[name][0].tobytes() == getattr(true, name).tobytes()
         factor = arrays["M"][0, 0] / data.M[0]  # the mass that it has found, see test_self_model.py
         assert abs(factor - 1.0) < 0.2
-        np.testing.assert_allclose(arrays["M"][0], factor * data.M, rtol=1e-14)
-        np.testing.assert_allclose(arrays["qfrc_bias"][0], factor * data.qfrc_bias, rtol=1e-13)
+        lost, added = core.known.joints[0], np.zeros(MODEL.nM)  # and of its joints, see test_joint_losses.py
+        added[(MODEL.M_rowadr + MODEL.M_rownnz - 1)[6:]] = lost[:, ROTOR]
+        rubs = np.r_[np.zeros(6), lost[:, FRICTION] * np.clip(data.qvel[6:] / 0.1, -1.0, 1.0)]
+        np.testing.assert_allclose(arrays["M"][0], factor * data.M + added, rtol=1e-14)
+        np.testing.assert_allclose(arrays["qfrc_bias"][0], factor * data.qfrc_bias + rubs, rtol=1e-13)
         assert not np.array_equal(arrays["qfrc_bias"][0], true.qfrc_bias) or tick == 0
         step(core)
 
