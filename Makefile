@@ -41,7 +41,7 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/pyright
 
 # rows of quick and hard and the numbers of reproduce against another commit's, bit for bit
-REF ?= 7bb5027
+REF ?= HEAD
 same: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/same_rows.py $(REF)
 

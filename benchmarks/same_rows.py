@@ -1,7 +1,7 @@
 """Whether this tree gives the rows and numbers of another commit, bit for bit.
 
-python benchmarks/same_rows.py 7bb5027             runs both trees: quick-1, hard and reproduce, every arm
-python benchmarks/same_rows.py 7bb5027 --suites varied --no-reproduce
+python benchmarks/same_rows.py HEAD                runs both trees: quick-1, hard and reproduce, every arm
+python benchmarks/same_rows.py HEAD --suites varied --no-reproduce
 python benchmarks/same_rows.py --a DIR --b DIR     of finished runs: folders that hold DIR/quick-1, DIR/hard,
                                                    DIR/reproduce, or are such folders themselves
 
