@@ -14,7 +14,8 @@ LARGEST = 2**30  # of a file that is read as a whole [bytes]
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: to a temporary neighbour first, then renamed.
 
-    A link in the place of that neighbour is removed, never followed.
+    Content and name are on disk when this returns. A link in the place of that neighbour is removed, never
+    followed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -29,6 +30,17 @@ def write_atomically(path: Path, content: bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise
+    sync_names(path.parent)
+
+
+def sync_names(directory: Path) -> None:
+    """Bring the names of new and renamed files of a directory to disk, where its file system can."""
+    with contextlib.suppress(OSError):
+        number = os.open(directory, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -37,6 +37,7 @@ ROOMS = (
     "envs.biped",
     "envs.residual",
     "eval",
+    "eval.processes",
     "eval.output",
     "eval.rollout",
     "eval.score",

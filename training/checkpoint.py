@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.files import read_file, write_atomically
+from ..controllers.files import read_file, sync_names, write_atomically
 from ..controllers.json_text import parse_json
 from .settings import TrainingSettings
 
@@ -46,8 +46,9 @@ def save_checkpoint(
 ) -> Path:
     """Write OUT/checkpoints/<timesteps> whole, then drop all but the newest two."""
     final = out / FOLDER / f"{model.num_timesteps:012d}"
-    temporary = final.with_name(f".{final.name}.{os.getpid()}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
+    for left in (out / FOLDER).glob(".*.tmp"):  # by a kill, or on a full disk
+        shutil.rmtree(left, ignore_errors=True)
+    temporary = final.with_name(f".{final.name}.tmp")
     temporary.mkdir(parents=True)
     state = {
         "format_version": FORMAT_VERSION,
@@ -60,6 +61,7 @@ def save_checkpoint(
     write_atomically(temporary / "state.json", json.dumps(state, indent=1).encode())
     shutil.rmtree(final, ignore_errors=True)
     os.replace(temporary, final)
+    sync_names(final.parent)
     for old in find_checkpoints(out)[:-KEEP]:
         shutil.rmtree(old, ignore_errors=True)
     return final

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,6 +14,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.policies.network import NetworkPolicy
+from ..eval.processes.writer import Writer
 from ..eval.rollout.environments import EnvName
 from .builders import make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
@@ -24,6 +23,7 @@ from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .export import export_policy
 from .settings import TrainingSettings
 
+POLICY = "policy"  # file of the result, without its suffixes
 Report = Callable[[int, float | None], None]
 
 
@@ -77,7 +77,6 @@ class Run:
     def train(self, report: Report = silent) -> TrainingResult:
         """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
         settings = self.settings
-        self._open_folder()
         report(self.start, None)
         write_atomically(
             self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
@@ -126,21 +125,13 @@ class Run:
         self.one.close()
         self.env.close()
 
-    def _open_folder(self) -> None:
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-            if not os.access(self.out, os.W_OK | os.X_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        except OSError as error:
-            raise InvalidValueError(f"can't write to the folder {self.out}: {error.strerror}") from error
-
     def _finish(self) -> TrainingResult:
         note = {
             "timesteps": self.model.num_timesteps,
             "seconds": round(self.seconds, 1),
             "settings": self.settings.to_json(),
         }
-        path = self.policy().save(self.out / "policy", note)
+        path = self.policy().save(self.out / POLICY, note)
         folder = self.out / "sb3"  # for PPO.load and VecNormalize.load; this project never reads it
         folder.mkdir(exist_ok=True)
         self.model.save(folder / "model.zip")
@@ -149,17 +140,19 @@ class Run:
 
 
 def train(settings: TrainingSettings, out: Path, report: Report = silent) -> TrainingResult:
-    """Train from the start into a folder that holds no run yet.
+    """Train from the start into a folder that holds no run yet; one without a checkpoint is none.
 
     Raises:
-        InvalidValueError: The folder holds a run, or the environment does not fit.
+        InvalidValueError: The folder holds a run, another run is writing there, or the environment does not
+            fit.
         UnknownNameError: No such environment or policy.
     """
-    if find_checkpoints(out) or (out / "settings.json").exists():
-        raise InvalidValueError(
-            f"{out} holds a run already: go on with --resume {out}, or choose another --out"
-        )
-    return _train(Run(settings, out), report)
+    with Writer(out):
+        if find_checkpoints(out) or (out / POLICY).with_suffix(".safetensors").exists():
+            raise InvalidValueError(
+                f"{out} holds a run already: go on with --resume {out}, or choose another --out"
+            )
+        return _train(Run(settings, out), report)
 
 
 def resume(
@@ -174,8 +167,16 @@ def resume(
         env_id: Of the run, as the user names it; needed where to make the environment imports a module.
 
     Raises:
-        InvalidValueError: There is no checkpoint, it is damaged, or it would import a module by itself.
+        InvalidValueError: There is no checkpoint, it is damaged, or it would import a module by itself; or
+            another run is writing there.
     """
+    out = path.parent.parent if (path / "state.json").is_file() else path
+    with Writer(out):
+        return _train(_resumed(path, out, timesteps, env_id), report)
+
+
+def _resumed(path: Path, out: Path, timesteps: int | None, env_id: str | None) -> Run:
+    """The run in `out` as it was at the checkpoint in `path`, or at its newest one."""
     checkpoint = load_checkpoint(path)
     settings = checkpoint.settings
     name = EnvName.parse(settings.env_id)
@@ -186,8 +187,7 @@ def resume(
         )
     if timesteps is not None:
         settings = replace(settings, timesteps=timesteps)
-    out = path.parent.parent if (path / "state.json").is_file() else path
-    return _train(Run(settings, out, checkpoint), report)
+    return Run(settings, out, checkpoint)
 
 
 def _train(run: Run, report: Report) -> TrainingResult:

@@ -161,16 +161,11 @@ def frontier(
     jobs = [
         ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
     ]
-    try:
-        with progress_bars(list(sources), len(angles)) as bars:
-            count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
-            for row in parallel(settings.env_id, scan, jobs, workers, sources):
-                store.append({**row, "policy_sha256": digests[row["policy"]]})
-                count[row["policy"]] += 1
-                bars.set(
-                    row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N"
-                )
-    finally:
-        store.close()
+    with store, progress_bars(list(sources), len(angles)) as bars:
+        count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
+        for row in parallel(settings.env_id, scan, jobs, workers, sources):
+            store.append({**row, "policy_sha256": digests[row["policy"]]})
+            count[row["policy"]] += 1
+            bars.set(row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N")
     rows = {name: [store.rows[name, psi] for psi in angles] for name in sources}
     return Frontier(settings, rows, limits, store.directory)

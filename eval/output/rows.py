@@ -1,4 +1,4 @@
-"""Files that are whole or absent, and row files that survive a kill."""
+"""Rows of JSON in a directory of their own, which survive a kill and go on from there."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from types import TracebackType
 from typing import IO, Any
 
-from ...controllers.errors import InvalidValueError
-from ...controllers.files import write_atomically
+from ...controllers.errors import InvalidValueError, PushRecoveryError
+from ...controllers.files import read_file, sync_names, write_text
 from ...controllers.json_text import parse_json
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
-    write_atomically(path, text.encode())
-
+from ..processes.writer import Writer
 
 LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
+
+
+class UnwrittenRowError(PushRecoveryError):
+    """A row could not be written; those before it are kept."""
 
 
 def default_directory(label: str, config: Mapping[str, Any]) -> Path:
@@ -31,8 +31,8 @@ def default_directory(label: str, config: Mapping[str, Any]) -> Path:
 class RowFile:
     """Rows of JSON, one a line, appended as they finish; a second run goes on where the first stopped.
 
-    `config.json` beside the rows says what they belong to; a directory of another configuration is refused.
-    A last line torn by a kill is dropped.
+    `config.json` beside the rows says what they belong to; a directory of another configuration is refused,
+    and so is one to which another run is writing. A last line torn by a kill is dropped. A context manager.
 
     Args:
         directory: where the two files lie; made if absent.
@@ -40,6 +40,9 @@ class RowFile:
         key: fields that identify a row.
         overwrite: start over where the directory already holds rows.
         fields: that each row must have besides those of the key.
+
+    Raises:
+        InvalidValueError: the directory belongs to something else or to another run, or can't be used.
     """
 
     def __init__(
@@ -53,41 +56,37 @@ class RowFile:
         self.directory = directory
         self.path = directory / "outcomes.jsonl"
         self.key, self._fields = key, fields
-        config_path = directory / "config.json"
+        self._file: IO[bytes] | None = None
+        self._writer = Writer(directory)
         try:
-            directory.mkdir(parents=True, exist_ok=True)
-            if overwrite:
-                self.path.unlink(missing_ok=True)
-                config_path.unlink(missing_ok=True)
-            self._check_config(config_path, config)
-            self.rows = self._read()
+            self._open(directory / "config.json", config, overwrite)
         except OSError as error:
+            self.close()
             raise InvalidValueError(f"cannot use output directory {str(directory)!r}: {error}") from error
-        self._file: IO[str] | None = None
+        except BaseException:
+            self.close()
+            raise
 
-    def _check_config(self, path: Path, config: dict[str, Any]) -> None:
-        if not path.exists():
-            if self.path.exists() and self.path.stat().st_size:
-                raise InvalidValueError(
-                    f"{str(self.path)!r} has no config.json beside it; choose another --out"
-                )
+    def _open(self, path: Path, config: dict[str, Any], overwrite: bool) -> None:
+        """Read what is there; the configuration is written last, so that a refusal leaves none behind."""
+        if overwrite:
+            self.path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
+        known = path.exists()
+        if known:
+            _check_config(path, config)
+        elif self.path.exists() and self.path.stat().st_size:
+            raise InvalidValueError(f"{str(self.path)!r} has no config.json beside it; choose another --out")
+        self.rows = self._read()
+        if not known:
             write_text(path, json.dumps(config, indent=1, sort_keys=True) + "\n")
-            return
-        present = parse_json(repr(str(path)), path.read_bytes())
-        if present != json.loads(json.dumps(config)):
-            known = present if isinstance(present, dict) else {}
-            differs = [k for k in sorted({*known, *config}) if known.get(k) != config.get(k)]
-            raise InvalidValueError(
-                f"{str(path.parent)!r} holds results of another configuration (differs in: "
-                f"{', '.join(differs)}); choose another --out, or --overwrite to start over"
-            )
 
     def _read(self) -> dict[tuple[Any, ...], dict[str, Any]]:
         """Rows by key; cuts off a torn last line."""
         rows: dict[tuple[Any, ...], dict[str, Any]] = {}
         if not self.path.exists():
             return rows
-        content = self.path.read_bytes()
+        content = read_file(self.path)
         whole = content[: content.rfind(b"\n") + 1]
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
@@ -112,19 +111,62 @@ class RowFile:
                 )
 
     def append(self, row: dict[str, Any]) -> None:
-        """Add one row unless its key is present already; on disk when this returns."""
+        """Add one row unless its key is present already; on disk when this returns.
+
+        Raises:
+            UnwrittenRowError: it can't be written, as on a full disk; the file ends with the row before.
+        """
         key = tuple(row[name] for name in self.key)
         if key in self.rows:
             return
-        if self._file is None:
-            self._file = self.path.open("a", encoding="utf-8")
-        self._file.write(json.dumps(row, allow_nan=False) + "\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        line = json.dumps(row, allow_nan=False).encode() + b"\n"
+        try:
+            self._write(line)
+        except OSError as error:
+            raise UnwrittenRowError(
+                f"can't write to {str(self.path)!r}: {error.strerror}; what was done is kept, and the same "
+                "command goes on from there"
+            ) from error
         self.rows[key] = row
 
+    def _write(self, line: bytes) -> None:
+        """Write a line whole or not at all, as far as this process lives."""
+        if self._file is None:
+            self._file = self.path.open("ab", buffering=0)
+            sync_names(self.directory)
+        end = os.fstat(self._file.fileno()).st_size
+        try:
+            rest = memoryview(line)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except BaseException:
+            self._file.truncate(end)
+            raise
+
     def close(self) -> None:
-        """Close the file; the rows stay readable."""
+        """Close the file and let others write; the rows stay readable."""
         if self._file is not None:
             self._file.close()
             self._file = None
+        self._writer.release()
+
+    def __enter__(self) -> RowFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _check_config(path: Path, config: dict[str, Any]) -> None:
+    """Raise InvalidValueError where the configuration of a directory is another one."""
+    present = parse_json(repr(str(path)), read_file(path))
+    if present != json.loads(json.dumps(config)):
+        known = present if isinstance(present, dict) else {}
+        differs = [k for k in sorted({*known, *config}) if known.get(k) != config.get(k)]
+        raise InvalidValueError(
+            f"{str(path.parent)!r} holds results of another configuration (differs in: "
+            f"{', '.join(differs)}); choose another --out, or --overwrite to start over"
+        )

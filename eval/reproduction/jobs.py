@@ -69,7 +69,7 @@ def open_store(directory: Path, overwrite: bool = False) -> RowFile:
     """Rows of a directory.
 
     Raises:
-        InvalidValueError: it holds rows of other code.
+        InvalidValueError: it holds rows of other code, or another run is writing there.
     """
     return RowFile(directory, config(), ("key",), overwrite)
 
@@ -78,14 +78,11 @@ def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
     """Run what the store does not hold, on several processes with a progress bar; all rows by key."""
     wanted = {key(job): job for job in jobs}
     missing = [job for name, job in wanted.items() if (name,) not in store.rows]
-    try:
-        with progress_bars(["reproduce"], len(wanted)) as bars:
-            done = len(wanted) - len(missing)
-            bars.set("reproduce", done)
-            for row in parallel(ENV_ID, run_job, missing, workers):
-                store.append(row)
-                done += 1
-                bars.set("reproduce", done, row["label"])
-    finally:
-        store.close()
+    with progress_bars(["reproduce"], len(wanted)) as bars:
+        done = len(wanted) - len(missing)
+        bars.set("reproduce", done)
+        for row in parallel(ENV_ID, run_job, missing, workers):
+            store.append(row)
+            done += 1
+            bars.set("reproduce", done, row["label"])
     return {name: store.rows[name,] for name in wanted}

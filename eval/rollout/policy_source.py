@@ -113,13 +113,18 @@ def open_rows(
         overwrite: start over where it already holds rows.
 
     Raises:
-        InvalidValueError: rows of another configuration, or of another content of a policy.
+        InvalidValueError: rows of another configuration, or of another content of a policy, or another run
+            is writing there.
     """
     digests = {name: source.digest() for name, source in sources.items()}
     directory = directory or default_directory(label, config | _own_directory(sources, digests))
     store = RowFile(directory, config, key, overwrite, fields)
-    store.check_policies(digests)
-    _refuse_unknown_objects(store, sources, digests)
+    try:
+        store.check_policies(digests)
+        _refuse_unknown_objects(store, sources, digests)
+    except BaseException:
+        store.close()
+        raise
     return store, digests
 
 

@@ -93,10 +93,8 @@ def evaluate(
     label = f"{suite.name}-{env_label(env_id)}"
     store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     began = time.perf_counter()
-    try:
+    with store:
         _run_missing(store, suite, env_id, sources, digests, sizes, workers, on_row)
-    finally:
-        store.close()
     rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in sources}
     return Evaluation(suite, env_id, rows, store.directory, time.perf_counter() - began)
 

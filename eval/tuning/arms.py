@@ -10,6 +10,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import default_directory
+from ..processes.writer import Writer
 from ..rollout.environments import code_digest
 from .candidate import space_of
 from .settings import TuningSettings
@@ -51,16 +52,18 @@ def tune_arms(
         on_trial: by arm, called after each of its trials.
 
     Raises:
-        PushRecoveryError: unknown names, impossible values, a directory of another study.
+        PushRecoveryError: unknown names, impossible values, a directory of another study, or one to which
+            another run is writing.
     """
     each = check_arms(settings, policies)
     directory = directory or default_directory("tune", _configuration(settings, list(each)))
-    studies = {
-        name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
-        for name, own in each.items()
-    }
-    found = ArmStudies(studies, _merged(settings, studies), directory)
-    found.preset.save(found.path)
+    with Writer(directory):
+        studies = {
+            name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
+            for name, own in each.items()
+        }
+        found = ArmStudies(studies, _merged(settings, studies), directory)
+        found.preset.save(found.path)
     return found
 
 

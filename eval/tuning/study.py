@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,8 @@ def tune(
         on_trial: called after each trial with its row and the best one so far.
 
     Raises:
-        PushRecoveryError: unknown names, impossible values, a directory of another study.
+        PushRecoveryError: unknown names, impossible values, a directory of another study, or one to which
+            another run is writing.
     """
     space = space_of(settings)
     suite = tuning_suite(settings.suite, settings.scenarios, settings.errors)
@@ -79,19 +81,18 @@ def tune(
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
-    store = RowFile(directory, config, KEY, overwrite, FIELDS)
-    with Scorer(settings.env_id, settings.policy, workers) as scorer:
-        runs = Trials(settings, space, store, scorer, directory)
-        try:
+    with RowFile(directory, config, KEY, overwrite, FIELDS) as store:
+        with (
+            Scorer(settings.env_id, settings.policy, workers) as scorer,
+            closing(Trials(settings, space, store, scorer, directory)) as runs,
+        ):
             rows = _search(search, runs, suite, trials, on_trial)
             best = best_of(rows)
             checked = _on_held_out(runs, held_out, [rows[START], best])
-        finally:
-            runs.close()
-    found = findings(config, search.population, rows, checked)
-    preset = preset_of(settings, best["settings"], found)
-    study = Study(settings, space, rows, preset, directory)
-    preset.save(study.path)
+        found = findings(config, search.population, rows, checked)
+        preset = preset_of(settings, best["settings"], found)
+        study = Study(settings, space, rows, preset, directory)
+        preset.save(study.path)
     return study
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,15 +18,11 @@ from .scorer import Scorer
 from .settings import TuningSettings
 from .space import Space
 
+CANDIDATE = "candidate.json"  # the preset that is being run
 START = 0  # number of the trial that is the start itself
 KEY = ("suite", "trial")
 FIELDS = ("score", "stopped", "scenarios", "settings", "point", "values")
 Row = dict[str, Any]
-
-
-def candidate_path(directory: Path) -> Path:
-    """The preset that is being run; of this process alone, since another may search in the same directory."""
-    return directory / f"candidate-{os.getpid()}.json"
 
 
 def best_of(rows: Sequence[Row]) -> Row:
@@ -50,7 +45,7 @@ class Trials:
         self, settings: TuningSettings, space: Space, store: RowFile, scorer: Scorer, directory: Path
     ):
         self._settings, self._space, self._store = settings, space, store
-        self._scorer, self._path = scorer, candidate_path(directory)
+        self._scorer, self._path = scorer, directory / CANDIDATE
 
     def run(self, number: int, point: NDArray[np.float64], suite: Suite, best: Row | None) -> Row:
         """The row of a point; stopped early where it is clearly worse than the best one so far.
@@ -83,6 +78,5 @@ class Trials:
         return row
 
     def close(self) -> None:
-        """Close the rows; they stay readable."""
-        self._store.close()
+        """Remove the preset that was being run."""
         self._path.unlink(missing_ok=True)

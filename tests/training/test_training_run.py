@@ -1,11 +1,14 @@
 import dataclasses
+import errno
 import json
+import os
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.eval.processes.writer import Writer
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
 from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
@@ -199,6 +202,34 @@ def test_an_unknown_environment_names_the_valid_ones(tmp_path, settings):
 def test_environments_that_do_not_fit_are_refused(tmp_path, settings):
     with pytest.raises(InvalidValueError, match="robot"):
         train(dataclasses.replace(settings, env_id="gymnasium:Pendulum-v1"), tmp_path / "run")
+
+
+def test_a_run_without_a_checkpoint_is_none(tmp_path, settings, monkeypatch):
+    """No space for the first checkpoint: the same command starts again, and --resume says what there is."""
+    out = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr("push_recovery.training.checkpoint.save", no_space)
+        with pytest.raises(OSError, match="No space"):
+            train(settings, out)
+    assert (out / "settings.json").exists()
+    with pytest.raises(InvalidValueError, match="no checkpoint"):
+        resume(out)
+    assert train(dataclasses.replace(settings, timesteps=0), out).policy.is_file()
+    assert [path.name for path in (out / "checkpoints").iterdir()] == ["0" * 12]
+
+
+def no_space(tensors):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_second_writer_is_refused(tmp_path, settings):
+    out = tmp_path / "run"
+    with Writer(out), pytest.raises(InvalidValueError, match="another run"):
+        train(settings, out)
+    train(dataclasses.replace(settings, timesteps=0), out)
+    for path in (out, *find_checkpoints(out)):
+        with Writer(out), pytest.raises(InvalidValueError, match="another run"):
+            resume(path)
 
 
 def test_a_folder_that_cannot_be_is_refused(tmp_path, settings):

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ....controllers.errors import InvalidValueError
-from ....controllers.files import write_text
+from ....controllers.files import read_file, write_text
+from ....controllers.json_text import parse_json
 from ...output.rows import default_directory
 from ..jobs import Job, Rows, config, open_store, run_jobs
 from ..sections import ablations, limits, scenario_1, scenario_2
@@ -77,14 +78,22 @@ def reproduce(
         page: where to write the page that holds the paper's claims against the run; needs all sections.
 
     Raises:
-        PushRecoveryError: an unknown section, a page of some sections only, a directory of other code.
+        PushRecoveryError: an unknown section, a page of some sections only, a directory of other code, or one
+            to which another run is writing.
     """
     chosen = _chosen(section, page)
     directory = directory or default_directory("reproduce", config())
-    store = open_store(directory, overwrite)
-    if overwrite:
-        (directory / RESULT).unlink(missing_ok=True)
-    rows = run_jobs([job for module in chosen for job in module.jobs(directions)], store, workers)
+    with open_store(directory, overwrite) as store:  # to the end: the result is read and written again
+        if overwrite:
+            (directory / RESULT).unlink(missing_ok=True)
+        rows = run_jobs([job for module in chosen for job in module.jobs(directions)], store, workers)
+        return _written(chosen, rows, directions, directory, page)
+
+
+def _written(
+    chosen: Sequence[Any], rows: Rows, directions: int, directory: Path, page: Path | None
+) -> Reproduction:
+    """Numbers, tables, pictures and page of the chosen sections, in the directory."""
     content = {name: part for module in chosen for name, part in module.summary(rows, directions).items()}
     together = _merged(directory, content)
     write_text(directory / RESULT, json.dumps(together, indent=1, allow_nan=False) + "\n")
@@ -113,7 +122,7 @@ def _merged(directory: Path, content: dict[str, Any]) -> dict[str, Any]:
     """The sections of this run over those that earlier runs left in the directory."""
     path = directory / RESULT
     try:
-        before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    except json.JSONDecodeError:
-        before = {}  # it can be made again from the rows
-    return {**before, **content}
+        before = parse_json(RESULT, read_file(path)) if path.exists() else {}
+    except InvalidValueError:
+        before = None  # it can be made again from the rows
+    return {**(before if isinstance(before, dict) else {}), **content}

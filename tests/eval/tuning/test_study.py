@@ -1,5 +1,4 @@
 import json
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -8,12 +7,14 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.settings.presets import load_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.processes.writer import Writer
 from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.score.tuning_pushes import TUNING, tuning_suite
+from push_recovery.eval.tuning.arms import tune_arms
 from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
 from push_recovery.eval.tuning.settings import TuningSettings
 from push_recovery.eval.tuning.study import tune
-from push_recovery.eval.tuning.trials import candidate_path
+from push_recovery.eval.tuning.trials import CANDIDATE
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 SETTINGS = TuningSettings(
@@ -50,11 +51,11 @@ def test_a_killed_study_goes_on_to_the_same_end(study, tmp_path, kept):
     lines = (study.directory / "outcomes.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "outcomes.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:40])
     (tmp_path / "config.json").write_bytes((study.directory / "config.json").read_bytes())
-    candidate_path(tmp_path).write_text("{")
+    (tmp_path / CANDIDATE).write_text("{")
     tune(SETTINGS, TRIALS, directory=tmp_path)
     assert rows(tmp_path) == rows(study.directory)
     assert (tmp_path / "preset.json").read_bytes() == study.path.read_bytes()
-    assert not candidate_path(tmp_path).exists()
+    assert not (tmp_path / CANDIDATE).exists()
 
 
 def test_more_trials_go_on_where_fewer_ended(study, tmp_path):
@@ -156,9 +157,11 @@ def test_command_prints_one_object(tmp_path, capsys):
     assert "unknown policy to tune 'random'" in capsys.readouterr().err
 
 
-def test_two_searches_in_one_directory_run_presets_of_their_own(tmp_path, monkeypatch):
-    """One shared file let either score what the other had written."""
-    mine = candidate_path(tmp_path)
-    monkeypatch.setattr(os, "getpid", lambda: -1)
-    assert candidate_path(tmp_path) != mine
-    assert candidate_path(tmp_path).parent == mine.parent == tmp_path
+def test_a_second_search_in_a_directory_is_refused(study, tmp_path):
+    """Either would score what the other had written as the preset that is being run."""
+    before = (study.directory / "outcomes.jsonl").read_bytes()
+    with Writer(study.directory), pytest.raises(InvalidValueError, match="another run"):
+        tune(SETTINGS, TRIALS, directory=study.directory, overwrite=True)
+    with Writer(tmp_path), pytest.raises(InvalidValueError, match="another run"):
+        tune_arms(SETTINGS, [SETTINGS.policy], TRIALS, directory=tmp_path)
+    assert (study.directory / "outcomes.jsonl").read_bytes() == before

@@ -1,0 +1,1 @@
+"""Processes beside this one: a lock on a directory, workers, and Ctrl-C."""
