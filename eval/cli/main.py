@@ -9,21 +9,34 @@ from collections.abc import Sequence
 from textwrap import fill
 
 from ...controllers.errors import MissingExtraError, PushRecoveryError
+from ..processes.interrupts import INTERRUPTED, STOPPED, CtrlC
 
 PROGRAM = "push-recovery"
-STOPPED = "interrupted; what was done is kept"
-OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+OK, FAILED, BAD_INPUT = 0, 1, 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code.
 
-    An error becomes one line, with a traceback only where PUSH_RECOVERY_DEBUG is set.
+    An error becomes one line, with a traceback only where PUSH_RECOVERY_DEBUG is set. Without `argv` it is
+    the command of this process, whose end follows.
     """
+    ctrl_c = CtrlC(last=argv is None)
     try:
-        return _run(sys.argv[1:] if argv is None else argv)
+        with ctrl_c:
+            code = _told(sys.argv[1:] if argv is None else argv)
     except KeyboardInterrupt:
-        return _complain(STOPPED, INTERRUPTED)
+        code = INTERRUPTED
+    if ctrl_c.came or code == INTERRUPTED:
+        print(STOPPED, file=sys.stderr)
+        return INTERRUPTED
+    return code
+
+
+def _told(argv: Sequence[str]) -> int:
+    """The exit code of a command whose errors have been told."""
+    try:
+        return _run(argv)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED

@@ -139,10 +139,10 @@ class RowFile:
             rest = memoryview(line)
             while rest:
                 rest = rest[self._file.write(rest) :]
-            os.fsync(self._file.fileno())
         except BaseException:
             self._file.truncate(end)
             raise
+        os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Close the file and let others write; the rows stay readable."""

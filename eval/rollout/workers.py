@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from itertools import islice
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import gymnasium as gym
 
-from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
+from ..processes.pool import WorkerPool
 from .batch import batch_episodes, plans_batches, rollout_batch
 from .environments import has_own_robot, make_env
 from .one import rollout
@@ -32,11 +24,6 @@ R = TypeVar("R")
 Job = tuple[str, Scenario]  # policy name or file, scenario
 Chunk = tuple[str, tuple[Scenario, ...]]  # policy name or file, scenarios that may run side by side
 SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are written when all of it is done
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-
-
-class WorkerError(PushRecoveryError):
-    """An episode raised in a worker process; the message carries what it said."""
 
 
 class Place:
@@ -114,37 +101,6 @@ class Runner:
             place.env.close()
 
 
-def spawn_pool(workers: int, start: Callable[..., None], *arguments: Any) -> ProcessPoolExecutor:
-    """Spawned processes of one thread each, which `start` sets up; it must call `ignore_interrupts`."""
-    for name in THREAD_VARIABLES:  # read by the children's libraries
-        os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), start, arguments)
-
-
-def ignore_interrupts() -> None:
-    """In a worker: the parent decides on Ctrl-C."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-_runner: Runner | None = None
-
-
-def _start_worker(env_id: str, sources: Sources) -> None:
-    global _runner
-    ignore_interrupts()
-    _runner = Runner(env_id, sources)
-
-
-def _work(task: Callable[[Runner, Any], Any], job: Any) -> Any:
-    """Run in a worker; errors travel as text, since not every exception survives pickling."""
-    if _runner is None:
-        raise WorkerError("worker was not started")
-    try:
-        return task(_runner, job), None
-    except Exception as error:
-        return None, f"{type(error).__name__}: {error}"
-
-
 def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
     """The task of `parallel` for episodes."""
     return list(runner.run_all(*chunk))
@@ -167,7 +123,7 @@ def parallel(
         sources: of the policies by label.
 
     Raises:
-        WorkerError: a job raised in a worker.
+        WorkerError: a job raised in a worker, or a worker ended.
     """
     if workers <= 1 or len(jobs) <= 1 or not all(source.pickles for source in sources.values()):
         runner = Runner(env_id, sources)
@@ -177,42 +133,6 @@ def parallel(
         finally:
             runner.close()
         return
-    pool = spawn_pool(min(workers, len(jobs)), _start_worker, env_id, dict(sources))
-    try:
-        yield from _in_window(pool, task, jobs, 4 * workers)
-    except BrokenProcessPool as error:
-        raise WorkerError(
-            "a worker process ended before its work was done; with one the error shows where it happens"
-        ) from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C within the block; only the main thread may say so, elsewhere nothing changes."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
-
-
-def _in_window(
-    pool: ProcessPoolExecutor, task: Callable[[Runner, J], R], jobs: Iterable[J], window: int
-) -> Iterator[R]:
-    """Keep at most `window` jobs in flight, so that an interrupt has little to wait for."""
-    queue = iter(jobs)
-    with _interrupts_ignored():  # inherited by the processes that the first submission starts
-        pending: set[Future[Any]] = {pool.submit(_work, task, job) for job in islice(queue, window)}
-    while pending:
-        done, pending = wait(pending, return_when=FIRST_COMPLETED)
-        pending |= {pool.submit(_work, task, job) for job in islice(queue, len(done))}
-        for future in done:
-            result, error = future.result()
-            if error is not None:
-                raise WorkerError(error)
+    with WorkerPool(min(workers, len(jobs)), Runner, env_id, dict(sources)) as pool:
+        for _, result in pool.run(task, jobs):
             yield result

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
@@ -15,12 +14,14 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
+from ..processes.pool import WorkerPool
 from ..rollout.batch import rollout_batch
 from ..rollout.outcome import Outcome
-from ..rollout.workers import SLOTS, ignore_interrupts, spawn_pool
+from ..rollout.workers import SLOTS
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
 TUNED_ENVS = (BIPED, PENDULUM)
+Job = tuple[str, str, str, bytes, Sequence[Scenario]]  # arguments of `run_scenarios`
 RECOVERED, STANDING, FALLEN = 1.0, 0.5, 0.0  # worth of an episode; standing without having settled
 
 
@@ -67,6 +68,15 @@ def run_scenarios(
     return {out.scenario_id: worth(out) for out in rollout_batch(episodes, arm, scenarios, policy)}
 
 
+def _nothing() -> None:
+    """The state of a worker, which keeps what it has prepared by itself."""
+
+
+def _run_part(state: None, job: Job) -> dict[str, float]:
+    """The task of a worker."""
+    return run_scenarios(*job)
+
+
 class Scorer:
     """Runs one arm of one environment under preset files; a context manager.
 
@@ -78,18 +88,18 @@ class Scorer:
 
     def __init__(self, env_id: str, policy: str, workers: int = 1):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: WorkerPool[None] | None = None
 
     def __enter__(self) -> Scorer:
         if self.workers > 1:
-            self._pool = spawn_pool(self.workers, ignore_interrupts)
+            self._pool = WorkerPool(self.workers, _nothing)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool.close()
 
     def values(self, preset: Path, scenarios: Sequence[Scenario]) -> list[float]:
         """Worth of the scenarios under the settings of a preset file, in their order."""
@@ -100,6 +110,6 @@ class Scorer:
         else:
             stride = 2 * self.workers + 1  # odd: no part has one profile of the suite alone
             parts = [scenarios[k::stride] for k in range(stride)]
-            for future in [self._pool.submit(run_scenarios, *job, part) for part in parts if part]:
-                found |= future.result()
+            for _, values in self._pool.run(_run_part, [(*job, part) for part in parts if part]):
+                found |= values
         return [found[scenario.id] for scenario in scenarios]

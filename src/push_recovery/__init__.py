@@ -11,13 +11,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-try:
-    from gymnasium.envs.registration import register
-except KeyboardInterrupt:
-    if Path(sys.argv[0]).name not in {"push-recovery", "push-recovery.exe", "-m"}:
-        raise
-    print("push-recovery: error: interrupted", file=sys.stderr)  # Ctrl-C while the command starts
-    raise SystemExit(130) from None
+if Path(sys.argv[0]).name in {"push-recovery", "-m"}:  # the command starts: nothing is there to be kept
+    from .eval.processes.interrupts import end_at_ctrl_c
+
+    end_at_ctrl_c()
+
+from gymnasium.envs.registration import register
 
 if TYPE_CHECKING:
     from .controllers.model.body_plan import BodyPlan

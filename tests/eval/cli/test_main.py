@@ -132,7 +132,7 @@ def test_bad_input_is_one_line_with_the_valid_choices(argv, words, capsys):
 def test_bad_output_directory_is_bad_input(suite, policy, tmp_path, capsys):
     (tmp_path / "file").write_text("here already")
     argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite]
-    assert "cannot use output directory" in bad_input(capsys, *argv, "--out", str(tmp_path / "file"))
+    assert "can't write to the directory" in bad_input(capsys, *argv, "--out", str(tmp_path / "file"))
     assert (tmp_path / "file").read_text() == "here already"
 
 
@@ -197,7 +197,7 @@ def start(*argv):
     code = (
         f"import signal, sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent such as nohup may ignore it\n"
-        "from push_recovery.eval.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
+        "from push_recovery.eval.cli.main import main; raise SystemExit(main())"
     )
     return subprocess.Popen(
         [sys.executable, "-c", code, *argv], stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -205,8 +205,13 @@ def start(*argv):
 
 
 def interrupt(process):
-    """Ctrl-C as a terminal gives it, to every process of the group; returns standard error."""
-    os.killpg(process.pid, signal.SIGINT)
+    """Ctrl-C as a terminal gives it, to every process of the group, three times; returns standard error.
+
+    It ends when no process of the group holds it any more.
+    """
+    for _ in range(3):
+        os.killpg(process.pid, signal.SIGINT)
+        time.sleep(0.02)
     return process.communicate(timeout=60)[1]
 
 

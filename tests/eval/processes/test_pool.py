@@ -1,0 +1,117 @@
+"""Worker processes: what they tell, and that they end."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from push_recovery.eval.processes.pool import WorkerError, WorkerPool
+
+
+def base(number):
+    if number < 0:
+        raise ValueError(f"no state from {number}")
+    return number
+
+
+def add(state, job):
+    return state + job
+
+
+def refuse(state, job):
+    if job == 1:
+        raise KeyError("no such thing")
+    return lambda: job  # which can't be handed back
+
+
+def end(state, job):
+    os._exit(3)
+
+
+def rest(state, seconds):
+    time.sleep(seconds)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Spawned processes find this module by its name."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.setitem(sys.modules, Path(__file__).stem, sys.modules[__name__])
+    for work in (base, add, refuse, end, rest):
+        monkeypatch.setattr(work, "__module__", Path(__file__).stem)
+
+
+@pytest.mark.usefixtures("here")
+def test_results_come_with_the_numbers_of_their_jobs():
+    with WorkerPool(2, base, 10) as pool:
+        for jobs in (range(7), (), range(3)):
+            assert dict(pool.run(add, jobs)) == {number: 10 + number for number in jobs}
+        workers = [worker.process for worker in pool._workers]
+        assert len({worker.pid for worker in workers}) == 2
+    assert not any(worker.is_alive() for worker in workers)
+
+
+@pytest.mark.usefixtures("here")
+def test_errors_are_told_in_the_words_of_the_worker():
+    with WorkerPool(1, base, -1) as pool, pytest.raises(WorkerError, match="ValueError: no state from -1"):
+        list(pool.run(add, [1]))
+    with WorkerPool(1, base, 0) as pool:
+        for job, words in ((1, "KeyError: 'no such thing'"), (2, "Can't pickle local object")):
+            with pytest.raises(WorkerError, match=words):
+                list(pool.run(refuse, [job]))
+            pool._busy.clear()
+        with pytest.raises(WorkerError, match="a worker process ended before its work was done"):
+            list(pool.run(end, [0]))
+
+
+@pytest.mark.usefixtures("here")
+def test_a_worker_at_work_is_not_waited_for():
+    with WorkerPool(2, base, 0) as pool:
+        results = pool.run(rest, [0, 1000])
+        assert next(results) == (0, None)
+        workers = [worker.process for worker in pool._workers]
+    assert sorted(worker.exitcode for worker in workers) == [-signal.SIGKILL, 0]
+
+
+@pytest.mark.usefixtures("here")
+def test_it_works_in_a_thread():
+    found = []
+
+    def work():
+        with WorkerPool(1, base, 1) as pool:
+            found.extend(pool.run(add, [1]))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == [(0, 2)]
+
+
+PARENT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import test_pool
+from push_recovery.eval.processes.pool import WorkerPool
+if __name__ == "__main__":
+    pool = WorkerPool(2, test_pool.base, 0)
+    print(*pool.run(test_pool.rest, [0, 0]), flush=True)
+    list(pool.run(test_pool.rest, [1000, 1000]))
+"""
+
+
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_workers_end_with_the_process_that_started_them(tmp_path, sent):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    parent = subprocess.Popen(
+        [sys.executable, str(script), str(Path(__file__).parent)], stdout=subprocess.PIPE, text=True
+    )
+    assert parent.stdout is not None
+    assert "(1, None)" in parent.stdout.readline()
+    parent.send_signal(sent)
+    assert parent.communicate(timeout=60)[0] == ""  # the pipe, which the workers hold too, is closed
+    assert parent.returncode == -sent
