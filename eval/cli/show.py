@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...controllers.errors import MissingExtraError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
+from ..output.place import require_place
 from ..rollout.environments import make_env_for
 from ..rollout.load_policy import load_policy
 from ..rollout.one import GymRobot, planning_period, rollout
@@ -53,6 +54,7 @@ def show_episode(
     Raises:
         MissingExtraError: a film is asked for and imageio is not installed.
         UnknownNameError: the suffix is no known format.
+        InvalidValueError: the file can't be written.
         RenderError: a window is asked for and there is no display.
     """
     suffix = output_suffix(out, FORMATS) if out else None
@@ -62,6 +64,8 @@ def show_episode(
         from ...envs.physics.offscreen import require_display
 
         require_display()
+    else:
+        require_place(out)
     env = make_env_for(policy, env_id, render_mode="rgb_array" if out else "human")
     try:
         if out is None:

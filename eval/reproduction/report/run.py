@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from ....controllers.errors import InvalidValueError
 from ....controllers.files import read_file, write_text
 from ....controllers.json_text import parse_json
+from ...output.place import require_place
 from ...output.rows import default_directory
 from ..jobs import Job, Rows, config, open_store, run_jobs
 from ..sections import ablations, limits, scenario_1, scenario_2
@@ -82,6 +83,8 @@ def reproduce(
             to which another run is writing.
     """
     chosen = _chosen(section, page)
+    if page is not None:
+        require_place(page)
     directory = directory or default_directory("reproduce", config())
     with open_store(directory, overwrite) as store:  # to the end: the result is read and written again
         if overwrite:
