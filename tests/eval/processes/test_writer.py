@@ -1,5 +1,6 @@
 """One writer a directory, whatever becomes of the one that was there before."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -47,6 +48,23 @@ def test_a_second_writer_in_the_same_process_is_refused(tmp_path):
             first.release()  # the second time; the lock is no longer its own
             with pytest.raises(InvalidValueError, match="another run"):
                 Writer(tmp_path)
+
+
+def test_a_lock_on_a_file_that_has_been_removed_is_none(tmp_path, monkeypatch):
+    """The one who held it before released it between our opening of the file and our lock."""
+    lock, seen = fcntl.flock, []
+
+    def removed_once(file, how):
+        if not seen:
+            seen.append((tmp_path / LOCK).stat().st_ino)
+            (tmp_path / LOCK).rename(tmp_path / "removed")
+        lock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", removed_once)
+    with Writer(tmp_path):
+        assert (tmp_path / LOCK).stat().st_ino not in seen
+        with pytest.raises(InvalidValueError, match="another run"):
+            Writer(tmp_path)
 
 
 def test_another_directory_is_free(tmp_path):
