@@ -8,8 +8,9 @@ import json
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
+from ...controllers.errors import InvalidValueError
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
 from ..rollout.environments import code_digest
@@ -24,6 +25,8 @@ Rows = Mapping[str, Row]  # by key of the job
 
 class Job(Protocol):
     """Something to compute; frozen and picklable."""
+
+    FIELDS: ClassVar[tuple[str, ...]]  # that every row of it has, besides those of its identity
 
     def identity(self) -> dict[str, Any]:
         """All that decides the row, as JSON."""
@@ -75,8 +78,18 @@ def open_store(directory: Path, overwrite: bool = False) -> RowFile:
 
 
 def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
-    """Run what the store does not hold, on several processes with a progress bar; all rows by key."""
+    """Run what the store does not hold, on several processes with a progress bar; all rows by key.
+
+    Raises:
+        InvalidValueError: a row of the store lacks what its job finds.
+    """
     wanted = {key(job): job for job in jobs}
+    for name, job in wanted.items():
+        if lacks := [field for field in job.FIELDS if field not in store.rows.get((name,), job.FIELDS)]:
+            raise InvalidValueError(
+                f"{str(store.path)!r}: the row {name!r} lacks {', '.join(lacks)}; choose another --out, or "
+                "--overwrite to start over"
+            )
     missing = [job for name, job in wanted.items() if (name,) not in store.rows]
     with progress_bars(["reproduce"], len(wanted)) as bars:
         done = len(wanted) - len(missing)

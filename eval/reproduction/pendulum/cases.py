@@ -21,6 +21,10 @@ LAST_STEPS = 2  # the final speed is that of so many steps
 class CaseJob(EpisodeJob):
     """The numbers of one push of one variant."""
 
+    FIELDS: ClassVar[tuple[str, ...]] = (
+        "survived", "end_time", "step_error_before", "duration_error_before", "pushed_step",
+        "cop_to_inner_edge", "peak_lean_within_1_s", "peak_lean", "final_lean",
+    )  # fmt: skip
     kind: ClassVar[str] = "case"
 
     def run(self) -> dict[str, Any]:

@@ -69,6 +69,7 @@ class ScanJob:
     BEYOND past the first failure; every finer one fills the interval that ends at the first failure so far.
     """
 
+    FIELDS: ClassVar[tuple[str, ...]] = ("unit", "survived", "largest_survived", "failed")
     variant: Variant
     push: PushKind
     grids: tuple[float, ...] = (5.0, 1.0)
@@ -107,6 +108,9 @@ class ScanJob:
 class EpisodeJob:
     """One push of one variant."""
 
+    FIELDS: ClassVar[tuple[str, ...]] = (
+        "survived", "recovered", "recovered_at", "failure_reason", "end_time",
+    )  # fmt: skip
     kind: ClassVar[str] = "episode"  # of the row
     variant: Variant
     push: PushKind

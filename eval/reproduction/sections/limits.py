@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ....controllers.model.robot import RobotModel
 from ....controllers.model.trajectory_program import TrajectoryProblem, trajectory_limit
@@ -33,6 +33,7 @@ KINDS: dict[str, tuple[float, dict[str, Any]]] = {
 class ProgramJob:
     """The linear program in one direction."""
 
+    FIELDS: ClassVar[tuple[str, ...]] = ("strength",)
     kind: str  # of KINDS
     psi_deg: float
 
