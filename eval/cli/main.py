@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from textwrap import fill
 
 from ...controllers.errors import MissingExtraError, PushRecoveryError
-from ..processes.interrupts import INTERRUPTED, STOPPED, CtrlC
+from ..processes.interrupts import INTERRUPTED, STOPPED, CtrlC, end_now
 
 PROGRAM = "push-recovery"
 OK, FAILED, BAD_INPUT = 0, 1, 2
@@ -27,6 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _told(sys.argv[1:] if argv is None else argv)
     except KeyboardInterrupt:
         code = INTERRUPTED
+    if ctrl_c.came and argv is None:
+        end_now()  # all is closed, and to take the interpreter down may last as long as the command did
     if ctrl_c.came or code == INTERRUPTED:
         print(STOPPED, file=sys.stderr)
         return INTERRUPTED
