@@ -28,6 +28,7 @@ ROOMS = (
     "envs.scenario",
     "envs.physics",
     "envs.sensing",
+    "envs.snapshot",
     "envs.episode",
     "envs.pendulum",
     "envs.biped.robots",

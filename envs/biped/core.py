@@ -45,6 +45,7 @@ from .period import (
     begin_period,
     finish_period,
     physics_steps,
+    substeps,
     whole_period,
 )
 from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
@@ -145,6 +146,15 @@ class BipedCore:
     def true_state(self, k: int) -> Physics:
         """The arrays that hold where robot k truly is."""
         return self.senses.kinds[self.senses.of(k)].judged
+
+    @property
+    def constants(self) -> Array:
+        """Of gait machine and whole-body control."""
+        return self._constants
+
+    def arena_of(self, k: int) -> Arena:
+        """All arrays of the core, as they hold robot k."""
+        return self._arenas[self.senses.of(k)][0]
 
     def __getstate__(self) -> object:
         """Refuse copies and pickles: compiled code knows the arrays by their addresses."""
@@ -286,14 +296,3 @@ class BipedCore:
             look()
         for table, first, end in runs:
             finish_period(table, constants, first, end)
-
-
-def substeps(control_hz: float) -> int:
-    """Physics steps per planning period; the rate must divide the physics rate."""
-    steps = round(1.0 / (control_hz * CONTROL_STEP)) if control_hz > 0 else 0
-    if steps < 1 or abs(steps * CONTROL_STEP * control_hz - 1.0) > 1e-9:
-        valid = ", ".join(f"{500 / s:g}" for s in (1, 2, 4, 5, 10))
-        raise InvalidValueError(
-            f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"
-        )
-    return steps

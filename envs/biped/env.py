@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+from importlib.metadata import version
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.compiled.source_digest import source_digest
 from ...controllers.settings.presets import preset_config
 from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.env import GaitEnv
@@ -14,12 +18,26 @@ from ..episode.episodes import GaitEpisodes, Ints, Motion
 from ..episode.profile import get_profile
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
+from ..scenario.scenario import Scenario
+from ..snapshot.robot_snapshot import RobotSnapshot, digest_of, model_digest
+from ..snapshot.rows import Arrays, arrays_of
 from .core import BipedCore
+from .period import COMMON, NO_STATE, SENSED, Arena
+from .plant.floor import tile_places
 from .robots.compiled_robot import compiled_robot
 from .robots.description import RobotDescription, robot_description
 from .settings import BIPED, BIPED_LIMITS, biped_settings
 
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
+
+SIMULATION, TILES = "simulation.state", "simulation.tiles"  # rows of a snapshot that are in no array
+
+
+@cache
+def _version() -> str:
+    """What the future of a robot follows from, besides its state and settings."""
+    code = source_digest(Arena.__module__)
+    return f"push-recovery {version('push-recovery')} {code}, mujoco {mujoco.__version__}"
 
 
 class BipedEpisodes(GaitEpisodes[BipedCore]):
@@ -58,6 +76,32 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         """Episodes of n such bipeds."""
         own = self.description, self.profile.name, self.core.senses.forced, self.arm
         return BipedEpisodes(n, self.preset, self.control_hz, threads, *own)
+
+    def _arrays(self, k: int) -> Arrays:
+        onboard = bool(self.core.senses.of(k))
+        left_out = NO_STATE | COMMON | (set() if onboard else SENSED)
+        return arrays_of(self.core.arena_of(k), left_out) | super()._arrays(k)
+
+    def _beside_arrays(self, k: int) -> Arrays:
+        simulations = self.core.simulations
+        return {SIMULATION: simulations.state(k), TILES: tile_places(simulations.models[k]).copy()}
+
+    def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
+        simulations = self.core.simulations
+        tile_places(simulations.models[k])[:] = snapshot.rows[TILES]
+        simulations.restore(k, snapshot.rows[SIMULATION])
+
+    def _made_for(self, scenario: Scenario) -> dict[str, str]:
+        core = self.core
+        common = arrays_of(core.arena_of(0), NO_STATE | SENSED)
+        settings = [common[name].tobytes() for name in sorted(COMMON & set(common))]
+        return {
+            "robot": f"{self.description.name} {model_digest(core.body.model)}",
+            "settings": digest_of(self._constants.tobytes(), core.constants.tobytes(), *settings),
+            "planning rate": f"{self.control_hz:g} Hz",
+            "sensing": core.senses.forced or scenario.sensing,
+            "version": _version(),
+        }
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

@@ -12,6 +12,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...controllers.compiled.array_table import Floats1, Floats2, part_of
 from ...controllers.compiled.kernels import njit
+from ...controllers.errors import InvalidValueError
 from ...controllers.estimation.base_estimate import BaseEstimate
 from ...controllers.estimation.joint_losses import add_losses, feel_joints
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
@@ -32,6 +33,7 @@ from ...controllers.whole_body.kinematics import Array, Ints, Physics
 from ...controllers.whole_body.turning import TURN
 from ..physics.stepping import Handles, advance
 from ..scenario.command_schedule import Schedule, follow
+from ..scenario.physics_options import CONTROL_STEP
 from ..scenario.push_arrays import Pushes
 from ..sensing.onboard import OnboardArrays, Shown
 from ..sensing.sensors import Sensors
@@ -79,6 +81,16 @@ class Arena(NamedTuple):
     judged: Physics  # the true state: `physics` itself, but with onboard sensing
     judged_contacts: Contacts
     judged_handles: Handles
+
+
+# What is no state of a robot: a thread's workspace, addresses, and what all robots have in common.
+NO_STATE = {"bounds", "handles", "judged_handles", "floors.places"}
+COMMON = {
+    "physics.soles", "physics.ankle_height", "physics.mirror", "physics.leg_form", "exchange.capture",
+    "met.edges", "floors.half_sole", "shown.onboard", "sensors.settings", "sensors.present", "judged.soles",
+    "judged.ankle_height", "judged.mirror", "judged.leg_form",
+}  # fmt: skip
+SENSED = {"shown", "sensors", "estimate", "judged", "judged_contacts"}  # parts of onboard sensing alone
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -223,3 +235,14 @@ def whole_period(
     begin_period(t, c, gaits, actions, first, end)
     physics_steps(t, c, steps, dt, first, end)
     finish_period(t, c, first, end)
+
+
+def substeps(control_hz: float) -> int:
+    """Physics steps per planning period; the rate must divide the physics rate."""
+    steps = round(1.0 / (control_hz * CONTROL_STEP)) if control_hz > 0 else 0
+    if steps < 1 or abs(steps * CONTROL_STEP * control_hz - 1.0) > 1e-9:
+        valid = ", ".join(f"{500 / s:g}" for s in (1, 2, 4, 5, 10))
+        raise InvalidValueError(
+            f"control_hz must divide the physics rate of 500 Hz (such as {valid}), got {control_hz}"
+        )
+    return steps

@@ -18,6 +18,7 @@ from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
+from ..snapshot.robot_snapshot import RobotSnapshot
 from .episodes import GaitEpisodes
 from .info import InfoReader
 from .reward import REWARD_TERMS
@@ -173,6 +174,39 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
+
+    def state_snapshot(self) -> RobotSnapshot:
+        """The whole state of the robot in mid-episode, which `restore` puts back.
+
+        Raises:
+            InvalidValueError: the episode has ended or not begun, or robots of this kind are not put back.
+        """
+        if self._ended:
+            raise InvalidValueError("the episode has ended or not begun: there is nothing to go on with")
+        return self.episodes.state_snapshot(0)
+
+    def restore(
+        self, snapshot: RobotSnapshot, scenario: Scenario | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Put the robot back where one was; it goes on bit for bit as that did.
+
+        Args:
+            snapshot: of a robot of this kind, from this environment, another one or a vector of them.
+            scenario: what goes on from there; None: the snapshot's own. It may have other pushes that have
+                not begun, and another end.
+
+        Returns:
+            Observation (36,) and info, as `reset` gives them.
+
+        Raises:
+            InvalidValueError: a snapshot of another kind of robot, or a scenario that differs in what has
+                happened already.
+        """
+        self.episodes.restore(0, snapshot, scenario)
+        self.scenario = snapshot.scenario if scenario is None else scenario
+        self._info.begin(0, self.scenario)
+        self._ended = False
+        return self.core.observation[0].copy(), self._info.of_robot(0, np.zeros(len(REWARD_TERMS)))
 
     def __copy__(self) -> Self:
         """A copy shares nothing with its original, or is refused (a biped's)."""

@@ -21,8 +21,10 @@ from ...controllers.validation import require_integer, require_kind
 from ..scenario.push import SIDES
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
+from ..snapshot.robot_snapshot import RobotSnapshot
+from ..snapshot.rows import Arrays, arrays_of, take_rows
 from .core import Core
-from .period_end import Episodes, Motion, Robots, end_period, period_constants, period_table
+from .period_end import Episodes, Judged, Motion, Robots, end_period, period_constants, period_table
 from .profile import EXACT, Profile
 from .recovery import GaitMonitor, uphill_dcm
 from .reward import REWARD_TERMS, Reward
@@ -34,6 +36,10 @@ Mask = NDArray[np.bool_]
 
 C = TypeVar("C", bound=Core)
 MOST_ROBOTS = 100_000
+OF_SCENARIO = (  # rows of a snapshot that the scenario says anew where a robot is put back
+    "episodes.pushes", "episodes.changed", "episodes.fixed", "episodes.settle", "episodes.uphill",
+    "schedule.time", "schedule.command",
+)  # fmt: skip
 
 
 class Period(NamedTuple):
@@ -91,6 +97,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
         self._constants = period_constants(robot, limits, *timing)
         self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
+        self._scenarios: list[Scenario | None] = [None] * n
 
     @abstractmethod
     def alike(self, n: int, threads: int = 1) -> GaitEpisodes:
@@ -133,6 +140,7 @@ class GaitEpisodes(ABC, Generic[C]):
             gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
         )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
+        self._scenarios[k] = scenario
         self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
         if self.robots is None or self.core.pushes.start is not self.robots.push_start:
             self._bind()  # the core has new arrays where more pushes came
@@ -145,6 +153,58 @@ class GaitEpisodes(ABC, Generic[C]):
         self._episodes.settle[k] = scenario.settle_time
         slopes = scenario.errors.slope_forward, scenario.errors.slope_left
         self._episodes.uphill[k] = uphill_dcm(self.robot.com_height, *slopes)
+
+    def state_snapshot(self, k: int) -> RobotSnapshot:
+        """The whole state of robot k between two planning periods.
+
+        Raises:
+            InvalidValueError: the robot has not begun, or is of a kind that is not put back.
+        """
+        scenario = self._scenarios[k]
+        if scenario is None:
+            raise InvalidValueError(f"robot {k} has no state yet: reset it before its snapshot is taken")
+        rows = take_rows(self._arrays(k), k, self.n) | self._beside_arrays(k)
+        return RobotSnapshot(scenario, float(self.motion().time[k]), self._made_for(scenario), rows)
+
+    def restore(self, k: int, snapshot: RobotSnapshot, scenario: Scenario | None = None) -> None:
+        """Put robot k where another one was, of these or of other episodes of the same kind.
+
+        Args:
+            k: the robot.
+            snapshot: of the other one.
+            scenario: that goes on from there; by default the snapshot's own. It may have other pushes that
+                have not begun, and another end.
+
+        Raises:
+            InvalidValueError: a snapshot of another kind of robot, or a scenario that differs in what has
+                happened already.
+        """
+        then = require_kind("snapshot", snapshot, RobotSnapshot).scenario
+        snapshot.check_made_for(self._made_for(then))
+        scenario = then if scenario is None else require_kind("scenario", scenario, Scenario)
+        kept = snapshot.check_scenario(scenario)
+        self.begin(k, scenario)  # model, floor and sensors, room for all pushes, and the pushes to come
+        self._put_beside_arrays(k, snapshot)
+        for name, array in self._arrays(k).items():
+            if name.startswith("pushes."):
+                array[k, kept] = snapshot.rows[name][kept]
+            elif name not in OF_SCENARIO:
+                array[k] = snapshot.rows[name]
+
+    def _arrays(self, k: int) -> Arrays:
+        """Arrays of n robots whose rows k are the state of robot k, by PART.FIELD."""
+        return arrays_of(Judged(self.robots, self._episodes, self.monitor.state), {"robots"})
+
+    def _made_for(self, scenario: Scenario) -> dict[str, str]:
+        """What environments must have in common for a robot of a scenario to go from one to the other."""
+        raise InvalidValueError(f"{self.name} takes no snapshots of its robots; only bipeds can be put back")
+
+    def _beside_arrays(self, k: int) -> Arrays:
+        """State of robot k that is in no array."""
+        return {}
+
+    def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
+        """Put it back."""
 
     def _check_turns(self, scenario: Scenario) -> None:
         commands = [scenario.command, *(change.command for change in scenario.changes)]

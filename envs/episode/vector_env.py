@@ -17,6 +17,7 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
+from ..snapshot.robot_snapshot import RobotSnapshot
 from .core import Core
 from .env import check_action, check_push_distribution, check_scenario, gait_spaces
 from .episodes import GaitEpisodes
@@ -41,6 +42,15 @@ def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
     if not isinstance(mode, AutoresetMode) and mode not in names:
         raise UnknownNameError("autoreset mode", str(mode), names)
     return AutoresetMode(mode)
+
+
+def _each(name: str, given: Any, count: int) -> list[Any]:
+    """A value for each of `count` robots, from one for all or a sequence."""
+    if not isinstance(given, Sequence):
+        return [given] * count
+    if len(given) != count:
+        raise InvalidValueError(f"{name} must be one or {count}, one for each robot, got {len(given)}")
+    return list(given)
 
 
 class Ended(NamedTuple):
@@ -140,6 +150,46 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             observation, info = self._begin_anew(observation, terms, ends)
         return observation, reward, terminated, truncated, info
 
+    def state_snapshot(self, robot: int) -> RobotSnapshot:
+        """The whole state of a robot in mid-episode, which `restore` puts back in any place.
+
+        Raises:
+            InvalidValueError: there is no such robot, its episode has not begun or has ended, or robots of
+                its kind are not put back.
+        """
+        k = require_integer("robot", robot, 0, self.num_envs - 1)
+        if self._ended[k]:
+            raise InvalidValueError(f"the episode of robot {k} has ended: there is nothing to go on with")
+        return self.episodes.state_snapshot(k)
+
+    def restore(
+        self,
+        snapshot: RobotSnapshot | Sequence[RobotSnapshot],
+        robots: Sequence[int] | None = None,
+        scenario: Scenario | Sequence[Scenario | None] | None = None,
+    ) -> tuple[Array, Info]:
+        """Put robots back where others were; they go on bit for bit as those did. Returned as by `reset`.
+
+        Args:
+            snapshot: one for all, or one for each of the robots.
+            robots: which of them, all by default. The others stay as they are.
+            scenario: what goes on from there, one for all or one for each; None: the snapshot's own. It may
+                have other pushes that have not begun, and another end.
+
+        Raises:
+            InvalidValueError: no such robot, another number of snapshots or scenarios than of robots, or what
+                `GaitEpisodes.restore` refuses.
+        """
+        rows = range(self.num_envs) if robots is None else robots
+        asked = [require_integer("robot", k, 0, self.num_envs - 1) for k in rows]
+        given, wanted = _each("snapshot", snapshot, len(asked)), _each("scenario", scenario, len(asked))
+        changed = np.zeros(self.num_envs, np.bool_)
+        for k, one, way in zip(asked, given, wanted, strict=True):
+            self.episodes.restore(k, one, way)
+            self._note_begin(k, one.scenario if way is None else way)
+            changed[k] = True
+        return self._look(changed, np.zeros((self.num_envs, len(REWARD_TERMS))))
+
     @property
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
         """The robots' generators; None before the first reset."""
@@ -171,6 +221,10 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             assert rng is not None  # noqa: S101
             scenario = self.episodes.drawn(self.push_distribution, rng)
         self.episodes.begin(k, scenario)
+        self._note_begin(k, scenario)
+
+    def _note_begin(self, k: int, scenario: Scenario) -> None:
+        """Robot k is in an episode of a scenario from now on."""
         self._info.begin(k, scenario)
         self._begun[k], self._ended[k] = True, False
 

@@ -37,8 +37,10 @@ INPUT_RUNS, STATE_RUNS, MEASURED_RUNS = 7, 8, 9  # places in `Handles.calls`
 WHOLE_STEP = 10  # place of mj_step in `Handles.calls`
 STATE = ("qpos", "qvel")
 MEASURED = (*STATE, "sensordata", "qfrc_constraint")  # what is true of a robot, whatever is believed
+LEFT = MEASURED[len(STATE) :]  # what mj_step2 leaves and mj_step1 does not compute again
 SIZES = ("ngeom", "npair", "nbvh", "nbvhdynamic", "narena")  # of a model that its data depend on
 STEP = ("mj_step2", "mj_step1")
+INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
 BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
 
 
@@ -153,6 +155,25 @@ class Simulations:
             for run in field.runs:
                 end = run.to + run.entries
                 to[run.to : end] = 1.0 if run.source == ONE else source[run.source :][: run.entries]
+
+    def state(self, k: int) -> Array:
+        """All that the future of simulation k follows from: MuJoCo's integration state, and LEFT."""
+        model, data = self.models[k], self.data[k]
+        whole = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+        mujoco.mj_getState(model, data, whole, INTEGRATION)
+        return np.concatenate([whole, *(getattr(data, name) for name in LEFT)])
+
+    def restore(self, k: int, state: Array) -> None:
+        """Put simulation k into a `state` of one with the same model; the arrays stay as they are."""
+        model, data = self.models[k], self.data[k]
+        mujoco.mj_resetData(model, data)
+        first = mujoco.mj_stateSize(model, INTEGRATION)
+        mujoco.mj_setState(model, data, state[:first], INTEGRATION)
+        mujoco.mj_step1(model, data)
+        for name in LEFT:
+            field = getattr(data, name)
+            field[:] = state[first : first + len(field)]
+            first += len(field)
 
 
 def simulated(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -81,8 +81,8 @@ class ResidualVectorEnv(GaitVectorEnv):
         self._planned[rows] = True
         return total
 
-    def _begin(self, k: int, scenario: Any = None) -> None:
-        super()._begin(k, scenario)
+    def _note_begin(self, k: int, scenario: Any) -> None:
+        super()._note_begin(k, scenario)
         self._planned[k] = False
 
     def _more_info(self, info: Info, rows: Mask) -> None:

@@ -18,6 +18,8 @@ from ...controllers.policies.residual import check_residual_scale, default_resid
 from ...controllers.policies.residual_rule import Correction, ResidualRule
 from ...controllers.validation import require_kind
 from ..episode.env import check_action
+from ..scenario.scenario import Scenario
+from ..snapshot.robot_snapshot import RobotSnapshot
 from .action_hold import ActionHold
 
 
@@ -97,6 +99,22 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         observation, info = self.env.reset(seed=seed, options=options)
         self._observation = np.array(observation)  # the caller may write into theirs
         self._policy_state, self._episode_start = None, True
+        return observation, info
+
+    def restore(
+        self, snapshot: RobotSnapshot, scenario: Scenario | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """`restore` of the environment; the policy below, as after a reset, has nothing to remember.
+
+        Raises:
+            InvalidValueError: the policy below has a memory, which no snapshot holds.
+        """
+        if self._policy_state is not None:
+            raise InvalidValueError(
+                "a robot is put back only above a policy without memory: predict gave a state"
+            )
+        observation, info = self.env.get_wrapper_attr("restore")(snapshot, scenario)
+        self._observation, self._episode_start = np.array(observation), True
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:

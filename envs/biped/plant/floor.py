@@ -83,6 +83,14 @@ def connect_floor(
     place_tiles(floors, k)
 
 
+def tile_places(model: mujoco.MjModel) -> Array:
+    """Centres of the boxes of a robot's own model, a view (2 AROUND, 3), or (0, 3) on a plane [m]."""
+    if not has_tiles(model):
+        return model.geom_pos[:0]
+    first = model.geom(FIRST_TILE).id
+    return model.geom_pos[first : first + 2 * AROUND]
+
+
 @njit(cache=True)
 def tile_height(floors: Floor, k: int, i: int, j: int) -> float:
     """Height of tile (i, j) [m], uniform in [0, step)."""

@@ -1,0 +1,51 @@
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from push_recovery.controllers.compiled.array_table import Floats1, Floats2, Ints1
+from push_recovery.envs.snapshot.rows import arrays_of, take_rows
+
+
+class Walk(NamedTuple):
+    time: Floats1
+    place: Floats2
+    gain: float
+    steps: Ints1
+
+
+class Floor(NamedTuple):
+    height: Floats1
+    size: Floats1
+
+
+class Parts(NamedTuple):
+    walk: Walk
+    floor: Floor
+
+
+def parts() -> Parts:
+    walk = Walk(np.arange(3.0), np.arange(6.0).reshape(3, 2), 0.5, np.arange(3))
+    return Parts(walk, Floor(np.ones(3), np.ones(7)))
+
+
+def test_every_annotated_array_is_found_unless_it_is_left_out():
+    assert list(arrays_of(parts(), ())) == [
+        "walk.time", "walk.place", "walk.steps", "floor.height", "floor.size",
+    ]  # fmt: skip
+    assert list(arrays_of(parts(), {"walk", "floor.size"})) == ["floor.height"]
+
+
+def test_rows_are_copies_that_cannot_be_written():
+    whole = parts()
+    rows = take_rows(arrays_of(whole, {"floor.size"}), 1, 3)
+    whole.walk.place[1] = -1.0
+    assert rows["walk.place"].tolist() == [2.0, 3.0]
+    assert rows["walk.time"].shape == ()
+    assert rows["walk.steps"].item() == 1
+    with pytest.raises(ValueError, match="read-only"):
+        rows["walk.place"][0] = 9.0
+
+
+def test_an_array_of_another_length_is_refused_by_its_name():
+    with pytest.raises(TypeError, match=r"a row for each of 3 robots: floor\.size"):
+        take_rows(arrays_of(parts(), ()), 0, 3)
