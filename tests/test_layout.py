@@ -44,6 +44,7 @@ ROOMS = (
     "eval.score",
     "eval.frontier",
     "eval.sensitivity",
+    "eval.ceiling",
     "eval.api",
     "eval.bench",
     "eval.tuning",

@@ -27,6 +27,9 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "sensitivity": (".commands.sensitivity", "Sensitivity",
                     "Run a sample of a suite under other solvers, time steps, contacts, losses and "
                     "delays: what its outcomes hang on."),
+    "ceiling": (".commands.ceiling", "CeilingCommand",
+                "Search every push that all policies lose for actions that recover from it: a lower bound on "
+                "what is possible."),
     "reproduce": (".commands.reproduce", "Reproduce",
                   "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
                   "pictures."),

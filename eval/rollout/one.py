@@ -37,6 +37,8 @@ def rollout(
     robot = GymRobot(env, watch)
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
+    if hasattr(policy, "begin"):  # what is replayed by scenario, with hindsight
+        policy.begin(scenario)  # type: ignore[attr-defined]
     _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
     return outcome
 

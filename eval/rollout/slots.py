@@ -40,9 +40,13 @@ class Slots:
     def begin(self, k: int, scenario: Scenario) -> None:
         """Begin a scenario in slot k."""
         self._total[k] = 0.0
-        self.episodes.begin(k, scenario)
+        self._enter(k, scenario)
         self._begun[k] = True
         self._look()
+
+    def _enter(self, k: int, scenario: Scenario) -> None:
+        """Put robot k where the scenario begins."""
+        self.episodes.begin(k, scenario)
 
     def rest(self, k: int) -> None:
         """Leave slot k empty; a robot that has fallen rests, so that it costs no physics."""

@@ -67,6 +67,11 @@ class Runner:
             self._policies[name] = source.load(self._place(name).env)
         return self._policies[name]
 
+    def env_of(self, name: str) -> gym.Env:
+        """The environment that the policy of a label acts in."""
+        self.policy(name)
+        return self._place(name).env
+
     def _place(self, name: str) -> Place:
         """Where the policy of a label acts, once it is made."""
         return self._own.get(name, self._common)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -42,6 +42,11 @@ class Evaluation:
     def score(self, policy: str) -> Score:
         """Over the whole suite."""
         return Score.of(self.rows[policy])
+
+    def by_scenario(self) -> Iterator[tuple[Scenario, list[dict[str, Any]]]]:
+        """Each scenario with the rows of all policies."""
+        for scenario, *rows in zip(self.suite.scenarios, *self.rows.values(), strict=True):
+            yield scenario, rows
 
     def to_dict(self) -> dict[str, Any]:
         """The contract's object."""

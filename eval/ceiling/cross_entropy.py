@@ -1,0 +1,43 @@
+"""The cross-entropy method: normal candidates, drawn anew about the best of each generation.
+
+    x ~ clip(N(m, diag(s^2)), -1, 1),    m <- mean of the elites,    s <- max(their deviation, least)
+
+(Rubinstein 1999; de Boer et al. 2005). The candidates are a function of the seed and of what was told.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Candidates = NDArray[np.float32]
+
+
+class CrossEntropy:
+    """Proposes candidates (population, size) in [-1, 1].
+
+    Args:
+        rng: of the draws.
+        size: numbers of a candidate.
+        population: candidates of a generation.
+        elites: that the next one is drawn from.
+        spread: first standard deviation.
+        least: standard deviation that is kept.
+    """
+
+    def __init__(
+        self, rng: np.random.Generator, size: int, population: int, elites: int, spread: float, least: float
+    ):
+        self._rng, self._population, self._elites, self._least = rng, population, elites, least
+        self.mean, self.spread = np.zeros(size), np.full(size, spread)
+
+    def ask(self) -> Candidates:
+        """A generation, float32, as actions are."""
+        drawn = self._rng.standard_normal((self._population, len(self.mean)))
+        return np.clip(self.mean + self.spread * drawn, -1.0, 1.0).astype(np.float32)
+
+    def tell(self, candidates: Candidates, values: NDArray[np.float64]) -> None:
+        """Say what they are worth (population,): more is better, of equal ones the first."""
+        best = np.argsort(-values, kind="stable")[: self._elites]
+        elites = candidates[best].astype(np.float64)
+        self.mean, self.spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), self._least)

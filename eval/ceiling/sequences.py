@@ -1,0 +1,151 @@
+"""Sequences of corrections: a row for each step from a planning period on, added to a planner's actions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.observation import ELAPSED
+from ...controllers.model.robot import RobotModel
+from ...controllers.policies.arms import make_policy
+from ...controllers.policies.residual import default_residual_scale
+from ...controllers.policies.residual_rule import ResidualRule
+from ...envs.scenario.scenario import Scenario
+
+Actions = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+
+class Progress(NamedTuple):
+    """Where n robots are in their sequences; what `predict` hands over as its state."""
+
+    corrections: Actions  # (n, steps, 7) of the scaled action, in [-1, 1]
+    wait: NDArray[np.int64]  # (n,) planning periods until the first one; -1: it has begun
+    step: NDArray[np.int64]  # (n,) index of the present one
+    elapsed: Array  # (n,) of the step, when last looked at [s]
+
+
+class SequenceRule:
+    """A planner whose action is corrected by the row of the step: clip(base + scale x row, -1, 1).
+
+    A step is over when the time since its begin falls. Before the first row and after the last one the
+    actions are the planner's own, bit for bit.
+
+    Args:
+        policy: name of the planner.
+        robot: physical constants.
+        limits: gait box.
+        preset: of the planner.
+        scale: multiple of `default_residual_scale`.
+    """
+
+    def __init__(self, policy: str, robot: RobotModel, limits: GaitLimits, preset: str, scale: float):
+        base = make_policy(policy, robot, limits, preset)
+        self._rule = ResidualRule(base, robot, limits, default_residual_scale(limits, scale), None)
+
+    def act(self, observations: Array, progress: Progress) -> tuple[Actions, Progress]:
+        """Gait actions (n, 7) at observations (n, 36), and where the robots are after them."""
+        corrections, wait, step, before = progress
+        elapsed = observations[:, ELAPSED].copy()
+        step = step + ((wait < 0) & (elapsed < before))
+        rows = np.zeros((len(observations), GAIT_SIZE), np.float32)
+        now = np.flatnonzero((wait <= 0) & (step < corrections.shape[1]))
+        rows[now] = corrections[now, step[now]]
+        actions = self._rule.act(observations, rows).total
+        return actions, Progress(corrections, np.maximum(wait - 1, -1), step, elapsed)
+
+
+def begun(corrections: Actions, wait: int = 0) -> Progress:
+    """Robots at the begin of their sequences (n, steps, 7), which start after `wait` planning periods."""
+    n = len(corrections)
+    return Progress(corrections, np.full(n, wait), np.zeros(n, np.int64), np.full(n, -np.inf))
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """An answer to one push."""
+
+    period: int  # number of planning periods before the first correction
+    corrections: list[list[float]]  # (steps, 7) in [-1, 1]
+
+    def __post_init__(self) -> None:
+        values = np.array(self.corrections, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != GAIT_SIZE or not (np.abs(values) <= 1.0).all():
+            raise InvalidValueError(
+                f"a sequence has rows of {GAIT_SIZE} numbers in [-1, 1], got {self.corrections!r:.200}"
+            )
+
+
+class AttemptsPolicy:
+    """Acts for n robots that were put back at the moment of a push, each with its own corrections.
+
+    Args:
+        rule: how they are added.
+        corrections: (n, steps, 7) of the robots in the order in which they begin.
+    """
+
+    def __init__(self, rule: SequenceRule, corrections: Actions):
+        self._rule, self._corrections = rule, corrections
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Progress]:
+        """Actions (n, 7) for a batch, and the progress to hand in next time."""
+        progress = begun(self._corrections) if state is None else Progress(*state)
+        return self._rule.act(observation, progress)
+
+
+class SequencePolicy:
+    """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
+
+    A rollout tells it which scenario begins (`begin`), which no other policy is told.
+
+    Args:
+        policy: name of the planner.
+        robot: physical constants.
+        limits: gait box.
+        preset: of the planner.
+        scale: multiple of `default_residual_scale`.
+        sequences: by scenario id.
+    """
+
+    def __init__(
+        self,
+        policy: str,
+        robot: RobotModel,
+        limits: GaitLimits,
+        preset: str,
+        scale: float,
+        sequences: Mapping[str, Sequence],
+    ):
+        self._arguments = policy, robot, limits, preset, scale, dict(sequences)
+        self._rule, self.sequences = SequenceRule(policy, robot, limits, preset, scale), dict(sequences)
+        self._sequence: Sequence | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SequencePolicy, self._arguments
+
+    def begin(self, scenario: Scenario) -> None:
+        """The scenario of the episode to come."""
+        self._sequence = self.sequences.get(scenario.id)
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Progress]:
+        """Action (7,) for one observation (36,), and the progress to hand in next time."""
+        if episode_start is not None and np.any(episode_start):
+            state = None
+        progress = self._at_first() if state is None else Progress(*state)
+        actions, progress = self._rule.act(np.asarray(observation, np.float64)[None], progress)
+        return actions[0], progress
+
+    def _at_first(self) -> Progress:
+        if self._sequence is None:
+            return begun(np.zeros((1, 0, GAIT_SIZE), np.float32))
+        return begun(np.array([self._sequence.corrections], np.float32), self._sequence.period)

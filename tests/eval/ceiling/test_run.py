@@ -1,0 +1,160 @@
+"""The run: what is searched, what is kept, what stands in the report."""
+
+import json
+import shutil
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.ceiling.replay import load_answers
+from push_recovery.eval.ceiling.report import ceiling_cells, search_lines, share_cells, write_ceiling_reports
+from push_recovery.eval.ceiling.run import Ceiling, ceiling
+from push_recovery.eval.ceiling.search import CEILING
+from push_recovery.eval.ceiling.settings import CeilingSettings
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.score.evaluate import Evaluation, evaluate
+from push_recovery.eval.score.suites import Suite
+
+ENV = "PushRecovery/Biped-v0"
+EVENT = GaitEvent(1, "right", 0.3)
+SUITE = Suite("mixed", "1", (
+    Scenario("light-0", (polar_push(100.0, 0.0, 0.1, EVENT),), settle_time=2.0),
+    Scenario("hopeless", (polar_push(6000.0, 2.0, 0.1, 0.2),)),
+    Scenario("light-1", (polar_push(120.0, 2.0, 0.1, EVENT),), stance_side="right", settle_time=2.0),
+))  # fmt: skip
+SETTINGS = CeilingSettings(population=3, generations=2, elites=2)
+FALLS = "passive"  # without a push, so that all pushes are searched
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory) -> Ceiling:
+    return ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
+
+
+def evaluated(found, directory):
+    """A directory in which the policies have been scored, and nothing is searched."""
+    for name in ("config.json", "outcomes.jsonl"):
+        shutil.copy(found.evaluation.directory / name, directory)
+    return directory
+
+
+def rows_in(directory) -> list[str]:
+    return sorted((directory / CEILING / "outcomes.jsonl").read_text().splitlines())
+
+
+def test_what_all_policies_lose_is_searched_and_counts_where_it_is_answered(found):
+    assert [row["scenario_id"] for row in found.searched] == ["light-0", "hopeless", "light-1"]
+    assert [row["recovered"] for row in found.rows[CEILING]] == [True, False, True]
+    assert found.score.recovered == 2
+    assert found.to_dict()["policies"][CEILING]["recovered"] == 2
+    assert found.to_dict()["search"]["answered"] == 2
+
+
+def test_what_one_policy_recovers_is_not_searched(found):
+    both = ceiling(SUITE, ENV, [FALLS, "two-stage"], SETTINGS, directory=found.evaluation.directory)
+    assert [row["scenario_id"] for row in both.searched] == ["hopeless"]
+    assert both.score.recovered == 2
+    assert both.rows[CEILING][0]["policy"] == "two-stage"
+
+
+def test_rows_are_the_same_on_two_processes(found, tmp_path):
+    ceiling(SUITE, ENV, FALLS, SETTINGS, workers=2, directory=evaluated(found, tmp_path))
+    assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
+
+
+def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path):
+    def stop(row):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ceiling(SUITE, ENV, FALLS, SETTINGS, directory=evaluated(found, tmp_path), on_row=stop)
+    assert len(rows_in(tmp_path)) == 1
+    with (tmp_path / CEILING / "outcomes.jsonl").open("a") as file:
+        file.write('{"scenario_id": "hopel')  # torn by a kill
+    new = []
+    ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
+    assert len(new) == 2
+    assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
+
+
+def test_searches_of_other_settings_are_not_mixed(found):
+    with pytest.raises(InvalidValueError, match=r"another configuration \(differs in: ceiling\)"):
+        ceiling(SUITE, ENV, FALLS, CeilingSettings(seed=1), directory=found.evaluation.directory)
+
+
+def test_stored_answers_replay_in_an_ordinary_evaluation_to_the_same_rows(found, tmp_path):
+    policy = load_answers(found.directory, make_env(ENV))
+    again = evaluate(SUITE, ENV, {CEILING: policy}, directory=tmp_path)
+    for row, searched in zip(again.rows[CEILING], found.searched, strict=True):
+        assert {name: searched[name] for name in row if name != "policy_sha256"} == {
+            name: value for name, value in row.items() if name != "policy_sha256"
+        }
+
+
+def test_a_directory_without_searches_is_refused(found, tmp_path):
+    for place in (tmp_path, found.evaluation.directory):
+        with pytest.raises(InvalidValueError, match="holds no searches"):
+            load_answers(place, make_env(ENV))
+
+
+def hand_written() -> Ceiling:
+    """Four pushes: a recovers 0, b 0 and 1 (and survives 2), a search answers 2 and none 3."""
+
+    def row(name, recovered, survived=False, **more):
+        stands = survived or recovered
+        reason = None if stands else "com_height"
+        told = {"scenario_id": name, "recovered": recovered, "survived": stands, "failure_reason": reason}
+        return {**told, "impulse": 1.0, **more}
+
+    names = ["s0", "s1", "s2", "s3"]
+    suite = Suite("hand", "1", tuple(Scenario(name) for name in names))
+    a = [row(name, name == "s0") for name in names]
+    b = [row("s0", True), row("s1", True), row("s2", False, True), row("s3", False)]
+    searched = [row("s2", True, attempts=64, neighbours=18), row("s3", False, attempts=1280, neighbours=None)]
+    return Ceiling(Evaluation(suite, ENV, {"a": a, "b": b}, None, 0.0), CeilingSettings(), searched, None)  # type: ignore[arg-type]
+
+
+def test_the_ceiling_is_what_policies_and_searches_recover_together():
+    found = hand_written()
+    assert [row["recovered"] for row in found.rows[CEILING]] == [True, True, True, False]
+    assert [cells[:2] for cells in ceiling_cells(found)] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
+    assert [cells[:4] for cells in share_cells(found)] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
+    assert found.robust == [0.75]
+    text = search_lines(found)
+    for part in ("2 pushes lost by all policies, 1 of them answered", "at most 1280 attempts", "Median 64",
+                 "recovers 75% of the 24 pushes within 2% of the force and 2 degrees"):  # fmt: skip
+        assert part in text
+
+
+def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
+    suite = tmp_path / "suite.json"
+    SUITE.save(suite)
+    words = ["ceiling", "--suite", str(suite), "--policies", FALLS, "--population", "3", "--generations", "2",
+             "--elites", "2", "--workers", "1"]  # fmt: skip
+    assert main([*words, "--out", str(found.evaluation.directory), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads(json.dumps(found.to_dict()))
+    assert json.loads((found.directory / "report.json").read_text()) == told
+    assert "| ceiling | 2/3 |" in write_ceiling_reports(found).read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--env", "PushRecovery/Pendulum-v0"], "searched for on bipeds"),
+        (["--env", "PushRecovery/BipedResidual-v0"], "needs plain gait actions"),
+        (["--planner", "two-stag"], "did you mean 'two-stage'"),
+        (["--elites", "65"], "elites must be at most the population 64, got 65"),
+        (["--sample", "2000"], r"sample must be an integer in [1, 1024], got 2000"),
+    ],
+)
+def test_bad_input_is_one_line(words, message, capsys):
+    assert main(["ceiling", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_an_unknown_planner_is_refused_by_name():
+    with pytest.raises(UnknownNameError, match="random"):
+        CeilingSettings(policy="random")
