@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..ceiling.stored import with_ceiling
 from ..rollout.names import DEFAULT_ENV, TABLE_ARMS
 from ..score.compare import Comparison
 from ..score.compare import compare as compare_sources
@@ -54,7 +55,7 @@ def evaluate(
     evaluation = evaluate_sources(
         _suite(suite, env, errors, profile), env, policies, workers, _directory(out), overwrite
     )
-    write_reports(evaluation, evaluation_markdown(evaluation))
+    write_reports(evaluation, evaluation_markdown(with_ceiling(evaluation, workers, overwrite)))
     return evaluation
 
 

@@ -7,10 +7,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Candidates = NDArray[np.float32]
+DECIMALS = 4
+
+
+def as_text(candidates: Candidates) -> list[Any]:
+    """Candidates as lists of numbers that are short in JSON and become the same float32 again."""
+    return np.round(candidates.astype(np.float64), DECIMALS).tolist()
 
 
 class CrossEntropy:
@@ -32,9 +40,10 @@ class CrossEntropy:
         self.mean, self.spread = np.zeros(size), np.full(size, spread)
 
     def ask(self) -> Candidates:
-        """A generation, float32, as actions are."""
+        """A generation, float32, as actions are, of numbers with four decimals, which files hold exactly."""
         drawn = self._rng.standard_normal((self._population, len(self.mean)))
-        return np.clip(self.mean + self.spread * drawn, -1.0, 1.0).astype(np.float32)
+        candidates = np.clip(self.mean + self.spread * drawn, -1.0, 1.0)
+        return np.round(candidates, DECIMALS).astype(np.float32)
 
     def tell(self, candidates: Candidates, values: NDArray[np.float64]) -> None:
         """Say what they are worth (population,): more is better, of equal ones the first."""

@@ -12,6 +12,7 @@ from ...controllers.files import write_text
 from ..output.statistics import PairedCounts
 from ..output.tables import markdown_table
 from ..score.report import COLUMNS, RECOVERED_NOTE, evaluation_cells, evaluation_title
+from .answers import FILE, Answers
 from .neighbours import FORCES, NEIGHBOURS, TURNS
 from .run import Ceiling
 from .search import CEILING
@@ -63,7 +64,8 @@ def search_lines(found: Ceiling) -> str:
 
 
 def write_ceiling_reports(found: Ceiling) -> Path:
-    """Write report.json and report.md into the directory of the searches; returns the path of the latter."""
+    """Write report.json, report.md and answers.json beside the searches; returns the path of the report."""
+    Answers.of(found).save(found.directory / FILE)
     write_text(found.directory / "report.json", json.dumps(found.to_dict(), indent=1) + "\n")
     title = evaluation_title(found.evaluation)
     table, shares = (

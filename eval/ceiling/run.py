@@ -40,11 +40,7 @@ class Ceiling:
     @property
     def rows(self) -> Rows:
         """The policies' rows, and last those of the ceiling: for each push the best that is known."""
-        found = {row["scenario_id"]: row for row in self.searched}
-        known = []
-        for scenario, alike in self.evaluation.by_scenario():
-            known.append(_best([*alike, found[scenario.id]] if scenario.id in found else alike))
-        return {**self.evaluation.rows, CEILING: known}
+        return {**self.evaluation.rows, CEILING: best_rows(self.evaluation, self.searched)}
 
     @property
     def score(self) -> Score:
@@ -79,6 +75,15 @@ class Ceiling:
                 "out": str(self.directory),
             },
         }
+
+
+def best_rows(evaluation: Evaluation, answers: list[Row]) -> list[Row]:
+    """For each push the best of the policies' rows and its answer, if it has one."""
+    found = {row["scenario_id"]: row for row in answers}
+    rows = []
+    for scenario, alike in evaluation.by_scenario():
+        rows.append(_best([*alike, found[scenario.id]] if scenario.id in found else alike))
+    return rows
 
 
 def _best(rows: list[Row]) -> Row:

@@ -16,7 +16,7 @@ from ..rollout.batch import batch_episodes
 from ..rollout.one import rollout
 from ..rollout.workers import Runner
 from .attempts import run_attempts
-from .cross_entropy import CrossEntropy
+from .cross_entropy import CrossEntropy, as_text
 from .moment import Moment, moment_of_push, require_bipeds
 from .neighbours import NEIGHBOURS, neighbours
 from .sequences import Actions, Sequence, SequencePolicy, SequenceRule
@@ -60,7 +60,7 @@ class Searcher:
         sequences = {}
         if moment is not None:
             answer = self.search(moment, scenario)
-            rows = answer.corrections.astype(float).tolist()
+            rows = as_text(answer.corrections)
             found |= {"attempts": answer.attempts, "period": moment.period, "corrections": rows}
             if answer.recovered:
                 found["neighbours"] = self.neighbours_recovered(moment, scenario, answer)

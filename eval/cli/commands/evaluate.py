@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -56,30 +56,41 @@ class Evaluate(SuiteOptions):
         from ...score.profiles import profile_cells, profile_columns, write_profiles
         from ...score.report import COLUMNS, evaluation_cells, evaluation_title
 
-        found = self._evaluations()
+        found, shown = self._evaluations()
         (first, *others) = found.values()
         if self.json:
-            objects = {name: evaluation.to_dict() for name, evaluation in found.items()}
-            self.print_json({"profiles": objects} if others else first.to_dict())
+            objects = {name: self._object(evaluation, shown[name]) for name, evaluation in found.items()}
+            self.print_json({"profiles": objects} if others else next(iter(objects.values())))
             return
         if not others:
-            print_table(evaluation_title(first), COLUMNS, evaluation_cells(first))
+            (whole,) = shown.values()
+            print_table(evaluation_title(whole), COLUMNS, evaluation_cells(whole))
         else:
             print_table(evaluation_title(first), profile_columns(found), profile_cells(found))
             print(f"profiles: {write_profiles(found, self.directory or first.directory)}")
         for evaluation in found.values():
             print(f"report: {evaluation.directory / REPORT}")
 
-    def _evaluations(self) -> dict[str, Evaluation]:
-        """By profile; each has a directory of its own, below DIR where there are several."""
+    def _object(self, evaluation: Evaluation, shown: Evaluation) -> dict[str, Any]:
+        """The contract's object, and beside it the score of a stored ceiling where there is one."""
+        more = [name for name in shown.rows if name not in evaluation.rows]
+        return evaluation.to_dict() | {name: shown.score(name).to_dict() for name in more}
+
+    def _evaluations(self) -> tuple[dict[str, Evaluation], dict[str, Evaluation]]:
+        """By profile, and the same with the ceiling where answers to the suite are stored.
+
+        Each has a directory of its own, below DIR where there are several.
+        """
+        from ...ceiling.stored import with_ceiling
         from ...score.evaluate import evaluate, write_reports
         from ...score.report import evaluation_markdown
 
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
-        found = {}
+        found, shown = {}, {}
         for name, suite in suites.items():
             several = self.directory is not None and len(suites) > 1
             place = self.directory / name if several and self.directory else self.directory
             found[name] = evaluate(suite, self.env_id, self.policies, self.workers, place, self.overwrite)
-            write_reports(found[name], evaluation_markdown(found[name]))
-        return found
+            shown[name] = with_ceiling(found[name], self.workers, self.overwrite)
+            write_reports(found[name], evaluation_markdown(shown[name]))
+        return found, shown

@@ -1,5 +1,5 @@
 import numpy as np
-from push_recovery.eval.ceiling.cross_entropy import CrossEntropy
+from push_recovery.eval.ceiling.cross_entropy import CrossEntropy, as_text
 
 
 def method(seed: int = 0, population: int = 40, elites: int = 5, least: float = 0.05) -> CrossEntropy:
@@ -13,6 +13,13 @@ def test_candidates_are_normal_and_clipped():
     inside = np.abs(drawn) < 1.0
     assert abs(inside.mean() - 0.789) < 0.01  # P(|z| < 1 / 0.8)
     assert np.abs(np.median(drawn, axis=0)).max() < 0.03
+
+
+def test_files_hold_candidates_exactly():
+    drawn = method().ask()
+    told = as_text(drawn)
+    assert max(len(repr(number)) for row in told for number in row) <= len("-0.1234")
+    np.testing.assert_array_equal(np.array(told, np.float32), drawn)
 
 
 def test_the_next_generation_is_drawn_about_the_elites():

@@ -2,12 +2,14 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.ceiling.replay import load_answers
+from push_recovery.eval.ceiling import stored
+from push_recovery.eval.ceiling.answers import Answers, load_answers
 from push_recovery.eval.ceiling.report import ceiling_cells, search_lines, share_cells, write_ceiling_reports
 from push_recovery.eval.ceiling.run import Ceiling, ceiling
 from push_recovery.eval.ceiling.search import CEILING
@@ -97,6 +99,44 @@ def test_a_directory_without_searches_is_refused(found, tmp_path):
     for place in (tmp_path, found.evaluation.directory):
         with pytest.raises(InvalidValueError, match="holds no searches"):
             load_answers(place, make_env(ENV))
+
+
+def test_answers_go_through_a_file(found, tmp_path):
+    path = tmp_path / "answers.json"
+    answers = Answers.of(found)
+    answers.save(path)
+    assert Answers.load(path) == answers
+    assert list(answers.sequences) == ["light-0", "light-1"]
+    assert load_answers(path, make_env(ENV)).sequences == answers.sequences
+    faults = (
+        ('"format": 1', '"format": 7', "has format 7"),
+        ('"light-0": [', '"l": [3, [1.0]], "x": [', "rows of 7 numbers"),
+        ('"seed": 0', '"sed": 0', "lacks seed"),
+    )
+    for good, bad, message in faults:
+        (tmp_path / "bad.json").write_text(path.read_text().replace(good, bad))
+        with pytest.raises(InvalidValueError, match=message):
+            Answers.load(tmp_path / "bad.json")
+
+
+def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path, monkeypatch, capsys):
+    """Only what the answers recover today counts, and only for just these pushes."""
+    monkeypatch.setattr(stored, "STORED", tmp_path)
+    suite = tmp_path / "suite.json"
+    SUITE.save(suite)
+    words = ["evaluate", "--suite", str(suite), "--policies", FALLS, "--workers", "1", "--json", "--out"]
+    there = str(evaluated(found, tmp_path))
+    assert main([*words, there]) == 0
+    assert "ceiling" not in json.loads(capsys.readouterr().out)
+    answers = Answers.of(found)
+    answers.save(tmp_path / "mixed.json")
+    assert main([*words, there]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ceiling"]["recovered"] == 2
+    assert list(told["policies"]) == [FALLS]
+    assert "| ceiling | 2/3 |" in (tmp_path / "report.md").read_text()
+    replace(answers, suite={**answers.suite, "sha256": "0"}).save(tmp_path / "mixed.json")
+    assert stored.stored_answers(SUITE) is None
 
 
 def hand_written() -> Ceiling:
