@@ -257,6 +257,30 @@ def test_what_is_to_come_may_change(walked):
     assert envs.core.gait.time[0] == snapshots[0].time
 
 
+def test_a_new_push_must_begin_after_the_snapshot(walked):
+    """Within the step that goes on, a moment of the gait is over where the elapsed time has passed it."""
+    _, snapshots = walked
+    envs, snapshot, scenario = vector(1), snapshots[2], SCENARIOS[2]
+    rows = snapshot.rows
+    step, share = rows["gait.steps"].item(), rows["gait.elapsed"].item() / rows["gait.plan"][2]
+    side, other = ("left", "right") if step % 2 == 0 else ("right", "left")
+    assert 0.05 < share < 0.95
+    starts = {
+        snapshot.time - 0.001: False, snapshot.time: True, GaitEvent(step, side, share - 0.04): False,
+        GaitEvent(step, side, share + 0.04): True, GaitEvent(step + 1, other, 0.0): True,
+        GaitEvent(step - 1, other, 1.0): False,
+    }  # fmt: skip
+    for start, comes in starts.items():
+        asked = replace(scenario, pushes=(LATE, replace(LATE, start=start)))
+        if comes:
+            envs.restore(snapshot, scenario=asked)
+            act(envs)
+            assert (envs.core.pushes.start[0, 1] < envs.core.gait.time[0]) == (start == snapshot.time)
+        else:
+            with pytest.raises(InvalidValueError, match="push 1 would begin before"):
+                envs.restore(snapshot, scenario=asked)
+
+
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
