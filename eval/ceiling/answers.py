@@ -66,7 +66,10 @@ class Answers:
             sequences = {name: Sequence(*entry) for name, entry in data["answers"].items()}
         except (AttributeError, TypeError, ValueError) as error:
             raise InvalidValueError(f"{what}: {error}") from error
-        return cls(data["suite"], _settings(data["settings"]), sequences)
+        suite = require_keys(
+            f"suite of {what}", data["suite"], {"name", "version", "sha256", "scenarios"}, set()
+        )
+        return cls(suite, _settings(data["settings"]), sequences)
 
     @classmethod
     def of_searches(cls, directory: Path) -> Answers:

@@ -9,17 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.observation import ELAPSED
 from ...controllers.model.robot import RobotModel
 from ...controllers.policies.arms import make_policy
 from ...controllers.policies.residual import default_residual_scale
 from ...controllers.policies.residual_rule import ResidualRule
+from ...controllers.validation import require_integer
 from ...envs.scenario.scenario import Scenario
 
 Actions = NDArray[np.float32]
 Array = NDArray[np.float64]
+LONGEST = 10**9  # planning periods before a sequence
 
 
 class Progress(NamedTuple):
@@ -75,10 +77,14 @@ class Sequence:
     corrections: list[list[float]]  # (steps, 7) in [-1, 1]
 
     def __post_init__(self) -> None:
-        values = np.array(self.corrections, dtype=np.float64)
+        require_integer("the period of a sequence", self.period, 0, LONGEST)
+        try:
+            values = np.array(self.corrections, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):  # ragged, or no numbers
+            values = np.empty(0)
         if values.ndim != 2 or values.shape[1] != GAIT_SIZE or not (np.abs(values) <= 1.0).all():
             raise InvalidValueError(
-                f"a sequence has rows of {GAIT_SIZE} numbers in [-1, 1], got {self.corrections!r:.200}"
+                f"a sequence has rows of {GAIT_SIZE} numbers in [-1, 1], got {shown(self.corrections)}"
             )
 
 

@@ -9,6 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.files import read_file, write_atomically
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.eval.ceiling.answers import Answers
 from push_recovery.eval.score.suites import load_suite
 
 
@@ -37,12 +38,12 @@ def test_a_file_larger_than_the_bound_is_refused(tmp_path, monkeypatch):
         read_file(path)
 
 
-@pytest.mark.parametrize("read", [NetworkPolicy.load, load_preset, load_suite])
+@pytest.mark.parametrize("read", [NetworkPolicy.load, load_preset, load_suite, Answers.load])
 def test_every_reader_of_a_users_file_refuses_a_pipe(tmp_path, read):
     path = tmp_path / "mine.json"
     os.mkfifo(path)
     with pytest.raises(InvalidValueError, match="not a regular file"):
-        read(path if read is load_suite else str(path))
+        read(str(path) if read in {NetworkPolicy.load, load_preset} else path)
 
 
 def test_a_planted_link_is_not_written_through(tmp_path):

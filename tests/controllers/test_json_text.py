@@ -8,6 +8,7 @@ from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.settings.presets import load_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.ceiling.answers import Answers
 from push_recovery.eval.score.suites import load_suite
 
 NESTED = "[" * 100_000
@@ -36,6 +37,7 @@ def test_every_reader_of_json_refuses_what_is_none(kind, tmp_path):
         (load_suite, path),
         (load_preset, str(path)),
         (NetworkPolicy.load, path),
+        (Answers.load, path),
     ):
         with pytest.raises(InvalidValueError, match="is not valid JSON"):
             read(what)

@@ -112,6 +112,7 @@ def test_answers_go_through_a_file(found, tmp_path):
         ('"format": 1', '"format": 7', "has format 7"),
         ('"light-0": [', '"l": [3, [1.0]], "x": [', "rows of 7 numbers"),
         ('"seed": 0', '"sed": 0', "lacks seed"),
+        ('"sha256"', '"sha"', "lacks sha256"),
     )
     for good, bad, message in faults:
         (tmp_path / "bad.json").write_text(path.read_text().replace(good, bad))

@@ -89,7 +89,19 @@ def test_robots_of_a_batch_are_in_their_own_steps(seen):
     assert progress.step.tolist() == [1, 0]
 
 
-@pytest.mark.parametrize("rows", [[[0.0] * 6], [[1.5] + [0.0] * 6], [[float("nan")] * 7], [0.0] * 7])
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [[[0.0] * 6], [[1.5] + [0.0] * 6], [[NAN] * 7], [0.0] * 7, [[0.0] * 7, [0.0]], [["a"] * 7], 10**400],
+)
 def test_impossible_sequences_are_refused(rows):
     with pytest.raises(InvalidValueError, match=r"rows of 7 numbers in \[-1, 1\]"):
         Sequence(0, rows)
+
+
+@pytest.mark.parametrize("period", [-1, 1.5, "3", 10**12])
+def test_an_impossible_period_is_refused(period):
+    with pytest.raises(InvalidValueError, match="the period of a sequence must be an integer"):
+        Sequence(period, ROWS.tolist())
