@@ -110,7 +110,7 @@ class AttemptsPolicy:
 class SequencePolicy:
     """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
 
-    A rollout tells it which scenario begins (`begin`), which no other policy is told.
+    A rollout tells it which scenario begins (`begin_scenario`), which no other policy is told.
 
     Args:
         policy: name of the planner.
@@ -137,7 +137,7 @@ class SequencePolicy:
     def __reduce__(self) -> tuple[Any, ...]:
         return SequencePolicy, self._arguments
 
-    def begin(self, scenario: Scenario) -> None:
+    def begin_scenario(self, scenario: Scenario) -> None:
         """The scenario of the episode to come."""
         self._sequence = self.sequences.get(scenario.id)
 

@@ -28,7 +28,8 @@ def rollout(
 
     Args:
         env: any environment of this project, wrapped or not, or one with its options and info.
-        policy: acts; it is handed what its `predict` takes.
+        policy: acts; it is handed what its `predict` takes, and the scenario where it has a method
+            `begin_scenario`, as what replays stored answers has.
         scenario: what happens.
         policy_name: for the outcome.
         watch: called with the `GymRobot` after reset and after every step, to look, not to touch.
@@ -37,8 +38,8 @@ def rollout(
     robot = GymRobot(env, watch)
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
-    if hasattr(policy, "begin"):  # what is replayed by scenario, with hindsight
-        policy.begin(scenario)  # type: ignore[attr-defined]
+    if hasattr(policy, "begin_scenario"):  # what is replayed by scenario, with hindsight
+        policy.begin_scenario(scenario)  # type: ignore[attr-defined]
     _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
     return outcome
 

@@ -49,20 +49,20 @@ def corrected(seen, rows, scale: float = 1.0) -> np.ndarray:
 )
 def test_each_row_lasts_a_step_from_its_period_on(seen, period, rows):
     policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(period, ROWS.tolist())})
-    policy.begin(Scenario("s"))
+    policy.begin_scenario(Scenario("s"))
     expected = [ROWS[int(one)] if one in "01" else np.zeros(7) for one in rows]
     np.testing.assert_array_equal(replayed(policy, seen), corrected(seen, expected))
 
 
 def test_without_a_sequence_the_planner_acts_bit_for_bit(seen):
     policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
-    policy.begin(Scenario("other"))
+    policy.begin_scenario(Scenario("other"))
     np.testing.assert_array_equal(replayed(policy, seen), POLICY.predict(seen)[0])
 
 
 def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
     policy = SequencePolicy(*PLANNER, 3.0, {"s": Sequence(0, ROWS.tolist())})
-    policy.begin(Scenario("s"))
+    policy.begin_scenario(Scenario("s"))
     actions = replayed(policy, seen[:1])
     np.testing.assert_array_equal(actions, corrected(seen[:1], ROWS[:1], 3.0))
     assert np.abs(actions).max() <= 1.0
@@ -72,7 +72,7 @@ def test_a_policy_starts_anew_with_an_episode_and_pickles(seen):
     policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
     copied = pickle.loads(pickle.dumps(policy))  # noqa: S301
     for one in (policy, copied):
-        one.begin(Scenario("s"))
+        one.begin_scenario(Scenario("s"))
         _, state = one.predict(seen[1])
         action, _ = one.predict(seen[2], state, episode_start=np.array([True]))
         np.testing.assert_array_equal(action, corrected(seen[2:3], ROWS[:1])[0])
