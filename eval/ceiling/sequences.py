@@ -82,7 +82,7 @@ class Sequence:
             values = np.array(self.corrections, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):  # ragged, or no numbers
             values = np.empty(0)
-        if values.ndim != 2 or values.shape[1] != GAIT_SIZE or not (np.abs(values) <= 1.0).all():
+        if values.ndim != 2 or values.shape[-1] != GAIT_SIZE or not (np.abs(values) <= 1.0).all():
             raise InvalidValueError(
                 f"a sequence has rows of {GAIT_SIZE} numbers in [-1, 1], got {shown(self.corrections)}"
             )
