@@ -6,7 +6,8 @@ robot's simulation advances: all in one compiled call, on as many threads as ask
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,16 +39,7 @@ from ..sensing.onboard import Sensing, begin_onboard, exact_sensing, onboard_sen
 from ..sensing.sensors import seed_sensors
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
-from .period import (
-    Arena,
-    View,
-    arena_constants,
-    begin_period,
-    finish_period,
-    physics_steps,
-    substeps,
-    whole_period,
-)
+from .period import GAIT_CALLS, Arena, PeriodCalls, View, arena_constants, substeps
 from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
 from .posture import posture
 from .robots.biped.robot import biped
@@ -68,6 +60,8 @@ class BipedCore:
     The state of a robot does not depend on the others or on the thread count. A robot that has fallen rests
     until its reset.
     """
+
+    calls: ClassVar[PeriodCalls] = GAIT_CALLS  # whole-body control turns a gait into torques
 
     def __init__(
         self,
@@ -190,7 +184,12 @@ class BipedCore:
              for (bounds, _), handles in zip(self._bounds, own, strict=True)]
             for sensing in self.senses.kinds
         ]  # fmt: skip
-        self._tables = [[parts_table(arena) for arena in arenas] for arenas in self._arenas]
+        more = self._more_parts()
+        self._tables = [[parts_table([*arena, *more]) for arena in arenas] for arenas in self._arenas]
+
+    def _more_parts(self) -> Sequence[Any]:
+        """Parts of the address table that lie after the arena."""
+        return ()
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
@@ -232,7 +231,7 @@ class BipedCore:
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
         clear_record(self.bounds_record, k)
         self.truth[k] = 0.0
-        finish_period(self._tables[self.senses.of(k)][0], self._constants, k, k + 1)
+        self.calls.finish(self._tables[self.senses.of(k)][0], self._constants, k, k + 1)
 
     def _soles(self, k: int, stance: int, swing_x: float, swing_y: float) -> Array:
         """Where robot k stands, (2, 3) [m]: the stance sole at the origin, each sole on its tile."""
@@ -274,13 +273,11 @@ class BipedCore:
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
-        tables, constants, steps = self._tables, self._constants, self.substeps
+        tables, constants, steps, whole = self._tables, self._constants, self.substeps, self.calls.whole
 
         def job(worker: int, first: int, end: int) -> None:
             for kind, start, stop in self.senses.alike(first, end):
-                whole_period(
-                    tables[kind][worker], constants, gaits, actions, steps, CONTROL_STEP, start, stop
-                )
+                whole(tables[kind][worker], constants, gaits, actions, steps, CONTROL_STEP, start, stop)
 
         self._threads.run(job, self.n)
 
@@ -289,10 +286,10 @@ class BipedCore:
         constants = self._constants
         runs = [(self._tables[kind][0], first, end) for kind, first, end in self.senses.alike(0, self.n)]
         for table, first, end in runs:
-            begin_period(table, constants, gaits, actions, first, end)
+            self.calls.begin(table, constants, gaits, actions, first, end)
         for _ in range(self.substeps):
             for table, first, end in runs:
-                physics_steps(table, constants, 1, CONTROL_STEP, first, end)
+                self.calls.steps(table, constants, 1, CONTROL_STEP, first, end)
             look()
         for table, first, end in runs:
-            finish_period(table, constants, first, end)
+            self.calls.finish(table, constants, first, end)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -51,6 +51,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
+    core_of: ClassVar[type[BipedCore]] = BipedCore
 
     def __init__(
         self,
@@ -69,7 +70,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         preset = self.description.preset if preset is None else preset
         settings = biped_settings(preset, arm).of_robot(body.robot)
         super().__init__(n, body.robot, settings.limits, preset, control_hz, arm)
-        self.core = BipedCore(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
+        self.core = self.core_of(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset, arm))
 
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -143,6 +144,70 @@ def escaped(qvel: Array, k: int) -> bool:
     return not fine
 
 
+class Plant(NamedTuple):
+    """What torques act on: the parts of the arena that a physics step moves, whoever found the torques."""
+
+    physics: Physics
+    gait: Gait
+    pushes: Pushes
+    contacts: Contacts
+    handles: Handles
+    errors: RobotErrors
+    met: BoundsRecord
+    known: SelfModel
+    floors: Floor
+    judged: Physics
+    onboard: bool  # whether the robots act on their own sensors
+
+
+@njit(cache=True, forceinline=True)
+def plant_of(t: Ints) -> Plant:
+    """The parts of the arena that a physics step moves."""
+    return Plant(
+        part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), part_of(t, Arena, "pushes"),
+        part_of(t, Arena, "contacts"), part_of(t, Arena, "handles"), part_of(t, Arena, "errors"),
+        part_of(t, Arena, "met"), part_of(t, Arena, "known"), part_of(t, Arena, "floors"),
+        part_of(t, Arena, "judged"), part_of(t, Arena, "shown").onboard[0] != 0,
+    )  # fmt: skip
+
+
+@njit(cache=True, forceinline=True)
+def move(plant: Plant, t: Ints, k: int, met: int, dt: float) -> bool:
+    """One physics step of robot k under the torques in `ctrl`; False where its state has overflowed.
+
+    `met` are the bounds that these torques and their plan meet, as bits of `bounds_met`.
+    """
+    phys, gait, pushes, contacts, handles, errors, record, known, floors, judged, onboard = plant
+    apply_pushes(judged, gait, k, pushes, dt)
+    note_bounds(record, k, met, pushes.start[k], gait.time[k], dt)
+    pass_time(gait, k, dt)
+    if floors.places[k, 0] != 0:
+        place_tiles(floors, k)
+    if errors.physical[k] == 0:
+        brake_joints(phys, k, errors.motors, dt)
+        advance(handles, k)
+    elif onboard:
+        advance_onboard(phys, errors, k, handles, onboard_of(t), dt)
+    else:
+        first_side = (gait.stance[k] + gait.steps[k]) % 2
+        advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k], dt)
+    if escaped(judged.qvel, k):
+        gait.failure[k] = NOT_FINITE
+        return False
+    scale_mass(known, k, phys)
+    feel_joints(known.joints, known.before, phys, gait, k, dt)
+    add_losses(known.joints, phys, k)
+    count_contacts(contacts, k, dt)
+    count_asked(known, k, gait, dt)
+    return True
+
+
+@njit(cache=True)
+def gains_of(c: Array) -> Gains:
+    """The constants in the middle."""
+    return Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
+
+
 @njit(cache=True, nogil=True)
 def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
     """Control and physics of robots first..end-1.
@@ -150,41 +215,16 @@ def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int
     One robot makes all its steps before the next begins, with its data still in the processor's cache. A
     robot that has fallen rests. One whose state overflows falls at once, before control divides by it.
     """
-    phys, gait = part_of(t, Arena, "physics"), part_of(t, Arena, "gait")
-    pushes, contacts = part_of(t, Arena, "pushes"), part_of(t, Arena, "contacts")
-    handles, errors = part_of(t, Arena, "handles"), part_of(t, Arena, "errors")
-    known, floors = part_of(t, Arena, "known"), part_of(t, Arena, "floors")
-    record, bounds = part_of(t, Arena, "met"), bounds_of(t, c)
-    judged, onboard = part_of(t, Arena, "judged"), part_of(t, Arena, "shown").onboard[0] != 0
-    gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    settings = settings_of(c)
+    plant, bounds, gains, settings = plant_of(t), bounds_of(t, c), gains_of(c), settings_of(c)
+    phys, gait, record = plant.physics, plant.gait, plant.met
     for k in range(first, end):
         if gait.failure[k] != 0:
             continue
-        bounds.grip[0] = known.grip[k]
+        bounds.grip[0] = plant.known.grip[k]
         for _ in range(steps):
             met = control(phys, gait, k, settings, gains, bounds, record.landing, dt) | record.plan[k]
-            apply_pushes(judged, gait, k, pushes, dt)
-            note_bounds(record, k, met, pushes.start[k], gait.time[k], dt)
-            pass_time(gait, k, dt)
-            if floors.places[k, 0] != 0:
-                place_tiles(floors, k)
-            if errors.physical[k] == 0:
-                brake_joints(phys, k, errors.motors, dt)
-                advance(handles, k)
-            elif onboard:
-                advance_onboard(phys, errors, k, handles, onboard_of(t), dt)
-            else:
-                first_side = (gait.stance[k] + gait.steps[k]) % 2
-                advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k], dt)
-            if escaped(judged.qvel, k):
-                gait.failure[k] = NOT_FINITE
+            if not move(plant, t, k, met, dt):
                 break
-            scale_mass(known, k, phys)
-            feel_joints(known.joints, known.before, phys, gait, k, dt)
-            add_losses(known.joints, phys, k)
-            count_contacts(contacts, k, dt)
-            count_asked(known, k, gait, dt)
 
 
 @njit(cache=True, nogil=True)
@@ -235,6 +275,18 @@ def whole_period(
     begin_period(t, c, gaits, actions, first, end)
     physics_steps(t, c, steps, dt, first, end)
     finish_period(t, c, first, end)
+
+
+class PeriodCalls(NamedTuple):
+    """The compiled calls of a planning period; which ones says who turns an action into torques."""
+
+    whole: Callable[..., None]
+    begin: Callable[..., None]
+    steps: Callable[..., None]
+    finish: Callable[..., None]
+
+
+GAIT_CALLS = PeriodCalls(whole_period, begin_period, physics_steps, finish_period)
 
 
 def substeps(control_hz: float) -> int:

@@ -14,14 +14,12 @@ from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalGait
-from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot.robot_snapshot import RobotSnapshot
 from .episodes import GaitEpisodes
 from .info import InfoReader
-from .reward import REWARD_TERMS
 
 Array = NDArray[np.float64]
 
@@ -31,7 +29,7 @@ RENDER_MODES = ("human", "rgb_array")
 def check_action(
     action: ArrayLike, name: str = "action", shape: tuple[int, ...] = (GAIT_SIZE,)
 ) -> NDArray[np.float32]:
-    """Gait actions of a shape as float32, clipped to [-1, 1]; `name` is what errors call it.
+    """Actions of a shape as float32, clipped to [-1, 1]; `name` is what errors call it.
 
     Raises:
         InvalidValueError: for another shape, something that is no real number, or NaN or infinity.
@@ -71,11 +69,11 @@ def _clip(values):  # pragma: no cover
     return True
 
 
-def gait_spaces() -> tuple[Any, Any]:
-    """Observation space and action space of a gait environment."""
+def spaces_of(episodes: GaitEpisodes) -> tuple[Any, Any]:
+    """Observation space and action space of one robot of such episodes."""
     return (
-        spaces.Box(-np.inf, np.inf, (OBSERVATION_SIZE,), np.float64),
-        spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32),
+        spaces.Box(-np.inf, np.inf, (episodes.observation_size,), np.float64),
+        spaces.Box(-1.0, 1.0, (episodes.action_size,), np.float32),
     )
 
 
@@ -135,7 +133,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.preset, self.double_support = episodes.preset, episodes.double_support
         self.dt = 1.0 / episodes.control_hz  # planning period [s]
         self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
-        self.observation_space, self.action_space = gait_spaces()
+        self.observation_space, self.action_space = spaces_of(episodes)
         self._info = InfoReader(episodes)
         self.scenario: Scenario | None = None
         self._picture: Any = None  # what `render` draws with
@@ -161,19 +159,20 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self._ended = False
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), self._info.of_robot(0, np.zeros(len(REWARD_TERMS)))
+        terms = np.zeros(len(self.episodes.reward_terms))
+        return self.episodes.seen[0].copy(), self._info.of_robot(0, terms)
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One planning period under a gait action (7,) in [-1, 1]; entries outside are clipped."""
+        """One planning period under an action in [-1, 1]; entries outside are clipped."""
         if self.scenario is None or self._ended:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
-        period = self.episodes.step(check_action(action)[None])
+        period = self.episodes.step(check_action(action, shape=(self.episodes.action_size,))[None])
         terminated, truncated = period.failed.item(0), period.truncated.item(0)
         self._ended = terminated or truncated
         info = self._info.of_robot(0, period.reward.terms[0])
         if self.render_mode == "human":
             self.render()
-        return self.core.observation[0].copy(), period.reward.total.item(0), terminated, truncated, info
+        return self.episodes.seen[0].copy(), period.reward.total.item(0), terminated, truncated, info
 
     def state_snapshot(self) -> RobotSnapshot:
         """The whole state of the robot in mid-episode, which `restore` puts back.

@@ -15,6 +15,7 @@ from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
 from ...controllers.model.nominal_start import nominal_start
+from ...controllers.model.observation import OBSERVATION_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.presets import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind
@@ -58,6 +59,9 @@ class GaitEpisodes(ABC, Generic[C]):
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
     turns: ClassVar[bool] = True  # whether it can be told to turn
     name: ClassVar[str]  # of the environment, for errors
+    observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
+    action_size: ClassVar[int] = GAIT_SIZE
+    reward_terms: ClassVar[tuple[str, ...]] = REWARD_TERMS
     profile: Profile = EXACT  # of the robots in scenarios that are drawn
     core: C
 
@@ -106,6 +110,15 @@ class GaitEpisodes(ABC, Generic[C]):
     @abstractmethod
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
+
+    @property
+    def seen(self) -> Array:
+        """What policies see, (n, observation_size); the array of the moment, written in place."""
+        return self.core.observation
+
+    def told_of_planner(self) -> dict[str, tuple[NDArray[Any], Mask]]:
+        """What `info` tells of a planner within: key -> values (n, ...), and which robots (n,) have one."""
+        return {}
 
     @abstractmethod
     def failure(self) -> Ints:

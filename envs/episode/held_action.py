@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, shown
 from .episodes import GaitEpisodes
-from .reward import REWARD_TERMS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,7 +19,7 @@ class Held(NamedTuple):
     """What came of a held action for n robots, each up to the end of its episode."""
 
     reward: Array  # (n,) summed over the periods
-    terms: Array  # (n, 7) of it
+    terms: Array  # (n, terms) of it, in the order of the episodes' reward_terms
     failed: Mask  # (n,)
     truncated: Mask  # (n,)
 
@@ -50,13 +49,13 @@ def hold_action(
         episodes: of n robots.
         live: (n,) whose episodes count; the core moves the others, too.
         periods: for which the action is held.
-        act: gait actions (n, 7) of a period, given which robots (n,) are still in their episode.
+        act: actions (n, action_size) of a period, given which robots (n,) are still in their episode.
         at_end: called with the robots (n,) whose episode ended in a period, how many periods were left of
             the action, and what has come of it so far: the core goes on with them.
         watch: called after every period.
     """
-    n, live = episodes.n, live.copy()
-    held = Held(np.zeros(n), np.zeros((n, len(REWARD_TERMS))), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    n, terms, live = episodes.n, len(episodes.reward_terms), live.copy()
+    held = Held(np.zeros(n), np.zeros((n, terms)), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
     for left in reversed(range(periods)):
         period = episodes.step(act(live))
         if watch is not None:

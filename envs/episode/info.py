@@ -6,6 +6,7 @@ a value other than None. Both are made from the same rows (`told`).
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from ..scenario.push import SIDES, Push
 from ..scenario.scenario import Scenario
 from .episodes import GaitEpisodes
-from .reward import REWARD_TERMS
 from .told import CMP, COP, DCM, FAILURE, LOADED, MARGIN, PHASE, PUSH, PUSH_START, RECOVERED_AT, SIDE, TIME
 
 Array = NDArray[np.float64]
@@ -120,10 +120,11 @@ class InfoReader:
         self._pushes.assign(k, scenario, self._episodes.robot.mass)
 
     def of_robot(self, k: int, terms: Array) -> Info:
-        """Info of robot k, with its reward terms (7,); the arrays are the caller's."""
+        """Info of robot k, with its reward terms; the arrays are the caller's."""
         row = self._episodes.told()[k]
         values = row.tolist()
         left, right = values[LOADED]
+        planner = self._episodes.told_of_planner().items()
         return {
             "scenario_id": self._ids[k],
             "time": values[TIME],
@@ -133,15 +134,16 @@ class InfoReader:
             "stance_side": SIDES[int(values[SIDE])],
             "failure_reason": self._reasons[int(values[FAILURE])],
             "recovered_at": number_or_none(values[RECOVERED_AT]),
-            "reward_terms": dict(zip(REWARD_TERMS, terms.tolist(), strict=True)),
+            "reward_terms": dict(zip(self._episodes.reward_terms, terms.tolist(), strict=True)),
             "dcm": row[DCM],
             "cop": row[COP],
             "cmp": row[CMP],
             "contacts": {LEFT: left > 0.0, RIGHT: right > 0.0},
+            **{key: copy.copy(rows[k]) for key, (rows, known) in planner if known[k]},
         }
 
     def of_robots(self, rows: Mask, terms: Array) -> Info:
-        """Info of the robots `rows` (n,), with the reward terms (n, 7); the arrays are the caller's."""
+        """Info of the robots `rows` (n,), with the reward terms (n, terms); the arrays are the caller's."""
         told, info = self._episodes.told(), {}
         push, pushed = self._pushes.of_robots(told, rows)
         failure, recovered_at = told[:, FAILURE].astype(np.int64), told[:, RECOVERED_AT]
@@ -153,11 +155,13 @@ class InfoReader:
         put(info, "stance_side", self._sides[told[:, SIDE].astype(np.int64)], rows.copy())
         put(info, "failure_reason", self._reasons[failure], rows & (failure != 0))
         put(info, "recovered_at", recovered_at, rows & ~np.isnan(recovered_at))
-        put(info, "reward_terms", _columns(REWARD_TERMS, terms, rows), rows.copy())
+        put(info, "reward_terms", _columns(self._episodes.reward_terms, terms, rows), rows.copy())
         put(info, "dcm", told[:, DCM], rows.copy())
         put(info, "cop", told[:, COP], rows.copy())
         put(info, "cmp", told[:, CMP], rows.copy())
         put(info, "contacts", _columns(SIDES, told[:, LOADED] > 0.0, rows), rows.copy())
+        for key, (values, known) in self._episodes.told_of_planner().items():
+            put(info, key, values.copy(), rows & known)
         return info
 
 

@@ -13,17 +13,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot.robot_snapshot import RobotSnapshot
 from .core import Core
-from .env import check_action, check_push_distribution, check_scenario, gait_spaces
+from .env import check_action, check_push_distribution, check_scenario, spaces_of
 from .episodes import GaitEpisodes
 from .held_action import Held, check_hold, hold_action
 from .info import Info, InfoReader, overwrite
-from .reward import REWARD_TERMS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,7 +55,7 @@ class Ended(NamedTuple):
     """Robots whose episode ended within a held action, as they were then."""
 
     rows: Mask  # (n,)
-    observation: Array  # (n, 36)
+    observation: Array  # (n, observation_size)
     info: Info
 
 
@@ -102,7 +100,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         self.core: Core = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
         self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
-        spaces = self.single_observation_space, self.single_action_space = gait_spaces()
+        spaces = self.single_observation_space, self.single_action_space = spaces_of(episodes)
         self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
         self._info = InfoReader(episodes)
         self._rngs: list[np.random.Generator | None] = [None] * self.num_envs
@@ -126,12 +124,12 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             if seeds[k] is not None or self._rngs[k] is None:
                 self._rngs[k], self._seeds[k] = seeding.np_random(seeds[k])
             self._begin(k, scenarios[k])
-        return self._look(rows, np.zeros((self.num_envs, len(REWARD_TERMS))))
+        return self._look(rows, np.zeros((self.num_envs, len(self.episodes.reward_terms))))
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Mask, Mask, Info]:
-        """One planning period (`hold` of them) under gait actions (n, 7) in [-1, 1], clipped."""
+        """One planning period (`hold` of them) under actions (n, action_size) in [-1, 1], clipped."""
         due = self._check_ready()
-        checked = check_action(actions, "actions", (self.num_envs, GAIT_SIZE))
+        checked = check_action(actions, "actions", (self.num_envs, self.episodes.action_size))
         ends: list[Ended] = []
 
         def at_end(over: Mask, left: int, held: Held) -> None:
@@ -207,7 +205,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
     # What a residual adds
 
     def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
-        """Gait actions (n, 7) of the actions (n, 7) of the robots that go on."""
+        """Actions of the episodes for the actions of the robots that go on."""
         return actions
 
     def _more_info(self, info: Info, rows: Mask) -> None:
@@ -229,7 +227,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         self._begun[k], self._ended[k] = True, False
 
     def _begin_anew(self, last: Array, terms: Array, ends: Sequence[Ended]) -> tuple[Array, Info]:
-        """Reset at once those that have ended; `last` (n, 36) are the observations before."""
+        """Reset at once those that have ended; `last` are the observations before."""
         ended = self._ended.copy()
         _, final_info = self._look(ended, terms, ends)
         for k in np.flatnonzero(ended).tolist():
@@ -244,7 +242,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
 
     def _look(self, rows: Mask, terms: Array, ends: Sequence[Ended] = ()) -> tuple[Array, Info]:
         """Observations (n, 36), and info of the robots `rows` (n,); those of `ends` as they were then."""
-        observation, info = self.core.observation.copy(), self._info.of_robots(rows, terms)
+        observation, info = self.episodes.seen.copy(), self._info.of_robots(rows, terms)
         self._more_info(info, rows)
         for then in ends:
             observation[then.rows] = then.observation[then.rows]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.model.gait_box import GAIT_SIZE
 from ...envs.episode.env import check_action
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.episode.held_action import Held, Mask, hold_action
@@ -24,7 +23,7 @@ class Slots:
 
     Args:
         episodes: of the core; what they held before is lost.
-        rule: what an action means, see `action_rule`; a gait action for one period without it.
+        rule: what an action means, see `action_rule`; an action for one period without it.
         watch: called with the slots after the start of an episode and after every planning period.
     """
 
@@ -32,7 +31,7 @@ class Slots:
         self.episodes, self.n = episodes, episodes.n
         self._rule, self._watch = rule, watch
         self._hold = 1 if rule is None else rule.hold
-        self._actions = np.zeros((episodes.n, GAIT_SIZE), np.float32)
+        self._actions = np.zeros((episodes.n, episodes.action_size), np.float32)
         self._begun = np.zeros(episodes.n, np.bool_)
         self._total = np.zeros(episodes.n)  # reward
         self._ends: dict[int, Ending] = {}  # by slot; without the reward of the held action
@@ -56,8 +55,8 @@ class Slots:
         self.episodes.failure()[k] = 1
 
     def observe(self, rows: Ints) -> NDArray[np.float64]:
-        """Observations (len(rows), 36)."""
-        return self.episodes.core.observation[rows]
+        """Observations (len(rows), observation_size)."""
+        return self.episodes.seen[rows]
 
     def step(self, rows: Ints, actions: Any) -> list[int]:
         """One action of the episodes in `rows`, for as long as it is held; returns the slots that ended.
@@ -65,7 +64,7 @@ class Slots:
         Raises:
             InvalidValueError: actions of another shape or not finite.
         """
-        held = check_action(actions, "actions", (len(rows), GAIT_SIZE))
+        held = check_action(actions, "actions", (len(rows), self.episodes.action_size))
         live = np.zeros(self.n, np.bool_)
         live[rows] = True
 

@@ -11,6 +11,7 @@ class Counting:
 
     def __init__(self, ends):
         self.n, self.ends, self.periods, self.actions = 3, np.array(ends), 0, []
+        self.reward_terms = tuple("abcdefg")
 
     def step(self, actions):
         self.periods += 1
