@@ -38,6 +38,7 @@ ROOMS = (
     Room("envs/episode", "start, reward, end", 2.7, 1.9),
     Room("envs/pendulum", "the theory's model", 5.4, 1.9),
     Room("training", "PPO", 8.1, 1.9),
+    Room("envs/joint", "actions on the joints", 10.8, 1.9),
     Room("eval/rollout", "outcomes", 0.0, 0.4),
     Room("eval/score", "suites, statistics", 2.7, 0.4),
     Room("eval/frontier", "largest push, F*", 5.4, 0.4),
@@ -46,7 +47,8 @@ ROOMS = (
 )
 BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled.\n"
+    "settings (presets), solvers, compiled; joints (PD control, proprioception).
+"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: output (rows, tables), api (Python "
     "functions), bench, tuning, ceiling, reproduction."
 )
@@ -70,6 +72,7 @@ FLOW = (  # from, to, what goes along
     ("eval/frontier", "eval/sensitivity", ""),
     ("eval/sensitivity", "eval/cli", "report"),
     ("training", "envs/residual", "learned action"),
+    ("training", "envs/joint", ""),
 )
 
 

@@ -24,6 +24,7 @@ ROOMS = (
     "controllers.policies",
     "controllers.whole_body",
     "controllers.estimation",
+    "controllers.joints",
     "envs",
     "envs.scenario",
     "envs.physics",
@@ -37,6 +38,7 @@ ROOMS = (
     "envs.biped.plant",  # body and floor as they are
     "envs.biped",
     "envs.residual",
+    "envs.joint",
     "eval",
     "eval.processes",
     "eval.output",

@@ -80,8 +80,8 @@ def _converted(values: NDArray[Any]) -> NDArray[np.float64]:
         raise InvalidValueError(f"observation is not an array of real numbers: {error}") from None
 
 
-def as_batch(observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
-    """Observations as (n, 36) float64, and whether it was a single one.
+def as_batch(observation: ArrayLike, size: int = OBSERVATION_SIZE) -> tuple[NDArray[np.float64], bool]:
+    """Observations as (n, size) float64, and whether it was a single one.
 
     Raises:
         InvalidValueError: for another shape or something that is no real number.
@@ -91,9 +91,8 @@ def as_batch(observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     batch = batch[None] if single else batch
     if not batch.flags.writeable:  # compiled code would be compiled once more for it
         batch = batch.copy()
-    if batch.ndim != 2 or batch.shape[1] != OBSERVATION_SIZE:
+    if batch.ndim != 2 or batch.shape[1] != size:
         raise InvalidValueError(
-            f"observation must have shape ({OBSERVATION_SIZE},) or (n, {OBSERVATION_SIZE}), "
-            f"got {np.shape(observation)}"
+            f"observation must have shape ({size},) or (n, {size}), got {np.shape(observation)}"
         )
     return batch, single

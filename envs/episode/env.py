@@ -205,7 +205,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.scenario = snapshot.scenario if scenario is None else scenario
         self._info.begin(0, self.scenario)
         self._ended = False
-        return self.core.observation[0].copy(), self._info.of_robot(0, np.zeros(len(REWARD_TERMS)))
+        terms = np.zeros(len(self.episodes.reward_terms))
+        return self.episodes.seen[0].copy(), self._info.of_robot(0, terms)
 
     def __copy__(self) -> Self:
         """A copy shares nothing with its original, or is refused (a biped's)."""

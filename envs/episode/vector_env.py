@@ -186,7 +186,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             self.episodes.restore(k, one, way)
             self._note_begin(k, one.scenario if way is None else way)
             changed[k] = True
-        return self._look(changed, np.zeros((self.num_envs, len(REWARD_TERMS))))
+        return self._look(changed, np.zeros((self.num_envs, len(self.episodes.reward_terms))))
 
     @property
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]

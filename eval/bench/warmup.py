@@ -13,7 +13,7 @@ from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Command, Scenario
 from ..rollout.batch import rollout_all
 from ..rollout.environments import env_ids, make_env
-from ..rollout.load_policy import acts_on_residual, make_policy
+from ..rollout.load_policy import acts_on_joints, acts_on_residual, make_policy
 from ..rollout.one import rollout
 
 DOUBLE_SUPPORT = "PushRecovery/Pendulum-v0@double-support"
@@ -56,8 +56,9 @@ def arms(name: str) -> list[str]:
 def _run(name: str) -> None:
     env = make_env(name)
     try:
-        if acts_on_residual(env):
-            policy = RandomPolicy()  # gives residuals as well; no arm does
+        if acts_on_residual(env) or acts_on_joints(env):
+            # random actions may be residuals and targets as well; no arm gives those
+            policy = make_policy("random", env) if acts_on_joints(env) else RandomPolicy()
             rollout(env, policy, WALK, "random")
             rollout_all(env, policy, [WALK] * ROBOTS, "random", ROBOTS)
             return

@@ -9,6 +9,7 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file
+from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.network import NetworkPolicy
 from .names import DEFAULT_ENV
@@ -46,7 +47,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
     Raises:
         UnknownNameError: no such name; lists the valid ones.
-        InvalidValueError: the environment has no gait, or takes residuals.
+        InvalidValueError: the environment has no gait, takes residuals, or actions on the joints.
     """
     from ...controllers.policies.arms import make_policy as make_analytic
 
@@ -56,12 +57,26 @@ def make_policy(name: str, env: Any) -> Policy:
     unwrapped: Any = getattr(env, "unwrapped", env)
     if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(unwrapped, part)]:
         raise InvalidValueError(f"policy {name!r} needs a gait environment; {env} has no {', '.join(lacks)}")
+    if acts_on_joints(env):
+        return _random_joints(name, unwrapped.episodes)
     if acts_on_residual(env):
         raise InvalidValueError(
             f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
             f"environment below, such as {DEFAULT_ENV}"
         )
     return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
+
+
+def _random_joints(name: str, episodes: Any) -> Policy:
+    """The one analytic policy that acts on joints."""
+    from ...controllers.policies.random import RandomPolicy
+
+    if name != "random":
+        raise InvalidValueError(
+            f"policy {name!r} gives gait actions, but {episodes.name} takes {episodes.action_size} of the "
+            f"joints; score it on {DEFAULT_ENV}, and here random, {' or '.join(FORMS)}"
+        )
+    return RandomPolicy(name, episodes.observation_size, episodes.action_size)
 
 
 def policy_names() -> tuple[str, ...]:
@@ -94,6 +109,12 @@ def acts_on_residual(env: Any) -> bool:
             return True
         layer = layer.env
     return False
+
+
+def acts_on_joints(env: Any) -> bool:
+    """Whether the actions of an environment are those of joints instead of a gait."""
+    episodes = getattr(getattr(env, "unwrapped", env), "episodes", None)
+    return getattr(episodes, "action_size", GAIT_SIZE) != GAIT_SIZE
 
 
 def _refuse_archive(name: str) -> None:

@@ -97,3 +97,13 @@ register(
     entry_point="push_recovery.envs.residual.wrapper:make_biped_residual",
     vector_entry_point="push_recovery.envs.residual.vector_env:make_biped_residual_vector",
 )
+register(
+    id="PushRecovery/BipedJoint-v0",
+    entry_point="push_recovery.envs.joint.env:BipedJointEnv",
+    vector_entry_point="push_recovery.envs.joint.env:make_biped_joint_vector",
+)
+register(
+    id="PushRecovery/BipedJointResidual-v0",
+    entry_point="push_recovery.envs.joint.env:BipedJointResidualEnv",
+    vector_entry_point="push_recovery.envs.joint.env:make_biped_joint_residual_vector",
+)

@@ -7,12 +7,14 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers.joints.canonical import JOINT_NAMES, own_joint
+from push_recovery.controllers.joints.observation import JOINT_OBSERVATION_NAMES
 from push_recovery.controllers.model.gait_box import GAIT_NAMES
 from push_recovery.controllers.model.observation import OBSERVATION_NAMES
 from push_recovery.controllers.policies.residual import default_residual_scale
 from push_recovery.controllers.whole_body import gait_machine as biped_gait
 from push_recovery.envs.biped.env import BipedEnv
-from push_recovery.envs.episode.reward import REWARD_TERMS
+from push_recovery.envs.joint.env import BipedJointEnv, BipedJointResidualEnv
 from push_recovery.envs.pendulum import dynamics as pendulum_dynamics
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.residual.wrapper import make_biped_residual
@@ -20,7 +22,24 @@ from push_recovery.envs.residual.wrapper import make_biped_residual
 import push_recovery  # noqa: F401
 
 DOCS = Path(__file__).parents[3] / "docs"
-PAGES = {"Pendulum": "pendulum", "Biped": "biped", "BipedResidual": "biped_residual"}
+PAGES = {
+    "Pendulum": "pendulum",
+    "Biped": "biped",
+    "BipedResidual": "biped_residual",
+    "BipedJoint": "biped_joint",
+    "BipedJointResidual": "biped_joint_residual",
+}
+SEEN = {
+    "BipedJoint": JOINT_OBSERVATION_NAMES,
+    "BipedJointResidual": OBSERVATION_NAMES + JOINT_OBSERVATION_NAMES,
+}
+BUILDERS = {
+    "Pendulum": PendulumEnv,
+    "Biped": BipedEnv,
+    "BipedResidual": make_biped_residual,
+    "BipedJoint": BipedJointEnv,
+    "BipedJointResidual": BipedJointResidualEnv,
+}
 
 
 def section(name, title):
@@ -49,6 +68,9 @@ def test_action_table(env):
     name, made = env
     limits = made.unwrapped.limits
     table = rows(name, "Action space")
+    if "Joint" in name:
+        check_joint_table(name, made.unwrapped.core.joints, table)
+        return
     assert [cells[1].strip("`") for cells in table] == list(GAIT_NAMES)
     bounds = np.array([[float(cells[3]), float(cells[4])] for cells in table])
     np.testing.assert_allclose(bounds, np.stack([limits.low, limits.high], axis=1), rtol=1e-5)
@@ -57,10 +79,21 @@ def test_action_table(env):
         np.testing.assert_allclose([float(cells[2]) for cells in table], adds, rtol=2e-3)
 
 
+def check_joint_table(name, joints, table):
+    assert [(int(cells[0]), cells[1].strip("`")) for cells in table] == list(enumerate(JOINT_NAMES))
+    numbers = np.array([[float(cell) for cell in cells[3:]] for cells in table]).T
+    order = [own_joint(c, 1) for c in range(14)]
+    constants = joints.posture, joints.stiffness, joints.damping, joints.largest
+    expected = constants if name == "BipedJoint" else (joints.reach, joints.largest)
+    for column, values in zip(numbers, expected, strict=True):
+        np.testing.assert_allclose(column, values[order], rtol=6e-3, atol=1e-9)
+
+
 def test_observation_table(env):
     name, made = env
     table = rows(name, "Observation space")
-    assert [(int(cells[0]), cells[1].strip("`")) for cells in table] == list(enumerate(OBSERVATION_NAMES))
+    expected = list(enumerate(SEEN.get(name, OBSERVATION_NAMES)))
+    assert [(int(cells[0]), cells[1].strip("`")) for cells in table] == expected
     observation, _ = made.reset(seed=3)
     for _ in range(20):
         observation, *_ = made.step(made.action_space.sample() * 0)
@@ -71,12 +104,12 @@ def test_observation_table(env):
 
 def test_reward_terms_reasons_and_info(env):
     name, made = env
-    assert [names(cells)[0] for cells in rows(name, "Rewards")] == list(REWARD_TERMS)
+    assert [names(cells)[0] for cells in rows(name, "Rewards")] == list(made.unwrapped.episodes.reward_terms)
     ends = {names(cells)[0] for cells in rows(name, "Episode end") if names(cells)}
     failures = pendulum_dynamics.FAILURES if name == "Pendulum" else biped_gait.FAILURES
     assert ends == set(failures) - {""}
     made.reset(seed=0)
-    info = made.step(np.zeros(7, np.float32))[4]
+    info = made.step(np.zeros(made.action_space.shape, np.float32))[4]
     stated = [key for cells in rows(name, "Info") for key in names(cells)]
     assert sorted(stated) == sorted(info)
     push = next(cells for cells in rows(name, "Info") if cells[0] == "`push`")[1]
@@ -86,8 +119,9 @@ def test_reward_terms_reasons_and_info(env):
 def test_arguments(env):
     name, _ = env
     biped = dict(inspect.signature(BipedEnv).parameters)
-    builder = {"Pendulum": PendulumEnv, "Biped": BipedEnv, "BipedResidual": make_biped_residual}[name]
-    expected = {k: p for k, p in inspect.signature(builder).parameters.items() if p.kind is not p.VAR_KEYWORD}
+    expected = {
+        k: p for k, p in inspect.signature(BUILDERS[name]).parameters.items() if p.kind is not p.VAR_KEYWORD
+    }
     if name == "BipedResidual":
         expected = {**biped, **expected}
     stated = {names(cells)[0]: cells[1].strip("`") for cells in rows(name, "Arguments")}

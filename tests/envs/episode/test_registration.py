@@ -22,7 +22,8 @@ IDS = sorted(name for name in gym.registry if name.startswith("PushRecovery/"))
 
 
 def test_the_promised_ids_are_there():
-    assert {f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual")} <= set(IDS)
+    names = "Pendulum", "Biped", "BipedResidual", "BipedJoint", "BipedJointResidual"
+    assert {f"PushRecovery/{name}-v0" for name in names} <= set(IDS)
 
 
 @pytest.mark.filterwarnings(
@@ -89,7 +90,7 @@ def test_gymnasiums_video_recorder_takes_the_pictures_at_the_planning_rate(name,
     try:
         recorder.reset(options={"scenario": PUSHED})
         for _ in range(4):
-            recorder.step(np.zeros(7, np.float32))
+            recorder.step(np.zeros(env.action_space.shape, np.float32))
     except RenderError as error:
         pytest.skip(str(error))
     finally:
@@ -116,15 +117,16 @@ def test_vectors_state_their_autoreset_mode_and_start_episodes_anew(name, mode):
     )
     assert vector.metadata["autoreset_mode"] == mode
     observations, _ = vector.reset(seed=1)
-    assert observations.shape == (2, 36)
+    assert observations.shape == vector.observation_space.shape
+    began = -1 if name == "PushRecovery/BipedJoint-v0" else 0  # time in the step, over T or in seconds
     seen, due = np.zeros(2, bool), np.zeros(2, bool)
     for _ in range(400):
-        action = np.zeros((2, 7), np.float32)
+        action = np.zeros(vector.action_space.shape, np.float32)
         observations, rewards, terminated, truncated, _ = vector.step(action)
         assert np.isfinite(observations).all()
         ended = terminated | truncated
         fresh = ended if mode == AutoresetMode.SAME_STEP else due
-        assert not observations[fresh, 0].any()  # the time since the step began
+        assert not observations[fresh, began].any()
         if mode == AutoresetMode.NEXT_STEP:
             assert not rewards[fresh].any()
         due, seen = ended, seen | ended
@@ -143,7 +145,7 @@ def test_robots_of_a_vector_are_those_alone(name):
         assert env.reset(seed=5 + k)[0].tobytes() == together[k].tobytes()
     rng = np.random.default_rng(0)
     for _ in range(15):
-        actions = rng.uniform(-0.2, 0.2, (2, 7)).astype(np.float32)
+        actions = rng.uniform(-0.2, 0.2, vector.action_space.shape).astype(np.float32)
         together = vector.step(actions)[0]
         for k, env in enumerate(alone):
             assert env.step(actions[k])[0].tobytes() == together[k].tobytes()

@@ -1,6 +1,7 @@
 """What is run to compile all kernels, and the command that does it."""
 
 import json
+import re
 
 import pytest
 from push_recovery.controllers.settings.arms import ARMS
@@ -29,7 +30,7 @@ def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monk
     assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
 
 
-@pytest.mark.parametrize("name", [name for name in warmup.names() if "Residual" not in name])
+@pytest.mark.parametrize("name", [name for name in warmup.names() if not re.search("Residual|Joint", name)])
 def test_every_arm_that_is_run_can_be_made(name):
     env = make_env(name)
     for arm in warmup.arms(name):
@@ -39,12 +40,13 @@ def test_every_arm_that_is_run_can_be_made(name):
     assert set(ARMS) - set(warmup.arms(name)) == without
 
 
-def test_residuals_run_alone_and_side_by_side(monkeypatch):
+@pytest.mark.parametrize("name", ["BipedResidual", "BipedJoint", "BipedJointResidual"])
+def test_what_no_arm_acts_in_runs_alone_and_side_by_side(monkeypatch, name):
     done = []
-    for name in ("rollout", "rollout_all"):
-        run = getattr(warmup, name)
-        monkeypatch.setattr(warmup, name, lambda *given, run=run: done.append(run(*given)))
-    warmup._run("PushRecovery/BipedResidual-v0")
+    for call in ("rollout", "rollout_all"):
+        run = getattr(warmup, call)
+        monkeypatch.setattr(warmup, call, lambda *given, run=run: done.append(run(*given)))
+    warmup._run(f"PushRecovery/{name}-v0")
     alone, together = done
     assert alone.policy == "random"
     assert len(list(together)) == warmup.ROBOTS

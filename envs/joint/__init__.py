@@ -1,0 +1,1 @@
+"""The biped under actions on its joints: targets without a planner, or a residual on whole-body control."""
