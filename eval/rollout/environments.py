@@ -14,10 +14,14 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import read_file
+from ...controllers.policies.policy_file import read_policy
 from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
-from .names import NAMESPACE
+from .load_policy import is_policy_file
+from .names import DEFAULT_ENV, NAMESPACE
 from .user_object import import_from_here
+
+ON_JOINTS = ("PushRecovery/BipedJoint-v0", "PushRecovery/BipedJointResidual-v0")  # forms of DEFAULT_ENV
 
 
 def env_ids() -> list[str]:
@@ -98,13 +102,39 @@ def has_own_robot(env: Any, policy: Any) -> bool:
     return load_preset(biped.preset).has_own_robot(policy)
 
 
+def own_form(policy: Any, env_id: str) -> str | None:
+    """The form of the biped's environment whose actions a policy file gives, where that is another one.
+
+    Robot, pushes and judgement are the same there, so its rows stand beside those of `env_id`.
+    """
+    name = EnvName.parse(env_id)
+    if not (isinstance(policy, str) and name.id == DEFAULT_ENV and is_policy_file(policy)):
+        return None
+    form = read_policy(policy)[2].env_id
+    if form not in ON_JOINTS:
+        return None
+    return f"{form}@{name.preset}" if name.preset else form
+
+
+def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None:
+    """An environment for this policy alone, beside the one of an id; None where it acts in that.
+
+    It has the robot that the policy walks, or takes the actions that it gives.
+    """
+    if has_own_robot(env, policy):
+        return make_env(env_id, arm=policy, **kwargs)
+    form = own_form(policy, env_id)
+    return None if form is None else make_env(form, **kwargs)
+
+
 def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
-    """`make_env` with the robot that a policy walks, where the preset has one of its own for it."""
+    """`make_env`, or the `own_env` of a policy where it has one."""
     env = make_env(env_id, **kwargs)
-    if not has_own_robot(env, policy):
+    own = own_env(env, env_id, policy, **kwargs)
+    if own is None:
         return env
     env.close()
-    return make_env(env_id, arm=policy, **kwargs)
+    return own
 
 
 def preset_digest(env_id: str) -> dict[str, str]:

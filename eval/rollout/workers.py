@@ -13,7 +13,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..processes.pool import WorkerPool
 from .batch import batch_episodes, plans_batches, rollout_batch
-from .environments import has_own_robot, make_env
+from .environments import make_env, own_env
 from .one import rollout
 from .outcome import Outcome
 from .policy_source import PolicySource, Sources
@@ -44,7 +44,8 @@ class Place:
 class Runner:
     """Runs jobs in one environment, making it and its policies once.
 
-    A policy that has a robot of its own in the environment's preset acts in an environment with that one.
+    A policy that has a robot of its own in the environment's preset, or that acts on the joints of the same
+    robot, acts in an environment of its own.
 
     Args:
         env_id: environment.
@@ -62,8 +63,9 @@ class Runner:
         """The policy of this label, made on first use."""
         if name not in self._policies:
             source = self._sources.get(name) or PolicySource(name, name)
-            if has_own_robot(self.env, source.origin):
-                self._own[name] = Place(make_env(self._env_id, arm=source.origin))
+            own = own_env(self.env, self._env_id, source.origin)
+            if own is not None:
+                self._own[name] = Place(own)
             self._policies[name] = source.load(self._place(name).env)
         return self._policies[name]
 
