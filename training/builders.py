@@ -19,6 +19,7 @@ from ..envs.residual.vector_env import ResidualVectorEnv
 from ..envs.residual.wrapper import ResidualAction
 from ..eval.rollout import environments
 from ..eval.rollout.batch import batch_episodes
+from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
 from ..eval.rollout.wrapped_action import action_rule
 from .gated_ppo import GatedPPO, GateNormalize
@@ -60,6 +61,12 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     env = make_plain_env(settings.env_id)
     if hasattr(env.unwrapped, "push_distribution"):
         env.unwrapped.push_distribution = settings.pushes  # type: ignore[attr-defined]
+    if acts_on_joints(env) != settings.on_joints:
+        kinds = ("residual", "scratch") if settings.on_joints else ("joint", "joint-residual")
+        raise InvalidValueError(
+            f"{settings.env_id} does not take the actions of the kind {settings.kind!r}; choose from: "
+            f"{', '.join(kinds)}"
+        )
     if settings.residual:
         if find_residual(env) is not None:
             raise InvalidValueError(

@@ -29,7 +29,8 @@ class Train(Options):
 
     settings: Annotated[TrainingSettings, arg(name="")] = DEFAULTS
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint=f"(default: {DEFAULTS.env_id})")] = None
-    """Plain environment id: a residual is learned on top of it, not on a residual id."""
+    """Plain environment id: a residual is learned on top of it, not on a residual id. Of the biped's, the
+    kinds joint and joint-residual take the form whose actions are those of joints."""
     out: Directory = None
     """Policy, checkpoints and logs (default: under runs/)."""
     resume: Directory = None
@@ -96,7 +97,7 @@ class Train(Options):
             return settings.scale
         if not settings.residual:
             raise InvalidValueError(
-                "--scale belongs to `train residual`; from scratch the network acts alone"
+                f"--scale belongs to `train residual`, which corrects gait actions, not to {settings.kind!r}"
             )
         from .builders import make_plain_env
 

@@ -13,11 +13,23 @@ from ..controllers.policies.residual import check_residual_scale
 from ..controllers.policies.residual_gate import check_gate
 from ..envs.scenario.push_distribution import PushDistribution
 
-KINDS = ("residual", "scratch")
-# A residual run wraps the gait environment itself, so that the policy also scores on the plain one.
-PLAIN_ENV = {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"}
-# Initial log-std of the action: the step's duration bears the least noise, the CoP the most.
-LOG_STD = {"residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5), "scratch": (-1.0,)}
+KINDS = ("residual", "scratch", "joint", "joint-residual")
+# The environment of a kind, in place of another one of the same robot. A residual run wraps the gait
+# environment itself, so that the policy also scores on the plain one.
+ENV_OF_KIND = {
+    "residual": {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"},
+    "scratch": {},
+    "joint": {"PushRecovery/Biped-v0": "PushRecovery/BipedJoint-v0"},
+    "joint-residual": {"PushRecovery/Biped-v0": "PushRecovery/BipedJointResidual-v0"},
+}
+# Initial log-std of the action: the step's duration bears the least noise, the CoP the most. Of joints it is
+# about 0.2 rad, or 0.2 of the residual's scale.
+LOG_STD = {
+    "residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5),
+    "scratch": (-1.0,),
+    "joint": (-1.5,),
+    "joint-residual": (-1.5,),
+}
 # Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
 TRAINING_PUSHES = PushDistribution(impulse_min=30.0, impulse_max=80.0, first_step=0, settle_time=2.0)
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
@@ -32,8 +44,9 @@ class TrainingSettings:
     marked Suppress the command line gives in another form (`--env`, `--scale`) or not at all.
     """
 
-    kind: Positional[Literal["residual", "scratch"]] = "residual"
-    """residual: on top of `policy`; scratch: the network acts alone"""
+    kind: Positional[Literal["residual", "scratch", "joint", "joint-residual"]] = "residual"
+    """residual: on top of `policy`; scratch: the network acts alone, in the same action space; joint: alone,
+    on joint targets; joint-residual: on the joint torques of two-stage and whole-body control"""
     env_id: Suppress[str] = "PushRecovery/Biped-v0"
     timesteps: int = 1_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
     seed: int = 0  # of weights, exploration and pushes
@@ -97,11 +110,13 @@ class TrainingSettings:
             self._check(name, all(isinstance(n, int) and n >= 1 for n in layers), "widths >= 1")
             object.__setattr__(self, name, layers)
         env_id = self.env_id.removeprefix("push_recovery:")
-        object.__setattr__(self, "env_id", PLAIN_ENV.get(env_id, env_id) if self.residual else env_id)
+        object.__setattr__(self, "env_id", ENV_OF_KIND[self.kind].get(env_id, env_id))
+        if self.kind == "joint-residual" and self.policy != "two-stage":
+            raise InvalidValueError(f"a joint residual corrects two-stage, not {self.policy!r}")
         if self.scale is not None:
             if not self.residual:
                 raise InvalidValueError(
-                    "a scale belongs to residual training; from scratch the network acts alone"
+                    f"a scale belongs to residual training, which corrects gait actions, not to {self.kind!r}"
                 )
             object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
 
@@ -113,8 +128,13 @@ class TrainingSettings:
 
     @property
     def residual(self) -> bool:
-        """Whether the network corrects a policy."""
+        """Whether the network corrects a policy's gait actions."""
         return self.kind == "residual"
+
+    @property
+    def on_joints(self) -> bool:
+        """Whether the environment takes actions of the joints."""
+        return self.kind in {"joint", "joint-residual"}
 
     @property
     def initial_log_std(self) -> tuple[float, ...]:

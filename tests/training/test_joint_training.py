@@ -1,0 +1,79 @@
+"""Training on the joints: the kinds, their environments, and a short run to a policy that is scored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.rollout.batch import rollout_all
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.training.builders import make_env as make_training_env
+from push_recovery.training.builders import make_vec_env
+from push_recovery.training.ppo import train
+from push_recovery.training.sb3_vec_env import SB3VecEnv
+from push_recovery.training.settings import TrainingSettings
+
+ENVS = {"joint": "PushRecovery/BipedJoint-v0", "joint-residual": "PushRecovery/BipedJointResidual-v0"}
+SHORT = TrainingSettings(
+    kind="joint", timesteps=16, n_envs=2, n_steps=8, policy_layers=(8,), value_layers=(8,),
+    evaluation_scenarios=1,
+)  # fmt: skip
+WALK = Scenario("walk", duration=0.3)
+
+
+@pytest.mark.parametrize("kind", ENVS)
+def test_a_kind_takes_its_own_environment_of_the_biped(kind):
+    settings = TrainingSettings(kind=kind)
+    assert settings.env_id == ENVS[kind]
+    assert replace(settings, seed=1) == TrainingSettings(kind=kind, seed=1)
+    assert TrainingSettings.from_json(settings.to_json()) == settings
+
+
+@pytest.mark.parametrize(
+    ("kind", "env_id", "choices"),
+    [
+        ("joint", "PushRecovery/Pendulum-v0", "residual, scratch"),
+        ("scratch", "PushRecovery/BipedJoint-v0", "joint, joint-residual"),
+        ("residual", "PushRecovery/BipedJoint-v0", "joint, joint-residual"),
+    ],
+)
+def test_an_environment_of_other_actions_is_refused(kind, env_id, choices):
+    with pytest.raises(InvalidValueError, match=f"{kind}'; choose from: {choices}"):
+        make_training_env(TrainingSettings(kind=kind, env_id=env_id))
+
+
+def test_what_belongs_to_gait_residuals_is_refused():
+    with pytest.raises(InvalidValueError, match="residual training"):
+        TrainingSettings(kind="joint", scale=(0.5,) * 7)
+    with pytest.raises(InvalidValueError, match="corrects two-stage, not 'stage-1'"):
+        TrainingSettings(kind="joint-residual", policy="stage-1")
+
+
+@pytest.mark.parametrize(("kind", "sizes"), [("joint", (58, 14)), ("joint-residual", (94, 14))])
+def test_a_short_run_leaves_a_policy_that_is_scored_where_it_acts(tmp_path, kind, sizes):
+    result = train(replace(SHORT, kind=kind, env_id=ENVS[kind]), tmp_path / "run")
+    policy = NetworkPolicy.load(result.policy)
+    assert (policy.observation_size, policy.action_size) == sizes
+    assert policy.description.env_id == ENVS[kind]
+    assert policy.description.residual is None
+    env = make_env(ENVS[kind])
+    alone, together = (
+        rollout_all(env, load_policy(str(result.policy), env), [WALK] * n, "mine", n)[0] for n in (1, 2)
+    )
+    assert alone == together
+    assert alone.env_steps == 30
+    with pytest.raises(InvalidValueError, match="was made for"):
+        load_policy(str(result.policy), make_env("PushRecovery/Biped-v0"))
+
+
+def test_robots_of_a_run_share_one_native_environment():
+    venv = make_vec_env(replace(SHORT, kind="joint-residual", env_id=ENVS["joint-residual"]), 0)
+    inner = venv.unwrapped
+    assert isinstance(inner, SB3VecEnv)
+    assert venv.reset().shape == (2, 94)
+    _, rewards, _, _ = venv.step(np.zeros((2, 14), np.float32))
+    assert np.isfinite(rewards).all()
+    venv.close()
