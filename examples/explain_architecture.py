@@ -47,8 +47,7 @@ ROOMS = (
 )
 BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled; joints (PD control, proprioception).
-"
+    "settings (presets), solvers, compiled; joints (PD control, proprioception).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: output (rows, tables), api (Python "
     "functions), bench, tuning, ceiling, reproduction."
 )

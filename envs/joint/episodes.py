@@ -14,7 +14,7 @@ from ...controllers.whole_body.kinematics import NU
 from ..biped.core import BipedCore
 from ..biped.env import BipedEpisodes
 from ..biped.robots.description import RobotDescription
-from ..episode.episodes import Array, Mask, Period
+from ..episode.episodes import Array, GaitEpisodes, Mask, Period
 from ..episode.period_end import end_period
 from ..episode.reward import Reward
 from ..scenario.scenario import Scenario
@@ -33,6 +33,7 @@ class JointEpisodes(BipedEpisodes):
     observation_size: ClassVar[int] = JointCore.observation_size
     action_size: ClassVar[int] = NU
     reward_terms: ClassVar[tuple[str, ...]] = JOINT_REWARD_TERMS
+    _made_for = GaitEpisodes._made_for  # what is asked of the joints is in no snapshot
 
     def __init__(self, n: int, *args: Any, **kwargs: Any):
         super().__init__(n, *args, **kwargs)
@@ -82,6 +83,7 @@ class JointResidualEpisodes(BipedEpisodes):
     core: JointResidualCore
     observation_size: ClassVar[int] = JointResidualCore.observation_size
     action_size: ClassVar[int] = NU
+    _made_for = GaitEpisodes._made_for  # what is asked of the joints is in no snapshot
 
     def __init__(
         self,
