@@ -76,7 +76,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
         """Episodes of n such bipeds."""
         own = self.description, self.profile.name, self.core.senses.forced, self.arm
-        return BipedEpisodes(n, self.preset, self.control_hz, threads, *own)
+        return type(self)(n, self.preset, self.control_hz, threads, *own)
 
     def _arrays(self, k: int) -> Arrays:
         onboard = bool(self.core.senses.of(k))
@@ -120,6 +120,8 @@ class BipedEnv(GaitEnv):
     The robot's own gait limits are narrower than the paper's where its legs are: see `BIPED_LIMITS`.
     """
 
+    episodes_of: ClassVar[type[BipedEpisodes]] = BipedEpisodes
+
     def __init__(
         self,
         render_mode: str | None = None,
@@ -146,7 +148,7 @@ class BipedEnv(GaitEnv):
                 robot's own sensors tell ("onboard"); None: what the scenario says.
             arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).
         """
-        episodes = BipedEpisodes(1, preset, control_hz, 1, robot, profile, sensing, arm)
+        episodes = self.episodes_of(1, preset, control_hz, 1, robot, profile, sensing, arm)
         super().__init__(episodes, render_mode, push_distribution)
         self.arm = arm
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
-from ..biped.env import BipedEnv
+from ..biped.env import BipedEnv, BipedEpisodes
 from ..biped.robots.description import RobotDescription
 from ..episode.env import GaitEnv
 from ..episode.vector_env import GaitVectorEnv
@@ -13,34 +13,13 @@ from .episodes import DEFAULT_SCALE, JointEpisodes, JointResidualEpisodes
 
 
 class BipedJointEnv(BipedEnv):
-    """The biped under joint position targets, which PD control turns into torques; no planner."""
+    """The biped under joint position targets, which PD control turns into torques; no planner.
 
-    def __init__(
-        self,
-        render_mode: str | None = None,
-        control_hz: float = 100.0,
-        preset: str | None = None,
-        push_distribution: dict[str, Any] | PushDistribution | None = None,
-        robot: str | RobotDescription = "biped",
-        profile: str = "exact",
-        sensing: str | None = None,
-        arm: str = "",
-    ):
-        """Build one biped.
+    The arguments are those of `BipedEnv`: `control_hz` is the rate of the targets, and of a preset the
+    settings of the robot count, touchdown and the nominal gait among them.
+    """
 
-        Args:
-            render_mode: see `BipedEnv`, and so the other arguments.
-            control_hz: rate of the targets [Hz]; divides the rate of PD control and physics, 500 Hz.
-            preset: of the robot's settings, of which touchdown and the nominal gait.
-            push_distribution: of the scenarios that `reset` draws.
-            robot: another one than the biped.
-            profile: of the robots in scenarios that `reset` draws.
-            sensing: what is seen and controlled in every scenario, the true state or onboard sensors.
-            arm: the policy whose own robot it is, where the preset has one.
-        """
-        episodes = JointEpisodes(1, preset, control_hz, 1, robot, profile, sensing, arm)
-        GaitEnv.__init__(self, episodes, render_mode, push_distribution)
-        self.arm = arm
+    episodes_of: ClassVar[type[BipedEpisodes]] = JointEpisodes
 
 
 class BipedJointResidualEnv(BipedEnv):

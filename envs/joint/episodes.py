@@ -40,11 +40,6 @@ class JointEpisodes(BipedEpisodes):
         self._terms, self._total = np.zeros((n, len(self.reward_terms))), np.zeros(n)
         self._before = np.zeros((n, NU))
 
-    def alike(self, n: int, threads: int = 1) -> JointEpisodes:
-        """Episodes of n such bipeds."""
-        own = self.description, self.profile.name, self.core.senses.forced, self.arm
-        return JointEpisodes(n, self.preset, self.control_hz, threads, *own)
-
     @property
     def seen(self) -> Array:
         """Joint observations (n, 58)."""

@@ -87,7 +87,7 @@ def best_rows(evaluation: Evaluation, answers: list[Row]) -> list[Row]:
 
 
 def _best(rows: list[Row]) -> Row:
-    """The first row that has recovered, otherwise the first that has survived, otherwise the first."""
+    """The first row that has recovered, otherwise the first that has survived, otherwise the last."""
     for field in ("recovered", "survived"):
         if kept := [row for row in rows if row[field]]:
             return kept[0]
@@ -122,11 +122,8 @@ def ceiling(
     _check_env(env_id)
     evaluation = evaluate(suite, env_id, policies, workers, directory, overwrite)
     config = {**configuration(suite, env_id), "format": FORMAT, "ceiling": settings.to_dict()}
-    store = RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS)
-    try:
+    with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
         searched = _search_missing(evaluation, settings, store, workers, on_row)
-    finally:
-        store.close()
     return Ceiling(evaluation, settings, searched, store.directory)
 
 
