@@ -9,6 +9,7 @@ from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
 from .arms import make_policy
+from .inputs import OBSERVATION, check_inputs
 from .interface import Policy
 from .residual import check_residual_scale
 from .residual_gate import check_gate
@@ -52,6 +53,7 @@ class PolicyDescription:
     limits: GaitLimits
     residual: ResidualBase | None = None  # None: the network's output is the action
     hold: int = 1  # planning periods for which a learned action is held
+    inputs: tuple[str, ...] = (OBSERVATION,)  # of the network, see `NetworkInputs`
 
     def __post_init__(self) -> None:
         if not isinstance(self.env_id, str):
@@ -60,3 +62,4 @@ class PolicyDescription:
             raise InvalidValueError(
                 f"hold must be a whole number of planning periods >= 1, got {self.hold!r}"
             )
+        object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual is not None))

@@ -13,10 +13,11 @@ from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import as_doubles
 from ..model.robot import RobotModel
 from .description import PolicyDescription
+from .inputs import NetworkInputs, input_size
 from .interface import Policy
 from .mlp import Mlp, Normalisation
 from .policy_file import policy_paths, read_policy, write_policy
-from .residual_rule import ResidualRule
+from .residual_rule import Below, ResidualRule
 
 PolicyState = tuple[NDArray[Any], ...] | None
 
@@ -41,10 +42,10 @@ class NetworkPolicy:
         description: PolicyDescription,
         base: Policy | None = None,
     ):
-        observations, actions = network.sizes[0], network.sizes[-1]
-        if normalisation.mean.size != observations:
+        inputs, actions = network.sizes[0], network.sizes[-1]
+        if normalisation.mean.size != inputs:
             raise InvalidValueError(
-                f"the network takes {observations} observations, the normalisation {normalisation.mean.size}"
+                f"the network takes {inputs} inputs, the normalisation {normalisation.mean.size}"
             )
         residual = description.residual
         if residual is not None and actions != GAIT_SIZE:
@@ -58,11 +59,12 @@ class NetworkPolicy:
         if residual is not None and base is not None:
             scale = np.asarray(residual.scale, dtype=np.float32)
             self._rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
+        self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
 
     @property
     def observation_size(self) -> int:
         """Length of the observation."""
-        return self.network.sizes[0]
+        return self.network.sizes[0] - input_size(self.description.inputs, 0)
 
     @property
     def action_size(self) -> int:
@@ -88,14 +90,16 @@ class NetworkPolicy:
             InvalidValueError: The observation has another shape, or is no array of finite real numbers.
         """
         rows, single = self._rows(observation)
-        learned, state = self._held(rows, state, episode_start)
-        action = learned if self._rule is None else self._rule.act(rows, learned).total
+        below = None if self._rule is None else self._rule.below(rows)
+        action, state = self._held(rows, below, state, episode_start)
+        if self._rule is not None and below is not None:
+            action = self._rule.total(below, action).total
         return (action[0] if single else action), state
 
     def learned_action(self, observation: ArrayLike) -> NDArray[np.float32]:
         """The network's own output clipped to [-1, 1], without base or hold: what SB3's predict returns."""
         rows, single = self._rows(observation)
-        learned = self._learned(rows)
+        learned = self._learned(rows, None if self._rule is None else self._rule.below(rows))
         return learned[0] if single else learned
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
@@ -134,15 +138,20 @@ class NetworkPolicy:
             raise InvalidValueError(f"the observation is not finite: {values}")
         return np.atleast_2d(values), values.ndim == 1
 
-    def _learned(self, rows: NDArray[np.float64]) -> NDArray[np.float32]:
-        return np.clip(self.network.forward(self.normalisation.apply(rows)), np.float32(-1), np.float32(1))
+    def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
+        inputs = self.normalisation.apply(self._inputs.rows(rows, below))
+        return np.clip(self.network.forward(inputs), np.float32(-1), np.float32(1))
 
     def _held(
-        self, rows: NDArray[np.float64], state: PolicyState, episode_start: ArrayLike | None
+        self,
+        rows: NDArray[np.float64],
+        below: Below | None,
+        state: PolicyState,
+        episode_start: ArrayLike | None,
     ) -> tuple[NDArray[np.float32], PolicyState]:
         """Learned actions (n, actions), renewed where due, and the state (periods since, actions)."""
         if self.description.hold == 1:
-            return self._learned(rows), None
+            return self._learned(rows, below), None
         if state is None:
             periods = np.zeros(len(rows), dtype=np.int64)
             held = np.zeros((len(rows), self.action_size), dtype=np.float32)
@@ -156,5 +165,6 @@ class NetworkPolicy:
             periods[np.broadcast_to(np.asarray(episode_start, dtype=bool), periods.shape)] = 0
         due = periods == 0
         if np.any(due):
-            held[due] = self._learned(rows[due])
+            those = None if below is None else Below(below.base[due], below.opening[due])
+            held[due] = self._learned(rows[due], those)
         return held, ((periods + 1) % self.description.hold, held)

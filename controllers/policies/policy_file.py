@@ -22,13 +22,15 @@ from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
 from ..settings.planner_config import PlannerConfig
 from .description import PolicyDescription, ResidualBase
+from .inputs import OBSERVATION, input_size
 from .mlp import Mlp, Normalisation
 
 FORMAT = "push-recovery policy"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+READABLE = (1, FORMAT_VERSION)  # the first one had no `inputs`: its networks see the observation alone
 ACTIVATION = "tanh"
-KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "limits",
-        "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
+KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "inputs",
+        "limits", "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
         "observation_variance", "residual", "robot", "training", "weights_sha256")  # fmt: skip
 
 T = TypeVar("T")
@@ -77,7 +79,8 @@ def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescri
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "env_id": about.env_id,
-        "observation_size": network.sizes[0],
+        "inputs": list(about.inputs),
+        "observation_size": network.sizes[0] - input_size(about.inputs, 0),
         "action_size": network.sizes[-1],
         "hidden_sizes": list(network.sizes[1:-1]),
         "activation": ACTIVATION,
@@ -118,6 +121,7 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
             limits=_record(GaitLimits, about["limits"], "limits"),
             residual=None if residual is None else _residual(residual),
             hold=about["hold"],
+            inputs=tuple(about["inputs"]),
         )
     except (InvalidValueError, TypeError, ValueError) as error:
         raise InvalidValueError(f"policy description {description_path}: {error}") from error
@@ -132,10 +136,13 @@ def _read_description(path: Path) -> dict[str, Any]:
     about = parse_json(f"the policy description {path}", text)
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise InvalidValueError(f"{path} is not a policy description (its format must be {FORMAT!r})")
-    if about.get("format_version") != FORMAT_VERSION:
+    if about.get("format_version") not in READABLE:
         raise InvalidValueError(
-            f"{path} has format version {about.get('format_version')!r}, this version reads {FORMAT_VERSION}"
+            f"{path} has format version {about.get('format_version')!r}, this version reads "
+            f"{', '.join(map(str, READABLE))}"
         )
+    if about["format_version"] == 1:
+        about["inputs"] = [OBSERVATION]
     missing = [key for key in KEYS if key not in about]
     if missing:
         raise InvalidValueError(f"the policy description {path} lacks {', '.join(missing)}")
@@ -159,7 +166,8 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         )
     try:
         tensors = load(content)
-        sizes = [about["observation_size"], *about["hidden_sizes"], about["action_size"]]
+        inputs = about["observation_size"] + input_size(about["inputs"], 0)
+        sizes = [inputs, *about["hidden_sizes"], about["action_size"]]
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise InvalidValueError(f"the policy weights {path} are damaged: {error}") from error
     if not all(isinstance(size, int) and not isinstance(size, bool) and size > 0 for size in sizes):

@@ -25,6 +25,13 @@ class Correction(NamedTuple):
     shift: Actions  # (n, 7) scale x g x learned action
 
 
+class Below(NamedTuple):
+    """What n corrections start from."""
+
+    base: Actions  # (n, 7) of the policy below
+    opening: Actions  # (n, 1) of the gate, in [0, 1]
+
+
 class ResidualRule:
     """total = clip(base + scale x g x a, -1, 1), with g the gate's opening, 1 without a gate.
 
@@ -54,12 +61,16 @@ class ResidualRule:
 
     def correct(self, observations: NDArray[np.float64], base: ArrayLike, learned: Actions) -> Correction:
         """What learned actions (n, 7) in [-1, 1] make of the base's (n, 7) at observations (n, 36)."""
-        below = np.asarray(base, dtype=np.float32)
-        opened = learned if self._gate is None else self._gate(observations) * learned
-        return Correction(compose(below, opened, self.scale), below, self.scale * opened)
+        return self.add(Below(np.asarray(base, np.float32), self.opening(observations)), learned)
 
-    def act(self, observations: NDArray[np.float64], learned: Actions) -> Correction:
-        """`correct` what the policy below does for n robots in one call, without a memory.
+    def add(self, below: Below, learned: Actions) -> Correction:
+        """What learned actions (n, 7) in [-1, 1] make of what is below."""
+        opened: Actions = below.opening * learned
+        shift: Actions = self.scale * opened
+        return Correction(compose(below.base, opened, self.scale), below.base, shift)
+
+    def below(self, observations: NDArray[np.float64]) -> Below:
+        """What the policy below does for n robots in one call, without a memory, and the gate's openings.
 
         Raises:
             InvalidValueError: the policy has a memory.
@@ -69,5 +80,17 @@ class ResidualRule:
             raise InvalidValueError(
                 "a residual on n robots needs a policy without memory: predict gave a state"
             )
-        correction = self.correct(observations, base, learned)
+        return Below(np.asarray(base, np.float32), self.opening(observations))
+
+    def act(self, observations: NDArray[np.float64], learned: Actions) -> Correction:
+        """`correct` what the policy below does for n robots.
+
+        Raises:
+            InvalidValueError: the policy has a memory.
+        """
+        return self.total(self.below(observations), learned)
+
+    def total(self, below: Below, learned: Actions) -> Correction:
+        """`add`, the sum within [-1, 1] where nothing is corrected, too."""
+        correction = self.add(below, learned)
         return correction._replace(total=np.clip(correction.total, np.float32(-1.0), np.float32(1.0)))
