@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -12,19 +12,24 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.policies.residual_gate import ResidualGate, make_gate
-from ..envs.episode.vector_env import GaitVectorEnv
+from ..controllers.policies.arms import make_policy
+from ..controllers.policies.inputs import BASE, GATE, MARGIN, OBSERVATION
+from ..controllers.policies.residual_rule import ResidualRule
+from ..envs.biped.env import BipedEpisodes
+from ..envs.episode.episodes import GaitEpisodes
 from ..envs.residual.action_hold import ActionHold
-from ..envs.residual.vector_env import ResidualVectorEnv
 from ..envs.residual.wrapper import ResidualAction
 from ..eval.rollout import environments
 from ..eval.rollout.batch import batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
 from ..eval.rollout.wrapped_action import action_rule
-from .gated_ppo import GatedPPO, GateNormalize
-from .sb3_vec_env import SB3VecEnv
-from .settings import TrainingSettings
+from .robots.actor import Actor
+from .robots.reward import REWARDS
+from .robots.starts import PushStarts, ResetStarts, Starts
+from .robots.vec_env import TrainingRobots
+from .robots.walks import take_walks
+from .settings import STARTS, TrainingSettings
 
 OBSERVATION_CLIP = 10.0
 ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
@@ -42,14 +47,18 @@ class FallingRate:
         return self.end + (self.start - self.end) * remaining
 
 
-def make_plain_env(env_id: str) -> gym.Env:
+def make_plain_env(env_id: str, profile: str = "exact") -> gym.Env:
     """The environment that policies are scored on.
+
+    Args:
+        env_id: of it.
+        profile: of the robots in scenarios that are drawn; only bipeds know another than exact.
 
     Raises:
         UnknownNameError: No such id is registered; the message lists the valid ones.
         InvalidValueError: It has not the interface that scoring needs, or a space is not a Box of one row.
     """
-    env = environments.make_env(env_id)
+    env = environments.make_env(env_id, **({} if profile == "exact" else {"profile": profile}))
     for name, space in (("observation", env.observation_space), ("action", env.action_space)):
         if not (isinstance(space, gym.spaces.Box) and len(space.shape) == 1):
             raise InvalidValueError(f"{env_id} has the {name} space {space}; training needs a Box of one row")
@@ -58,7 +67,7 @@ def make_plain_env(env_id: str) -> gym.Env:
 
 def make_env(settings: TrainingSettings) -> gym.Env:
     """One training environment: the plain one, the residual, the hold."""
-    env = make_plain_env(settings.env_id)
+    env = make_plain_env(settings.env_id, settings.profile)
     if hasattr(env.unwrapped, "push_distribution"):
         env.unwrapped.push_distribution = settings.pushes  # type: ignore[attr-defined]
     if acts_on_joints(env) != settings.on_joints:
@@ -85,53 +94,97 @@ def find_residual(env: gym.Env) -> ResidualAction | None:
     return None
 
 
-def make_robots(settings: TrainingSettings, env: gym.Env) -> VecEnv:
+def own_episodes(settings: TrainingSettings, env: gym.Env, n: int) -> GaitEpisodes | None:
+    """Episodes of n robots like that of a training environment; None where it is not this project's."""
+    rule = action_rule(env)
+    threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
+    return None if rule is None else batch_episodes(rule.env, n, threads)
+
+
+def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
+    """Settings whose `starts`, `reward` and `inputs` are said, as the environment allows.
+
+    Raises:
+        InvalidValueError: the environment does not allow what they say.
+    """
+    episodes = own_episodes(settings, env, 1)
+    blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
+    can = {
+        "starts": STARTS if type(episodes) is BipedEpisodes else ("reset",),
+        "reward": tuple(REWARDS) if episodes is not None else ("environment",),
+        "inputs": (OBSERVATION,) if episodes is None or settings.on_joints else blocks,
+    }
+    for name in ("starts", "reward"):
+        if (value := getattr(settings, name)) is None:
+            settings = replace(settings, **{name: can[name][0]})
+        elif value not in can[name]:
+            raise InvalidValueError(
+                f"{settings.env_id} is trained with {name} {can[name][0]!r}, not {value!r}"
+            )
+    if settings.inputs is None:
+        return replace(settings, inputs=can["inputs"])
+    if unknown := [name for name in settings.inputs if name not in can["inputs"]]:
+        raise InvalidValueError(
+            f"a network of kind {settings.kind!r} on {settings.env_id} has no input {unknown[0]!r}; "
+            f"choose from: {', '.join(can['inputs'])}"
+        )
+    return settings
+
+
+def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
     """All training environments as one of Stable-Baselines3.
 
-    Where `env`, one of them, is this project's, they are robots of one native vector environment, whose
-    physics all cores share; what comes out does not depend on how many. Others are called one by one.
+    Where `env`, one of them, is this project's, they are robots on one core, whose physics all processor
+    cores share; what comes out does not depend on how many. Others are called one by one.
+
+    Args:
+        settings: completed.
+        env: a training environment.
+        seed: of the pushes and walks.
     """
-    n, rule = settings.n_envs, action_rule(env)
-    threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
-    episodes = None if rule is None else batch_episodes(rule.env, n, threads)
-    if rule is None or episodes is None:
-        return DummyVecEnv([lambda: make_env(settings)] * n)
-    pushes, residual = rule.env.push_distribution, rule.residual
-    if residual is None:
-        return SB3VecEnv(GaitVectorEnv(episodes, pushes, "Disabled", hold=rule.hold))
-    return SB3VecEnv(
-        ResidualVectorEnv(
-            episodes, residual.policy, residual.scale, hold=rule.hold, gate=residual.gate,
-            push_distribution=pushes, autoreset_mode="Disabled",
-        )
-    )  # fmt: skip
+    episodes = own_episodes(settings, env, settings.n_envs)
+    if episodes is None:
+        return DummyVecEnv([lambda: make_env(settings)] * settings.n_envs)
+    residual = find_residual(env)
+    rule = None
+    if residual is not None:
+        rule = ResidualRule(residual.policy, episodes.robot, episodes.limits, residual.scale, residual.gate)
+    actor = Actor(episodes, settings.inputs or (), rule)
+    starts = make_starts(settings, episodes, seed)
+    reward = REWARDS[settings.reward or ""](episodes, settings.gamma)
+    return TrainingRobots(episodes, actor, starts, reward, settings.hold)
 
 
-def find_gate(env: gym.Env) -> ResidualGate | None:
-    """The gate of an environment's residual, or None."""
-    residual, unwrapped = find_residual(env), env.unwrapped
-    if residual is None:
-        return None
-    return make_gate(residual.policy, unwrapped.robot, unwrapped.limits, residual.gate)  # type: ignore[attr-defined]
+def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -> Starts:
+    """Where the episodes of a run begin; for starts at pushes the walks are walked now."""
+    walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
+    if settings.starts == "reset":
+        return ResetStarts(episodes, settings.pushes, pushing)
+    walker = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
+    walks = take_walks(episodes, walker, settings.pushes, settings.walks, walking)
+    easy = settings.easy, settings.easy_share
+    return PushStarts(episodes, walks, settings.pushes, *easy, settings.least_acceptance, pushing)
 
 
 def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
     """All training environments, with episode statistics and normalised observations (and rewards)."""
     env = make_env(settings)
-    venv, gate = VecMonitor(make_robots(settings, env)), find_gate(env)
+    settings = completed(settings, env)
+    venv = VecMonitor(make_robots(settings, env, seed))
     venv.seed(seed)
-    options = {
-        "norm_reward": settings.normalise_reward,
-        "clip_obs": OBSERVATION_CLIP,
-        "gamma": settings.gamma,
-    }
-    return VecNormalize(venv, **options) if gate is None else GateNormalize(venv, gate, **options)
+    normalise = settings.normalise_reward
+    return VecNormalize(
+        venv,
+        norm_reward=settings.reward == "environment" if normalise is None else normalise,
+        clip_obs=OBSERVATION_CLIP,
+        gamma=settings.gamma,
+    )
 
 
 def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
     """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
-    model = (GatedPPO if isinstance(venv, GateNormalize) else PPO)(
+    model = PPO(
         "MlpPolicy",
         venv,
         learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),

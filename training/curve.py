@@ -13,6 +13,7 @@ import numpy as np
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.policies.interface import Policy
+from ..envs.episode.profile import get_profile
 from ..envs.scenario.push_distribution import PushDistribution
 from ..envs.scenario.scenario import Scenario
 from ..eval.rollout.batch import rollout_all
@@ -20,6 +21,7 @@ from ..eval.rollout.workers import SLOTS
 
 # Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.
 SCENARIO_ENTROPY = 20_260_417
+PUSHES = PushDistribution(impulse_min=80.0, impulse_max=200.0)
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,11 @@ class CurvePoint:
     mean_reward: float  # per episode
 
 
-def curve_scenarios(count: int) -> list[Scenario]:
-    """The first `count` scenarios of the curve: the same ones in every run."""
-    streams = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count)
-    pushes = PushDistribution()
-    return [pushes.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
+def curve_scenarios(count: int, profile: str = "exact") -> list[Scenario]:
+    """The first `count` scenarios of the curve: pushes like those of `hard`, the same ones in every run."""
+    streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profile(profile)
+    drawn = [PUSHES.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
+    return [robots.applied(scenario) for scenario in drawn]
 
 
 def score(

@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
 from ..controllers.policies.description import PolicyDescription, ResidualBase
+from ..controllers.policies.inputs import OBSERVATION
 from ..controllers.policies.mlp import Mlp, Normalisation
 from ..controllers.policies.network import NetworkPolicy
 from .builders import find_residual
@@ -24,7 +25,7 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         model: SB3's PPO with an MlpPolicy of tanh layers.
         venv: Its normalisation.
         env: One training environment, for the robot, the limits and the policy below.
-        settings: Of the run.
+        settings: Of the run, completed.
     """
     hidden = [layer for layer in model.policy.mlp_extractor.policy_net if isinstance(layer, nn.Linear)]
     layers = [*hidden, model.policy.action_net]
@@ -47,5 +48,12 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         base = ResidualBase(
             settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()), config, wrapper.gate
         )
-    description = PolicyDescription(settings.env_id, unwrapped.robot, unwrapped.limits, base, settings.hold)
+    description = PolicyDescription(
+        settings.env_id,
+        unwrapped.robot,
+        unwrapped.limits,
+        base,
+        settings.hold,
+        settings.inputs or (OBSERVATION,),
+    )
     return NetworkPolicy(network, normalisation, description, None if wrapper is None else wrapper.policy)

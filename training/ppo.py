@@ -16,7 +16,7 @@ from ..controllers.files import write_atomically
 from ..controllers.policies.network import NetworkPolicy
 from ..eval.processes.writer import Writer
 from ..eval.rollout.environments import EnvName
-from .builders import make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
+from .builders import completed, make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
 from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
@@ -51,13 +51,13 @@ class Run:
     """
 
     def __init__(self, settings: TrainingSettings, out: Path, checkpoint: Checkpoint | None = None):
-        self.settings, self.out = settings, out
+        self.one = make_env(settings)
+        self.settings, self.out = (settings := completed(settings, self.one)), out
         self.start = 0 if checkpoint is None else checkpoint.timesteps
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
         self._began = time.monotonic()
         self.env = make_plain_env(settings.env_id)
-        self.one = make_env(settings)
-        self.scenarios = curve_scenarios(settings.evaluation_scenarios)
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile)
         seed = segment_seed(settings.seed, self.start)
         self.venv: VecNormalize = make_vec_env(settings, seed)
         self.model: PPO = make_ppo(settings, self.venv, seed, out)

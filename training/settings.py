@@ -9,10 +9,14 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.policies.inputs import check_inputs
 from ..controllers.policies.residual import check_residual_scale
 from ..controllers.policies.residual_gate import check_gate
+from ..envs.episode.profile import get_profile
 from ..envs.scenario.push_distribution import PushDistribution
+from .robots.reward import REWARDS
 
+STARTS = ("push", "reset")
 KINDS = ("residual", "scratch", "joint", "joint-residual")
 # The environment of a kind, in place of another one of the same robot. A residual run wraps the gait
 # environment itself, so that the policy also scores on the plain one.
@@ -22,18 +26,13 @@ ENV_OF_KIND = {
     "joint": {"PushRecovery/Biped-v0": "PushRecovery/BipedJoint-v0"},
     "joint-residual": {"PushRecovery/Biped-v0": "PushRecovery/BipedJointResidual-v0"},
 }
-# Initial log-std of the action: the step's duration bears the least noise, the CoP the most. Of joints it is
-# about 0.2 rad, or 0.2 of the residual's scale.
-LOG_STD = {
-    "residual": (-1.5, -1.5, -2.0, -1.0, -1.0, -1.5, -1.5),
-    "scratch": (-1.0,),
-    "joint": (-1.5,),
-    "joint-residual": (-1.5,),
-}
-# Early and hard pushes and a short time after them: what is learned from happens more often than in a suite.
-TRAINING_PUSHES = PushDistribution(impulse_min=30.0, impulse_max=80.0, first_step=0, settle_time=2.0)
+# Initial log-std of the action: of a residual 0.22 of its scale, of joints about 0.2 rad.
+LOG_STD = {"residual": -1.5, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
+# Hard pushes, most of which the planner recovers from, and easy ones, of which it loses none
+TRAINING_PUSHES = PushDistribution(impulse_min=80.0, impulse_max=220.0, settle_time=2.5)
+EASY_PUSHES = PushDistribution(impulse_min=5.0, impulse_max=80.0, settle_time=2.5)
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
-DEFAULT_GATE = (0.02, 0.06)  # an undisturbed walk of the biped stays below 0.004 m
+DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
 
 @dataclass(frozen=True)
@@ -48,35 +47,52 @@ class TrainingSettings:
     """residual: on top of `policy`; scratch: the network acts alone, in the same action space; joint: alone,
     on joint targets; joint-residual: on the joint torques of two-stage and whole-body control"""
     env_id: Suppress[str] = "PushRecovery/Biped-v0"
-    timesteps: int = 1_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
+    timesteps: int = 4_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
     seed: int = 0  # of weights, exploration and pushes
-    n_envs: int = 16  # environments side by side
+    n_envs: int = 128  # environments side by side
     hold: int = 2  # planning periods for which a learned action is held: 20 ms, 50 Hz on 100 Hz
     policy: str = "two-stage"  # what a residual corrects
     scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
     gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
     """of `ResidualGate` [m]; None: always open"""
-    pushes: Suppress[PushDistribution] = TRAINING_PUSHES  # of the training episodes; scores use other ones
+    inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
+    """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
+
+    # What is trained on, and for what
+    starts: Literal["push", "reset"] | None = None
+    """push: episodes begin at the moment of a push, in walks that are put back; reset: at a reset, with
+    `pushes` to come; None: push where robots can be put back"""
+    reward: Literal["recovery", "environment"] | None = None
+    """recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment: its own; None:
+    recovery where robots share one core"""
+    profile: str = "exact"  # of the robots: exact, hardware
+    pushes: Suppress[PushDistribution] = TRAINING_PUSHES  # of most training episodes; scores use other ones
+    easy: Suppress[PushDistribution] = EASY_PUSHES  # of the others, so that nothing easy is forgotten
+    easy_share: float = 0.1  # of episodes that have an easy push
+    least_acceptance: float = 0.1
+    """of a push whose kind is always or never recovered from; 1: all are taken alike"""
+    walks: int = 1500  # that are put back, each of another robot and command
 
     # Proximal policy optimisation
-    n_steps: int = 256  # learned actions per environment and update
-    batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
+    n_steps: int = 64  # learned actions per environment and update
+    batch_size: int = 2048  # at most; the largest divisor of n_envs x n_steps is taken
     n_epochs: int = 5  # passes over the actions of an update
     gamma: float = 0.99  # per learned action
     gae_lambda: float = 0.95  # of the generalised advantage estimate
     clip_range: float = 0.2  # of the ratio of probabilities
-    learning_rate: float = 5e-4  # of Adam at the start; falls linearly to that at the end
-    learning_rate_end: float = 5e-5  # of Adam at the end
+    learning_rate: float = 3e-4  # of Adam at the start; falls linearly to that at the end
+    learning_rate_end: float = 1e-5  # of Adam at the end
     policy_layers: Widths = (128, 128)  # widths of the hidden layers
     value_layers: Widths = (256, 256)  # widths of the hidden layers
     log_std: Annotated[float | tuple[float, ...] | None, arg(metavar="{None|X [X ...]}")] = None
     """initial, one or one per action; None: that of the kind"""
-    normalise_reward: bool = True  # divided by the running deviation of the return
+    normalise_reward: bool | None = None
+    """divide by the running deviation of the return; None: the environment's own, not that of recovery"""
 
     # Reports
-    checkpoint_every: int = 20_000  # timesteps between checkpoints, at least
-    evaluate_every: int = 50_000  # timesteps between evaluations, at least
-    evaluation_scenarios: int = 64  # pushes of an evaluation
+    checkpoint_every: int = 100_000  # timesteps between checkpoints, at least
+    evaluate_every: int = 500_000  # timesteps between evaluations, at least
+    evaluation_scenarios: int = 512  # pushes of an evaluation
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -85,7 +101,7 @@ class TrainingSettings:
             "timesteps", isinstance(self.timesteps, int) and self.timesteps >= 0, "a whole number >= 0"
         )
         counts = ("n_envs", "hold", "n_steps", "batch_size", "n_epochs", "checkpoint_every",
-                  "evaluate_every", "evaluation_scenarios")  # fmt: skip
+                  "evaluate_every", "evaluation_scenarios", "walks")  # fmt: skip
         for name in counts:
             self._check(
                 name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, "a whole number >= 1"
@@ -101,9 +117,18 @@ class TrainingSettings:
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
         if self.gate is not None:
             object.__setattr__(self, "gate", check_gate(self.gate))
-        if isinstance(self.pushes, dict):
-            object.__setattr__(self, "pushes", PushDistribution.from_dict(self.pushes))
-        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
+        for name in ("pushes", "easy"):
+            if isinstance(value := getattr(self, name), dict):
+                object.__setattr__(self, name, PushDistribution.from_dict(value))
+            self._check(name, isinstance(getattr(self, name), PushDistribution), "a PushDistribution")
+        self._check("easy_share", 0 <= self.easy_share <= 1, "in [0, 1]")
+        self._check("least_acceptance", 0 < self.least_acceptance <= 1, "in (0, 1]")
+        for name, valid in (("starts", STARTS), ("reward", tuple(REWARDS))):
+            if (value := getattr(self, name)) is not None and value not in valid:
+                raise UnknownNameError(f"training setting {name}", str(value), valid)
+        get_profile(self.profile)
+        if self.inputs is not None:
+            object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual))
         self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
         for name in ("policy_layers", "value_layers"):
             layers = tuple(getattr(self, name))
@@ -140,7 +165,7 @@ class TrainingSettings:
     def initial_log_std(self) -> tuple[float, ...]:
         """Log of the exploration noise at the start, one for all actions or one per action."""
         if self.log_std is None:
-            return LOG_STD[self.kind]
+            return (LOG_STD[self.kind],)
         return self.log_std if isinstance(self.log_std, tuple) else (float(self.log_std),)
 
     @property

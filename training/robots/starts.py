@@ -1,0 +1,120 @@
+"""Where episodes of training begin: at a reset, or at the moment of a push."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from ...controllers.model.frame import side_sign
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.scenario.push import polar_push
+from ...envs.scenario.push_distribution import PushDistribution
+from ...envs.snapshot.robot_snapshot import RobotSnapshot
+from .success_table import SuccessTable
+
+STANCE, HEADING = "gait.stance", "gait.heading"  # rows of a snapshot
+
+
+class Starts(Protocol):
+    """Begins episodes, and is told of their ends."""
+
+    def begin(self, k: int) -> None:
+        """Begin an episode with robot k."""
+        ...
+
+    def ended(self, k: int, recovered: bool) -> None:
+        """The episode of robot k has ended."""
+        ...
+
+
+class ResetStarts:
+    """Episodes of a push distribution from the beginning of a nominal step on.
+
+    Args:
+        episodes: of n robots.
+        pushes: drawn from.
+        rng: of the draws.
+    """
+
+    def __init__(self, episodes: GaitEpisodes, pushes: PushDistribution, rng: np.random.Generator):
+        self._episodes, self._pushes, self._rng = episodes, pushes, rng
+
+    def begin(self, k: int) -> None:
+        """Begin a scenario that is drawn."""
+        self._episodes.begin(k, self._episodes.drawn(self._pushes, self._rng))
+
+    def ended(self, k: int, recovered: bool) -> None:
+        """Nothing follows from it."""
+
+
+class PushStarts:
+    """Episodes from the moment of a push on: a walk is put back, and pushed within the period to come.
+
+    Most pushes are accepted by the success on their kind (`SuccessTable`); a share of them is drawn from
+    other, easy ones instead, so that nothing that is easy is forgotten.
+
+    Args:
+        episodes: of n robots.
+        walks: that are put back.
+        pushes: impulse, direction, duration and settling time of most pushes.
+        easy: of the others.
+        easy_share: in [0, 1].
+        floor: least probability of accepting a push.
+        rng: of the draws.
+    """
+
+    def __init__(
+        self,
+        episodes: GaitEpisodes,
+        walks: list[RobotSnapshot],
+        pushes: PushDistribution,
+        easy: PushDistribution,
+        easy_share: float,
+        floor: float,
+        rng: np.random.Generator,
+    ):
+        self._episodes, self._walks, self._rng = episodes, walks, rng
+        self._pushes, self._easy, self._easy_share = pushes, easy, easy_share
+        self.table = SuccessTable(pushes.impulse_max, floor)
+        self._bins: list[tuple[int, int] | None] = [None] * episodes.n
+
+    def begin(self, k: int) -> None:
+        """Put robot k into a walk that is pushed."""
+        walk = self._walks[self._rng.integers(len(self._walks))]
+        if self._rng.random() < self._easy_share:
+            self._bins[k] = None
+            self._put(k, walk, self._easy, *self._draw(self._easy))
+            return
+        while True:
+            impulse, psi = self._draw(self._pushes)
+            place = self.table.bin_of(relative(psi, walk), impulse)
+            if self._rng.random() < self.table.probability(place):
+                break
+            walk = self._walks[self._rng.integers(len(self._walks))]
+        self._bins[k] = place
+        self._put(k, walk, self._pushes, impulse, psi)
+
+    def ended(self, k: int, recovered: bool) -> None:
+        """Count the end of a push that is not an easy one."""
+        if (place := self._bins[k]) is not None:
+            self.table.tell(place, recovered)
+
+    def _draw(self, pushes: PushDistribution) -> tuple[float, float]:
+        """Impulse [N s] and direction [rad]."""
+        impulse = self._rng.uniform(pushes.impulse_min, pushes.impulse_max)
+        return float(impulse), float(self._rng.uniform(pushes.direction_min, pushes.direction_max))
+
+    def _put(self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float) -> None:
+        start = walk.time + float(self._rng.random()) / self._episodes.control_hz
+        push = polar_push(impulse / pushes.push_duration, psi, pushes.push_duration, start)
+        scenario = replace(walk.scenario, pushes=(push,), duration=None, settle_time=pushes.settle_time)
+        self._episodes.restore(k, walk, scenario)
+
+
+def relative(psi: float, walk: RobotSnapshot) -> float:
+    """A direction in the canonical frame of a walk, the right stance mirrored to the left one [rad]."""
+    turned = side_sign(walk.rows[STANCE].item()) * (psi - walk.rows[HEADING].item())
+    return math.remainder(turned, math.tau)
