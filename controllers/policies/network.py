@@ -55,10 +55,10 @@ class NetworkPolicy:
         self.description = description
         if residual is not None and base is None:
             base = residual.make(description.robot, description.limits)
-        self._rule: ResidualRule | None = None
+        self.rule: ResidualRule | None = None  # by which a residual is added
         if residual is not None and base is not None:
             scale = np.asarray(residual.scale, dtype=np.float32)
-            self._rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
+            self.rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
         self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
 
     @property
@@ -90,16 +90,16 @@ class NetworkPolicy:
             InvalidValueError: The observation has another shape, or is no array of finite real numbers.
         """
         rows, single = self._rows(observation)
-        below = None if self._rule is None else self._rule.below(rows)
+        below = None if self.rule is None else self.rule.below(rows)
         action, state = self._held(rows, below, state, episode_start)
-        if self._rule is not None and below is not None:
-            action = self._rule.total(below, action).total
+        if self.rule is not None and below is not None:
+            action = self.rule.total(below, action).total
         return (action[0] if single else action), state
 
     def learned_action(self, observation: ArrayLike) -> NDArray[np.float32]:
         """The network's own output clipped to [-1, 1], without base or hold: what SB3's predict returns."""
         rows, single = self._rows(observation)
-        learned = self._learned(rows, None if self._rule is None else self._rule.below(rows))
+        learned = self._learned(rows, None if self.rule is None else self.rule.below(rows))
         return learned[0] if single else learned
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:

@@ -22,7 +22,8 @@ def settings(toy):
 def test_every_setting_is_handed_over(settings):
     venv = make_vec_env(settings, 3)
     assert (venv.num_envs, venv.gamma, venv.norm_reward, venv.clip_obs) == (2, 0.87, False, 10.0)
-    assert make_vec_env(dataclasses.replace(settings, normalise_reward=True), 3).norm_reward
+    for given in (True, None):  # None: as this is the environment's own reward
+        assert make_vec_env(dataclasses.replace(settings, normalise_reward=given), 3).norm_reward
     model = make_ppo(settings, venv, 3, None)
     assert (model.n_steps, model.batch_size, model.n_epochs) == (24, 16, 3)
     assert (model.gamma, model.gae_lambda, model.seed) == (0.87, 0.77, 3)

@@ -13,7 +13,7 @@ from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.training.builders import make_env as make_training_env
 from push_recovery.training.builders import make_vec_env
 from push_recovery.training.ppo import train
-from push_recovery.training.sb3_vec_env import SB3VecEnv
+from push_recovery.training.robots.vec_env import TrainingRobots
 from push_recovery.training.settings import TrainingSettings
 
 ENVS = {"joint": "PushRecovery/BipedJoint-v0", "joint-residual": "PushRecovery/BipedJointResidual-v0"}
@@ -72,7 +72,7 @@ def test_a_short_run_leaves_a_policy_that_is_scored_where_it_acts(tmp_path, kind
 def test_robots_of_a_run_share_one_native_environment():
     venv = make_vec_env(replace(SHORT, kind="joint-residual", env_id=ENVS["joint-residual"]), 0)
     inner = venv.unwrapped
-    assert isinstance(inner, SB3VecEnv)
+    assert isinstance(inner, TrainingRobots)
     assert venv.reset().shape == (2, 94)
     _, rewards, _, _ = venv.step(np.zeros((2, 14), np.float32))
     assert np.isfinite(rewards).all()

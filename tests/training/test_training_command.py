@@ -23,14 +23,14 @@ def train(kind="scratch", **given):
 
 def test_train_and_resume_from_the_options(tmp_path, toy, capsys):
     out = tmp_path / "run"
-    train(env=toy, timesteps=600, n_envs=2, seed=1, out=out)
+    train(env=toy, timesteps=600, n_envs=2, n_steps=256, evaluation_scenarios=2, seed=1, out=out)
     assert "policy.safetensors" in capsys.readouterr().out
     train(resume=out, timesteps=1200)
     assert "1536 timesteps" in capsys.readouterr().out
     about = NetworkPolicy.load(out / "policy").description
     assert about.residual is None
     assert about.hold == 2
-    defaults = {"seed": 0}, {"n_envs": 16}  # given is given, even where it repeats the default
+    defaults = {"seed": 0}, {"n_envs": 128}  # given is given, even where it repeats the default
     for wrong in (
         *defaults,
         {"kind": "residual"},
@@ -126,7 +126,7 @@ def test_a_residual_run_takes_the_plain_environment():
 
 @pytest.mark.parametrize(("n_envs", "batch"), [(16, 1024), (4, 1024), (1, 256), (3, 768), (5, 640)])
 def test_minibatches_divide_the_rollout(n_envs, batch):
-    settings = dataclasses.replace(TrainingSettings(), n_envs=n_envs)
+    settings = TrainingSettings(n_envs=n_envs, n_steps=256, batch_size=1024)
     assert settings.minibatch == batch
 
 

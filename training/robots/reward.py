@@ -70,7 +70,7 @@ class RecoveryReward:
 
     With m the margin and  phi = 2 clip(m, -0.3 m, 0.05 m),  0 at an end, an action earns
     gamma phi' - phi  besides, which leaves the best policy what it is (Ng, Harada & Russell 1999). An episode
-    is over as soon as the robot has recovered and its gate is shut.
+    is over as soon as the robot has recovered, judged at a touchdown since its begin, and its gate is shut.
     """
 
     bootstraps = False
@@ -78,14 +78,16 @@ class RecoveryReward:
     def __init__(self, episodes: GaitEpisodes, gamma: float):
         self._episodes, self._gamma = episodes, gamma
         self._sum, self._potential = np.zeros(episodes.n), np.zeros(episodes.n)
+        self._begun = np.zeros(episodes.n)  # since reset [s]
 
     def begin(self, rows: Ints) -> None:
-        """Remember the potentials."""
+        """Remember the time and the potentials."""
+        self._begun[rows] = self._episodes.motion().time[rows]
         self._potential[rows] = self._now()[rows]
 
     def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
         """Reward the ends."""
-        recovered = ~np.isnan(self._episodes.monitor.state.recovered_at)
+        recovered = self._episodes.monitor.state.recovered_at > self._begun  # NaN: it has not
         over = live & (period.failed | period.truncated | (recovered & quiet))
         worth = np.where(period.failed, FALL, np.where(recovered, RECOVERED, STANDING))
         self._sum[over] += worth[over]

@@ -1,0 +1,106 @@
+"""Rewards of three robots whose periods are made up."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from push_recovery.training.robots.reward import EnvironmentReward, RecoveryReward
+
+GAMMA = 0.9
+
+
+def robots(margin, recovered=(False, False, False)):
+    state = SimpleNamespace(recovered_at=np.where(recovered, 1.0, np.nan))
+    core = SimpleNamespace(margin=np.array(margin))
+    monitor, time = SimpleNamespace(state=state), np.full(3, 0.5)
+    return SimpleNamespace(n=3, core=core, monitor=monitor, motion=lambda: SimpleNamespace(time=time))
+
+
+def period(failed=(0, 0, 0), truncated=(0, 0, 0), total=(0.0, 0.0, 0.0)):
+    return SimpleNamespace(
+        failed=np.array(failed, bool), truncated=np.array(truncated, bool),
+        reward=SimpleNamespace(total=np.array(total)),
+    )  # fmt: skip
+
+
+ALL, SHUT, OPEN = np.ones(3, bool), np.ones(3, bool), np.zeros(3, bool)
+
+
+def begun(margin, recovered=(False, False, False)):
+    episodes = robots(margin, recovered)
+    reward = RecoveryReward(episodes, GAMMA)
+    reward.begin(np.arange(3))
+    return episodes, reward
+
+
+def test_the_margin_is_a_potential_between_its_bounds():
+    """phi = 2 clip(m, -0.3, 0.05): from -0.1 to -0.2, from -1 to -0.3, from 0 to 1 m."""
+    episodes, reward = begun([-0.1, -1.0, 0.0])
+    assert not reward.period(period(), ALL, OPEN).any()
+    episodes.core.margin[:] = -0.2, -0.3, 1.0
+    np.testing.assert_allclose(
+        reward.collect(OPEN), [GAMMA * -0.4 + 0.2, GAMMA * -0.6 + 0.6, GAMMA * 0.1], atol=1e-15
+    )
+    episodes.core.margin[:] = 0.0
+    np.testing.assert_allclose(reward.collect(OPEN), [0.4, 0.6, -0.1], atol=1e-15)
+
+
+def test_the_potentials_of_an_episode_add_up_to_that_of_its_begin():
+    """With gamma 1 the shaping of a whole episode is -phi of its begin: it prefers no way over another."""
+    episodes = robots([-0.1, 0.0, 0.02])
+    reward = RecoveryReward(episodes, 1.0)
+    reward.begin(np.arange(3))
+    total = np.zeros(3)
+    for margins in ([0.05, -0.2, 0.0], [-0.3, 0.01, 0.01]):
+        reward.period(period(), ALL, OPEN)
+        episodes.core.margin[:] = margins
+        total += reward.collect(OPEN)
+    reward.period(period(truncated=(1, 1, 1)), ALL, OPEN)
+    total += reward.collect(ALL)
+    np.testing.assert_allclose(total, np.array([0.2, 0.0, -0.04]) + 0.3, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("failed", "truncated", "recovered", "quiet", "over", "worth"),
+    [
+        (True, False, False, False, True, -1.0),
+        (True, False, True, True, True, -1.0),  # it fell after it had recovered
+        (False, True, False, False, True, 0.3),
+        (False, True, True, False, True, 1.0),
+        (False, False, True, True, True, 1.0),
+        (False, False, True, False, False, 0.0),  # the gate is open: what is learned still acts
+        (False, False, False, True, False, 0.0),
+    ],
+)
+def test_ends_and_what_they_are_worth(failed, truncated, recovered, quiet, over, worth):
+    _, reward = begun([0.0, 0.0, 0.0], [recovered, False, False])
+    came = period((failed, False, False), (truncated, False, False))
+    ended = reward.period(came, ALL, np.array([quiet, False, False]))
+    assert ended.tolist() == [over, False, False]
+    np.testing.assert_allclose(reward.collect(ended), [worth, 0.0, 0.0], atol=1e-15)
+
+
+def test_what_the_monitor_said_of_the_walk_before_the_push_is_no_recovery():
+    episodes, reward = begun([0.0, 0.0, 0.0], [True, True, True])
+    episodes.monitor.state.recovered_at[:] = 0.4, 0.5, 0.6  # the episodes begin at 0.5 s
+    assert reward.period(period(), ALL, SHUT).tolist() == [False, False, True]
+
+
+def test_a_robot_whose_episode_is_over_earns_nothing_more():
+    _, reward = begun([0.0, 0.0, 0.0])
+    first = reward.period(period(failed=(1, 0, 0)), ALL, OPEN)
+    second = reward.period(period(failed=(1, 0, 0)), ~first, OPEN)
+    assert not second.any()
+    assert reward.collect(first).tolist() == [-1.0, 0.0, 0.0]
+    assert reward.collect(OPEN).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_environments_own_reward_is_summed_while_its_episode_lasts():
+    reward = EnvironmentReward(robots([0.0] * 3), GAMMA)
+    reward.begin(np.arange(3))
+    ended = reward.period(period(truncated=(0, 1, 0), total=(1.0, 2.0, 3.0)), ALL, SHUT)
+    assert ended.tolist() == [False, True, False]
+    assert not reward.period(period(total=(10.0, 20.0, 30.0)), ~ended, SHUT).any()
+    assert reward.collect(ended).tolist() == [11.0, 2.0, 33.0]
+    assert reward.collect(ended).tolist() == [0.0, 0.0, 0.0]
+    assert (EnvironmentReward.bootstraps, RecoveryReward.bootstraps) == (True, False)

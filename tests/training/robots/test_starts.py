@@ -1,0 +1,96 @@
+"""Walks that are put back at the moment of a push."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.training.robots.starts import PushStarts, ResetStarts, relative
+from push_recovery.training.robots.walks import EARLIEST, LATEST, take_walks
+
+HARD = PushDistribution(impulse_min=100.0, impulse_max=110.0, settle_time=1.5)
+EASY = PushDistribution(impulse_min=5.0, impulse_max=6.0, push_duration=0.2, settle_time=1.0)
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    return BipedEpisodes(4)
+
+
+@pytest.fixture(scope="module")
+def walks(episodes):
+    walker = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    return take_walks(episodes, walker, HARD, 6, np.random.default_rng(3))
+
+
+def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
+    assert len(walks) == 6
+    assert len({walk.time for walk in walks}) == 6
+    assert len({walk.scenario.noise_seed for walk in walks}) == 6
+    assert len({walk.scenario.command for walk in walks}) > 3
+    assert all(EARLIEST <= walk.time <= LATEST + 0.01 and not walk.scenario.pushes for walk in walks)
+
+
+def starts(episodes, walks, easy_share, floor=1.0, seed=0):
+    return PushStarts(episodes, walks, HARD, EASY, easy_share, floor, np.random.default_rng(seed))
+
+
+def scenario_of(episodes, k):
+    return episodes.state_snapshot(k).scenario
+
+
+@pytest.mark.parametrize(("easy_share", "pushes"), [(0.0, HARD), (1.0, EASY)])
+def test_a_robot_goes_on_from_a_walk_and_is_pushed_within_the_period(episodes, walks, easy_share, pushes):
+    beginning = starts(episodes, walks, easy_share)
+    for k in range(4):
+        beginning.begin(k)
+        now, scenario = episodes.motion().time[k], scenario_of(episodes, k)
+        assert any(now == walk.time for walk in walks)
+        (push,) = scenario.pushes
+        assert now <= push.start < now + 0.01
+        assert push.duration == pushes.push_duration
+        assert pushes.impulse_min <= math.hypot(*push.force[:2]) * push.duration <= pushes.impulse_max
+        assert (scenario.duration, scenario.settle_time) == (None, pushes.settle_time)
+
+
+def test_only_hard_pushes_are_counted(episodes, walks):
+    hard, easy = starts(episodes, walks, 0.0), starts(episodes, walks, 1.0)
+    for beginning in (hard, easy):
+        beginning.begin(0)
+        beginning.ended(0, True)
+    assert (hard.table.shares != 0.5).sum() == 1
+    assert (easy.table.shares == 0.5).all()
+
+
+def test_kinds_that_are_always_recovered_from_are_drawn_seldom(episodes, walks):
+    """Half of the directions at the floor of 0.05: of 200 pushes about 1 in 21 comes from there."""
+    beginning = starts(episodes, walks, 0.0, floor=0.05)
+    beginning.table.shares[:4] = 1.0
+    seen = []
+    for _ in range(200):
+        beginning.begin(0)
+        seen.append(beginning._bins[0][0])
+    assert 2 <= sum(place < 4 for place in seen) <= 22
+
+
+def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():
+    def walk(stance, heading):
+        rows = {"gait.stance": np.array(stance), "gait.heading": np.array(heading)}
+        return SimpleNamespace(rows=rows)
+
+    left, right = relative(0.7, walk(0, 0.2)), relative(0.7, walk(1, 0.2))
+    assert abs(left) == pytest.approx(0.5)
+    assert left == -right
+    assert relative(0.7 + 2 * math.pi, walk(0, 0.2)) == pytest.approx(left)
+
+
+def test_starts_at_a_reset_are_drawn_from_the_distribution(episodes):
+    beginning = ResetStarts(episodes, HARD, np.random.default_rng(5))
+    beginning.begin(1)
+    expected = HARD.sample(np.random.default_rng(5))
+    assert scenario_of(episodes, 1) == expected
+    assert episodes.motion().time[1] == 0.0
+    beginning.ended(1, False)

@@ -1,0 +1,117 @@
+"""Robots under training: what the network is told of them, and what its outputs do."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.training.builders import completed, make_env, make_robots
+from push_recovery.training.settings import TrainingSettings
+
+PENDULUM, BIPED, JOINT = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedJoint"))
+SETTINGS = TrainingSettings(env_id=BIPED, n_envs=3, walks=3, hold=2)
+
+
+def robots_of(settings, seed=0):
+    env = make_env(settings)
+    return make_robots(completed(settings, env), env, seed)
+
+
+@pytest.mark.parametrize(
+    ("kind", "env_id", "starts", "inputs"),
+    [
+        ("residual", BIPED, "push", ("observation", "base", "gate", "margin")),
+        ("scratch", BIPED, "push", ("observation", "margin")),
+        ("residual", PENDULUM, "reset", ("observation", "base", "gate", "margin")),
+        ("joint", JOINT, "reset", ("observation",)),
+    ],
+)
+def test_what_is_left_open_is_settled_by_the_environment(kind, env_id, starts, inputs):
+    settings = TrainingSettings(kind=kind, env_id=env_id)
+    whole = completed(settings, make_env(settings))
+    assert (whole.starts, whole.reward, whole.inputs) == (starts, "recovery", inputs)
+    assert completed(whole, make_env(whole)) == whole
+
+
+def test_an_input_that_there_is_not_is_refused():
+    with pytest.raises(InvalidValueError, match="no input 'margin'; choose from: observation"):
+        robots_of(TrainingSettings(kind="joint", env_id=JOINT, inputs=("observation", "margin")))
+    with pytest.raises(InvalidValueError, match="only a residual has the input 'base'"):
+        TrainingSettings(kind="scratch", inputs=("observation", "base"))
+
+
+def test_an_environment_of_others_has_its_own_reward_and_starts(toy):
+    settings = TrainingSettings(kind="scratch", env_id=toy)
+    whole = completed(settings, make_env(settings))
+    assert (whole.starts, whole.reward, whole.inputs) == ("reset", "environment", ("observation",))
+    for wrong, told in (
+        ({"starts": "push"}, "trained with starts 'reset', not 'push'"),
+        ({"reward": "recovery"}, "trained with reward 'environment', not 'recovery'"),
+    ):
+        with pytest.raises(InvalidValueError, match=told):
+            completed(dataclasses.replace(settings, **wrong), make_env(settings))
+
+
+def test_an_untrained_residual_does_what_the_planner_does_and_sees_it():
+    robots = robots_of(SETTINGS)
+    seen = robots.reset()
+    assert seen.shape == (3, 45)
+    episodes = robots.episodes
+    planner = make_env(SETTINGS).env.policy
+    for _ in range(10):
+        base = planner.predict(episodes.core.observation)[0]
+        np.testing.assert_array_equal(seen[:, :36], episodes.core.observation.astype(np.float32))
+        np.testing.assert_array_equal(seen[:, 36:43], base)
+        np.testing.assert_allclose(seen[:, 44], np.clip(episodes.core.margin, -0.5, 0.5), atol=1e-6)
+        assert ((seen[:, 43] >= 0.0) & (seen[:, 43] <= 1.0)).all()
+        before = episodes.motion().time.copy()
+        seen, _, dones, _ = robots.step(np.zeros((3, 7), np.float32))
+        assert not dones.any()
+        np.testing.assert_allclose(episodes.motion().time - before, 0.02)
+    assert (seen[:, 43] > 0.0).any()  # a push opens the gate
+
+
+def test_an_ended_episode_begins_anew_and_tells_how_it_ended():
+    """At full outputs every robot falls; then it is in another walk."""
+    robots = robots_of(dataclasses.replace(SETTINGS, gate=None))
+    robots.reset()
+    worst = np.array([[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]] * 3, np.float32)
+    ended = []
+    for _ in range(120):
+        seen, rewards, dones, infos = robots.step(worst)
+        for k in np.flatnonzero(dones):
+            ended.append((infos[k]["failure_reason"], rewards[k]))
+            assert infos[k]["terminal_observation"].shape == (45,)
+            assert not np.array_equal(infos[k]["terminal_observation"], seen[k])
+            assert infos[k]["TimeLimit.truncated"] is False
+            assert robots.episodes.motion().time[k] > 1.0  # in a walk
+        assert all(info == {"TimeLimit.truncated": False} for info in np.array(infos)[~dones])
+    assert len(ended) >= 3
+    assert all(reason is not None and reward < -0.3 for reason, reward in ended)
+
+
+def test_the_time_limit_is_told_where_the_value_goes_on():
+    settings = dataclasses.replace(
+        SETTINGS, env_id=PENDULUM, reward="environment", pushes=dataclasses.replace(
+            SETTINGS.pushes, impulse_min=5.0, impulse_max=10.0, settle_time=0.5, first_step=0,
+        ),
+    )  # fmt: skip
+    robots, infos = robots_of(settings), []
+    robots.reset()
+    for _ in range(100):
+        _, rewards, dones, told = robots.step(np.zeros((3, 7), np.float32))
+        infos += [told[k] for k in np.flatnonzero(dones)]
+    assert infos
+    assert all(info["TimeLimit.truncated"] and info["failure_reason"] is None for info in infos)
+    assert (rewards > 1.0).all()  # two periods of the environment's own
+
+
+def test_seeds_give_the_same_pushes_and_others_others():
+    def some(seed):
+        robots = robots_of(SETTINGS, seed)
+        rows = [robots.reset()]
+        return np.array(rows + [robots.step(np.full((3, 7), 0.1, np.float32))[0] for _ in range(10)])
+
+    first = some(4)
+    assert np.array_equal(first, some(4))
+    assert not np.array_equal(first, some(5))
