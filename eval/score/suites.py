@@ -24,6 +24,7 @@ from .stratified import BLOCK, stratified_scenario, stratified_uniforms
 from .varied import harder, varied_scenarios
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
+HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
@@ -177,7 +178,7 @@ def quick_suite() -> Suite:
 @cache
 def hard_suite() -> Suite:
     """Like `standard`, but 80-200 N s: pushes that tell strong controllers apart."""
-    return _stratified_suite("hard", PushDistribution(impulse_min=80.0, impulse_max=200.0), HARD_SEED)
+    return _stratified_suite("hard", HARD, HARD_SEED)
 
 
 @cache
@@ -193,6 +194,12 @@ def varied_sealed_suite() -> Suite:
     So nobody can have looked at them while designing the code that they are drawn for.
     """
     return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, int(code_digest(), 16)))
+
+
+@cache
+def hard_sealed_suite() -> Suite:
+    """1024 pushes like those of `hard`, drawn as `varied-sealed` is: shipped policies are part of the code."""
+    return _stratified_suite("hard-sealed", HARD, int(code_digest(), 16))
 
 
 @cache
@@ -215,6 +222,7 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "hardware": hardware_suite,
     "varied-sealed": varied_sealed_suite,
     "hardware-sealed": hardware_sealed_suite,
+    "hard-sealed": hard_sealed_suite,
     "quick-1": quick_1_suite,
 }
 

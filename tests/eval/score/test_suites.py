@@ -80,20 +80,30 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
     assert {s.sensing for s in hardware_suite().scenarios} == {"onboard"}
 
 
-def test_the_sealed_pushes_are_those_of_the_code(monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "make", "like"),
+    [
+        ("varied-sealed", suites.varied_sealed_suite, suites.varied_suite),
+        ("hard-sealed", suites.hard_sealed_suite, suites.hard_suite),
+    ],
+)
+def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
     """1 and 2 in hexadecimal stand for two states of the code: no push of one is met by the other."""
     drawn = []
     for digest in ("1", "2", "1"):
         monkeypatch.setattr(suites, "code_digest", lambda digest=digest: digest)
-        suites.varied_sealed_suite.cache_clear()
-        drawn.append(get_suite("varied-sealed"))
-    suites.varied_sealed_suite.cache_clear()
+        make.cache_clear()
+        drawn.append(get_suite(name))
+    make.cache_clear()
     assert drawn[0] == drawn[2]
-    assert len(drawn[0].scenarios) == len(varied_suite().scenarios) == 1024
-    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], varied_suite())]
+    assert len(drawn[0].scenarios) == len(like().scenarios) == 1024
+    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], like())]
     assert not pushes[0] & pushes[1]
     assert not pushes[0] & pushes[2]
-    assert drawn[0].scenarios[0].id == "varied-sealed-0000"
+    assert drawn[0].scenarios[0].id == f"{name}-0000"
+    impulses = [[max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())]
+    for of in (min, max):
+        assert of(impulses[0]) == pytest.approx(of(impulses[1]), abs=3.0)
 
 
 def test_field_of_16_elements():
