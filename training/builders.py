@@ -159,11 +159,11 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     """Where the episodes of a run begin; for starts at pushes the walks are walked now."""
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
     if settings.starts == "reset":
-        return ResetStarts(episodes, settings.pushes, pushing)
+        return ResetStarts(episodes, settings.drawn_pushes, pushing)
     walker = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
-    walks = take_walks(episodes, walker, settings.pushes, settings.walks, walking)
-    easy = settings.easy, settings.easy_share
-    return PushStarts(episodes, walks, settings.pushes, *easy, settings.least_acceptance, pushing)
+    walks = take_walks(episodes, walker, settings.drawn_pushes, settings.walks, walking)
+    easy = settings.easy_pushes, settings.easy_share
+    return PushStarts(episodes, walks, settings.drawn_pushes, *easy, settings.least_acceptance, pushing)
 
 
 def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
-from tyro.conf import Positional, Suppress, arg
+from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.policies.inputs import check_inputs
 from ..controllers.policies.residual import check_residual_scale
 from ..controllers.policies.residual_gate import check_gate
 from ..envs.episode.profile import get_profile
+from ..envs.scenario.error_ranges import ErrorRanges
 from ..envs.scenario.push_distribution import PushDistribution
 from .robots.reward import REWARDS
 
@@ -28,9 +29,9 @@ ENV_OF_KIND = {
 }
 # Initial log-std of the action: of a residual 0.14 of its scale, of joints about 0.2 rad.
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
-# Hard pushes, most of which the planner recovers from, and easy ones, of which it loses none
+# Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
-EASY_PUSHES = PushDistribution(impulse_min=5.0, impulse_max=80.0, settle_time=2.5)
+NO_ERRORS = ErrorRanges()
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
@@ -66,8 +67,11 @@ class TrainingSettings:
     """recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment: its own; None:
     recovery where robots share one core"""
     profile: str = "exact"  # of the robots: exact, hardware
-    pushes: Suppress[PushDistribution] = TRAINING_PUSHES  # of most training episodes; scores use other ones
-    easy: Suppress[PushDistribution] = EASY_PUSHES  # of the others, so that nothing easy is forgotten
+    errors: ErrorRanges = NO_ERRORS  # of the robots' models, drawn anew for each: domain randomisation
+    pushes: Annotated[PushDistribution, AvoidSubcommands] = TRAINING_PUSHES
+    """of most training episodes; scores use other ones"""
+    easy: Annotated[tuple[float, float], arg(metavar="LOW HIGH")] = (5.0, 80.0)
+    """impulses of the others, so that nothing easy is forgotten [N s]"""
     easy_share: float = 0.05  # of episodes that have an easy push
     least_acceptance: float = 0.1
     """of a push whose kind is always or never recovered from; 1: all are taken alike"""
@@ -117,10 +121,12 @@ class TrainingSettings:
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
         if self.gate is not None:
             object.__setattr__(self, "gate", check_gate(self.gate))
-        for name in ("pushes", "easy"):
+        for name, made in (("pushes", PushDistribution), ("errors", ErrorRanges)):
             if isinstance(value := getattr(self, name), dict):
-                object.__setattr__(self, name, PushDistribution.from_dict(value))
-            self._check(name, isinstance(getattr(self, name), PushDistribution), "a PushDistribution")
+                object.__setattr__(self, name, made.from_dict(value))
+            self._check(name, isinstance(getattr(self, name), made), f"a {made.__name__}")
+        object.__setattr__(self, "easy", tuple(self.easy))
+        self.easy_pushes  # noqa: B018  # raises where it is impossible
         self._check("easy_share", 0 <= self.easy_share <= 1, "in [0, 1]")
         self._check("least_acceptance", 0 < self.least_acceptance <= 1, "in (0, 1]")
         for name, valid in (("starts", STARTS), ("reward", tuple(REWARDS))):
@@ -157,6 +163,16 @@ class TrainingSettings:
         return self.kind == "residual"
 
     @property
+    def drawn_pushes(self) -> PushDistribution:
+        """Of most training episodes, on robots with `errors` where any are given."""
+        return self.pushes if self.errors == NO_ERRORS else replace(self.pushes, errors=self.errors)
+
+    @property
+    def easy_pushes(self) -> PushDistribution:
+        """Of the others: the same, with the impulses of `easy`."""
+        return replace(self.drawn_pushes, impulse_min=self.easy[0], impulse_max=self.easy[1])
+
+    @property
     def on_joints(self) -> bool:
         """Whether the environment takes actions of the joints."""
         return self.kind in {"joint", "joint-residual"}
@@ -181,7 +197,8 @@ class TrainingSettings:
 
     def to_json(self) -> dict[str, Any]:
         """Every setting, as JSON types."""
-        return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
+        values = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
+        return values | {"pushes": self.pushes.to_dict(), "errors": self.errors.to_dict()}
 
     @classmethod
     def from_json(cls, values: Any) -> TrainingSettings:

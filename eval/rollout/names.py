@@ -11,7 +11,8 @@ DEFAULT_ENV = "PushRecovery/Biped-v0"
 ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
-    "quick", "standard", "hard", "varied", "hardware", "varied-sealed", "hardware-sealed", "hard-sealed", "quick-1",
+    "quick", "standard", "hard", "varied", "hardware", "varied-sealed", "hardware-sealed", "hard-sealed",
+    "quick-1",
 )  # fmt: skip
 
 

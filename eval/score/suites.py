@@ -198,7 +198,7 @@ def varied_sealed_suite() -> Suite:
 
 @cache
 def hard_sealed_suite() -> Suite:
-    """1024 pushes like those of `hard`, drawn as `varied-sealed` is: shipped policies are part of the code."""
+    """Like `hard`, drawn as `varied-sealed` is; the policies that ship are part of the code."""
     return _stratified_suite("hard-sealed", HARD, int(code_digest(), 16))
 
 

@@ -3,10 +3,11 @@ import json
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
+from push_recovery.envs.scenario.error_ranges import ErrorRanges
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.cli.parse import parse
@@ -92,6 +93,17 @@ def test_the_help_tells_the_defaults_of_the_settings(capsys):
     assert f"{settings.hold * 10} ms" in text
 
 
+def test_every_setting_is_an_option():
+    words = "residual --pushes.impulse-max 90 --easy 1 2 --errors.friction 0.4 0.9 --inputs observation gate"
+    settings = parse("train", words.split()).settings
+    assert settings.pushes == dataclasses.replace(TrainingSettings().pushes, impulse_max=90.0)
+    assert settings.inputs == ("observation", "gate")
+    drawn, easy = settings.drawn_pushes, settings.easy_pushes
+    assert drawn.errors == easy.errors == ErrorRanges(friction=(0.4, 0.9))
+    assert (drawn.impulse_max, easy.impulse_min, easy.impulse_max) == (90.0, 1.0, 2.0)
+    assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+
+
 @pytest.mark.parametrize("log_std", [None, -2.0, (-1.0,) * 7])
 def test_settings_survive_json(log_std):
     pushes = PushDistribution(impulse_max=30.0)
@@ -109,10 +121,23 @@ def test_settings_say_what_is_wrong():
         {"policy_layers": [0]},
         {"log_std": [0.0, float("nan")]},
         {"pushes": None},
+        {"errors": None},
+        {"easy_share": 1.1},
+        {"least_acceptance": 0.0},
+        {"walks": 0},
         {"gate": [0.1, 0.0]},
     ):
         with pytest.raises(InvalidValueError, match=next(iter(wrong))):
             TrainingSettings.from_json(good | wrong)
+    for wrong in ({"starts": "walk"}, {"reward": "none"}, {"profile": "real"}):
+        with pytest.raises(UnknownNameError, match=next(iter(wrong))):
+            TrainingSettings.from_json(good | wrong)
+    with pytest.raises(InvalidValueError, match="impulse_max"):
+        TrainingSettings.from_json(good | {"easy": [80.0, 5.0]})
+    with pytest.raises(
+        InvalidValueError, match=r"'observation' and then others, each once, got \['margin'\]"
+    ):
+        TrainingSettings.from_json(good | {"inputs": ["margin"]})
     for wrong in ({}, [], good | {"extra": 1}, good | {"gamma": "high"}):
         with pytest.raises(InvalidValueError, match="training settings"):
             TrainingSettings.from_json(wrong)

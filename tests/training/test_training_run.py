@@ -20,7 +20,7 @@ from push_recovery.training.settings import TrainingSettings
 def settings(toy):
     return TrainingSettings(
         kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
-        value_layers=(16,), log_std=-1.0, checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
+        value_layers=(16,), log_std=-1.0, learning_rate=5e-4, learning_rate_end=5e-5, checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
     )  # fmt: skip
 
 
@@ -47,7 +47,8 @@ def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, settings):
     assert files == {".json", ".safetensors"}  # nothing there can run code
     note = json.loads((tmp_path / "run" / "policy.json").read_text())["training"]
     assert note["timesteps"] == 1024
-    assert TrainingSettings.from_json(note["settings"]) == settings
+    whole = dataclasses.replace(settings, inputs=("observation",), starts="reset", reward="environment")
+    assert TrainingSettings.from_json(note["settings"]) == whole  # what was left open is said
     assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
 
 

@@ -101,7 +101,9 @@ def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
     assert not pushes[0] & pushes[1]
     assert not pushes[0] & pushes[2]
     assert drawn[0].scenarios[0].id == f"{name}-0000"
-    impulses = [[max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())]
+    impulses = [
+        [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())
+    ]
     for of in (min, max):
         assert of(impulses[0]) == pytest.approx(of(impulses[1]), abs=3.0)
 
