@@ -42,6 +42,7 @@ ROOMS = (
     "eval",
     "eval.processes",
     "eval.output",
+    "eval.shipped",
     "eval.rollout",
     "eval.score",
     "eval.frontier",
