@@ -59,6 +59,7 @@ ROOMS = (
     "eval.cli",
     "eval.cli.commands",
     "training",
+    "training.cli",
 )
 MODULES_IN_A_ROOM = 12
 FORBIDDEN = {
