@@ -44,6 +44,7 @@ ROOMS = (
     "eval.output",
     "eval.shipped",
     "eval.rollout",
+    "eval.export",
     "eval.score",
     "eval.frontier",
     "eval.sensitivity",
