@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run test test-newest test-oldest lint format same mutants clean
+.PHONY: run policies test test-newest test-oldest lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -23,6 +23,10 @@ run: $(VENV)/run.stamp
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests
+
+# trains the policies that come with the package again, in runs/policies; a run that is ended goes on where it was
+policies: $(VENV)/dev.stamp
+	$(BIN)/push-recovery policies
 
 # The rows of the headline table and the tests of control and environments with a plain `pip install`, in an
 # environment of its own: with the newest versions that pip finds, and with the oldest that pyproject.toml states.

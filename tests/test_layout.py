@@ -42,7 +42,9 @@ ROOMS = (
     "eval",
     "eval.processes",
     "eval.output",
+    "eval.shipped",
     "eval.rollout",
+    "eval.export",
     "eval.score",
     "eval.frontier",
     "eval.sensitivity",
@@ -58,6 +60,7 @@ ROOMS = (
     "eval.cli",
     "eval.cli.commands",
     "training",
+    "training.cli",
 )
 MODULES_IN_A_ROOM = 12
 FORBIDDEN = {

@@ -21,6 +21,7 @@ from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
 from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .export import export_policy
+from .manifest import manifest
 from .settings import TrainingSettings
 
 POLICY = "policy"  # file of the result, without its suffixes
@@ -126,11 +127,8 @@ class Run:
         self.env.close()
 
     def _finish(self) -> TrainingResult:
-        note = {
-            "timesteps": self.model.num_timesteps,
-            "seconds": round(self.seconds, 1),
-            "settings": self.settings.to_json(),
-        }
+        steps, file = self.model.num_timesteps, f"{POLICY}.json"
+        note = manifest(self.settings, steps, self.seconds, self.curve, file)
         path = self.policy().save(self.out / POLICY, note)
         folder = self.out / "sb3"  # for PPO.load and VecNormalize.load; this project never reads it
         folder.mkdir(exist_ok=True)

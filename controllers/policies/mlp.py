@@ -1,4 +1,4 @@
-"""A small tanh network: normalised observation -> hidden layers -> linear output, in float32.
+"""A small network: normalised observation -> hidden layers (tanh or relu) -> output, in float32.
 
 The sums run in one fixed order, so that a row's output has the same bits alone and in any batch.
 """
@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 from ..compiled.kernels import njit
 from ..errors import InvalidValueError
+from ..validation import require_choice
+
+ACTIVATIONS = ("tanh", "relu")
+OUTPUTS = ("linear", "tanh")
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,22 @@ class Normalisation:
 
 @dataclass(frozen=True)
 class Mlp:
-    """Layers y = W x + b, tanh between them and none after the last; W is (outputs, inputs) float32."""
+    """Layers y = W x + b, W (outputs, inputs) float32, an activation between them, `output` after the last.
+
+    Raises:
+        InvalidValueError: shapes that do not follow from each other, or a value that is not finite.
+        UnknownNameError: another activation or output.
+    """
 
     weights: tuple[NDArray[np.float32], ...]
     biases: tuple[NDArray[np.float32], ...]
+    activation: str = "tanh"  # of ACTIVATIONS
+    output: str = "linear"  # of OUTPUTS
     _columns: tuple[NDArray[np.float32], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        require_choice("activation", self.activation, ACTIVATIONS)
+        require_choice("output", self.output, OUTPUTS)
         if not self.weights or len(self.weights) != len(self.biases):
             raise InvalidValueError(
                 f"a network needs as many biases as weights, got {len(self.weights)}, {len(self.biases)}"
@@ -78,8 +91,10 @@ class Mlp:
         last = len(self.weights) - 1
         for i, (columns, bias) in enumerate(zip(self._columns, self.biases, strict=True)):
             layer = _affine(layer, columns, bias)
-            if i < last:
+            if (self.activation if i < last else self.output) == "tanh":
                 _tanh(layer)
+            elif i < last:
+                np.maximum(layer, np.float32(0), out=layer)
         return layer
 
 

@@ -102,6 +102,11 @@ class NetworkPolicy:
         learned = self._learned(rows, None if self.rule is None else self.rule.below(rows))
         return learned[0] if single else learned
 
+    def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
+        """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
+        rows, _ = self._rows(observation)
+        return self._inputs.rows(rows, None if self._rule is None else self._rule.below(rows))
+
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
         for name, mine, theirs in (

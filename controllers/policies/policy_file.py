@@ -26,12 +26,12 @@ from .inputs import OBSERVATION, input_size
 from .mlp import Mlp, Normalisation
 
 FORMAT = "push-recovery policy"
-FORMAT_VERSION = 2
-READABLE = (1, FORMAT_VERSION)  # the first one had no `inputs`: its networks see the observation alone
-ACTIVATION = "tanh"
+FORMAT_VERSION = 3
+# What the files of earlier versions mean by keys that they lack
+EARLIER = {1: {"inputs": [OBSERVATION], "output": "linear"}, 2: {"output": "linear"}, FORMAT_VERSION: {}}
 KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "inputs",
         "limits", "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
-        "observation_variance", "residual", "robot", "training", "weights_sha256")  # fmt: skip
+        "observation_variance", "output", "residual", "robot", "training", "weights_sha256")  # fmt: skip
 
 T = TypeVar("T")
 
@@ -83,7 +83,8 @@ def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescri
         "observation_size": network.sizes[0] - input_size(about.inputs, 0),
         "action_size": network.sizes[-1],
         "hidden_sizes": list(network.sizes[1:-1]),
-        "activation": ACTIVATION,
+        "activation": network.activation,
+        "output": network.output,
         "observation_mean": normalisation.mean.tolist(),
         "observation_variance": normalisation.variance.tolist(),
         "observation_clip": normalisation.clip,
@@ -136,18 +137,15 @@ def _read_description(path: Path) -> dict[str, Any]:
     about = parse_json(f"the policy description {path}", text)
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise InvalidValueError(f"{path} is not a policy description (its format must be {FORMAT!r})")
-    if about.get("format_version") not in READABLE:
+    version = about.get("format_version")
+    if version not in tuple(EARLIER):
         raise InvalidValueError(
-            f"{path} has format version {about.get('format_version')!r}, this version reads "
-            f"{', '.join(map(str, READABLE))}"
+            f"{path} has format version {version!r}, this version reads {', '.join(map(str, EARLIER))}"
         )
-    if about["format_version"] == 1:
-        about["inputs"] = [OBSERVATION]
+    about |= EARLIER[version]
     missing = [key for key in KEYS if key not in about]
     if missing:
         raise InvalidValueError(f"the policy description {path} lacks {', '.join(missing)}")
-    if about["activation"] != ACTIVATION:
-        raise InvalidValueError(f"{path}: unknown activation {about['activation']!r} (valid: {ACTIVATION})")
     return about
 
 
@@ -183,8 +181,10 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         return Mlp(
             tuple(tensors[f"layers.{i}.weight"] for i in layers),
             tuple(tensors[f"layers.{i}.bias"] for i in layers),
+            about["activation"],
+            about["output"],
         )
-    except InvalidValueError as error:
+    except ValueError as error:
         raise InvalidValueError(f"the policy weights {path}: {error}") from error
 
 

@@ -43,8 +43,12 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "warmup": (".commands.warmup", "WarmUp",
                "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
     "play": (".commands.play", "Play", "Show one push: in a window, or written to a video or picture."),
-    "train": ("...training.command", "Train",
+    "export": (".commands.export", "Export",
+               "Write a learned policy as ONNX, for runtimes that know nothing of this package."),
+    "train": ("...training.cli.train", "Train",
               "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
+    "policies": ("...training.cli.policies", "Policies",
+                 "Train the policies that come with the package again, each by its recipe."),
 }  # fmt: skip
 WORDS = {  # what tyro says of Python's own number types and of a group of options, and what this program says
     r":? invalid literal for int\(\) with base 10:": " must be an integer, got",

@@ -14,9 +14,9 @@ from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
 from ..output.place import require_place
 from ..rollout.environments import make_env_for
-from ..rollout.load_policy import load_policy
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
+from ..rollout.policy_source import policy_sources
 
 FORMATS = (".mp4", ".gif", ".png")
 FILM_RATE = 25.0  # frames per simulated second
@@ -66,12 +66,13 @@ def show_episode(
         require_display()
     else:
         require_place(out)
-    env = make_env_for(policy, env_id, render_mode="rgb_array" if out else "human")
+    source = policy_sources(policy)[policy]
+    env = make_env_for(source.origin, env_id, render_mode="rgb_array" if out else "human")
     try:
         if out is None:
-            return rollout(env, load_policy(policy, env), scenario, policy), None
+            return rollout(env, source.load(env), scenario, policy), None
         camera = _Camera(planning_period(env))
-        outcome = rollout(env, load_policy(policy, env), scenario, policy, camera)
+        outcome = rollout(env, source.load(env), scenario, policy, camera)
     finally:
         env.close()
     write_atomically(out, _strip(camera) if suffix == ".png" else _film(camera.frames, str(suffix)))

@@ -12,6 +12,7 @@ from ...controllers.files import is_file
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.network import NetworkPolicy
+from ..shipped.names import NAMES, shipped_names
 from .names import DEFAULT_ENV
 from .user_object import acting, import_attribute
 
@@ -39,18 +40,21 @@ def load_policy(policy: Any, env: gym.Env) -> Policy:
 
 
 def make_policy(name: str, env: Any) -> Policy:
-    """An analytic policy by name, for the robot, the gait box and the preset of an environment.
+    """A policy by name: an analytic one for an environment's robot, gait box and preset, or a shipped one.
 
     Args:
-        name: one of `push-recovery list`, such as "two-stage".
+        name: one of `push-recovery list`, such as "two-stage" or "residual".
         env: a gait environment, single or vector.
 
     Raises:
         UnknownNameError: no such name; lists the valid ones.
-        InvalidValueError: the environment has no gait, takes residuals, or actions on the joints.
+        InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
+            policy was made for another environment, or its file is not there.
     """
     from ...controllers.policies.arms import make_policy as make_analytic
 
+    if name in NAMES:
+        return load_policy(name, env)
     _refuse_archive(name)
     if name not in policy_names():
         raise UnknownNameError("policy", name, [*policy_names(), *FORMS])
@@ -80,10 +84,10 @@ def _random_joints(name: str, episodes: Any) -> Policy:
 
 
 def policy_names() -> tuple[str, ...]:
-    """Names that `make_policy` knows."""
+    """Names that `make_policy` knows: the analytic policies, and those that come with the package."""
     from ...controllers.policies.arms import POLICY_NAMES
 
-    return tuple(POLICY_NAMES)
+    return (*POLICY_NAMES, *shipped_names())
 
 
 def is_policy_file(name: str) -> bool:

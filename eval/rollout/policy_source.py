@@ -28,7 +28,7 @@ class PolicySource:
     """One policy of an evaluation, before any environment is known."""
 
     label: str  # of its rows
-    origin: Any  # a name, a file, MODULE:ATTRIBUTE, or an object with `predict`
+    origin: Any  # name of an analytic policy, file, MODULE:ATTRIBUTE, or an object with `predict`
 
     @property
     def in_memory(self) -> bool:

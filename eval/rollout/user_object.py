@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
+from ..shipped.names import named_file
 
 
 def import_from_here(name: str) -> Any:
@@ -48,11 +49,13 @@ def import_attribute(name: str) -> tuple[Any, Any]:
 def acting(policy: Any, name: str = "") -> Any:
     """A name as text, or an object that acts; a class or a function without `predict` is called for it.
 
+    The name of a shipped policy becomes that of its file.
+
     Raises:
-        InvalidValueError: there is no way to an object with `predict`.
+        InvalidValueError: there is no way to an object with `predict`, or no file of a shipped policy.
     """
     if isinstance(policy, str | os.PathLike):
-        return os.fspath(policy)
+        return named_file(os.fspath(policy))
     name = name or repr(policy)[:200]
     if isinstance(policy, type) or (callable(policy) and not hasattr(policy, "predict")):
         try:

@@ -16,7 +16,7 @@ from .batch import batch_episodes, plans_batches, rollout_batch
 from .environments import make_env, own_env
 from .one import rollout
 from .outcome import Outcome
-from .policy_source import PolicySource, Sources
+from .policy_source import Sources, policy_sources
 from .wrapped_action import ActionRule, action_rule
 
 J = TypeVar("J")
@@ -62,7 +62,7 @@ class Runner:
     def policy(self, name: str) -> Policy:
         """The policy of this label, made on first use."""
         if name not in self._policies:
-            source = self._sources.get(name) or PolicySource(name, name)
+            source = self._sources.get(name) or policy_sources(name)[name]
             own = own_env(self.env, self._env_id, source.origin)
             if own is not None:
                 self._own[name] = Place(own)

@@ -203,7 +203,10 @@ def edit(tmp_path, **changes):
     [
         {"format": "other"},
         {"format_version": 99},
-        {"activation": "relu"},
+        {"format_version": [1]},
+        {"activation": "gelu"},
+        {"activation": ["tanh"]},
+        {"output": "softmax"},
         {"hidden_sizes": [16, 17]},
         {"hidden_sizes": "wide"},
         {"observation_size": 33},

@@ -6,21 +6,23 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from tyro.conf import arg
 
-from ..controllers.errors import InvalidValueError
-from ..controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
-from ..eval.cli.options import Directory, Options, within
-from ..eval.output.progress import Bars, progress_bars
+from ...controllers.errors import InvalidValueError
+from ...controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
+from ...eval.cli.options import Directory, Options, within
+from ...eval.output.progress import Bars, progress_bars
+from ..recipes import get_recipe
+from ..settings import TrainingSettings
 from .extras import require_training
-from .settings import TrainingSettings
 
 if TYPE_CHECKING:
-    from .ppo import Report, TrainingResult
+    from ..ppo import Report, TrainingResult
 
 DEFAULTS = TrainingSettings()
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +38,19 @@ class Train(Options):
     resume: Directory = None
     """Go on from the last checkpoint of the run in DIR, with its settings; checkpoints are safetensors and
     JSON."""
+    recipe: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    """Settings of a shipped policy (docs/policies.md), by name, or those that the policy of FILE was trained
+    with, for a new run; options beside it change them."""
     scale: Annotated[float | None, arg(metavar="X", help_behavior_hint="(default: 1)")] = field(
         default=None, metadata=within(0, 10)
     )
     """Residual relative to its default size (residual only)."""
 
     def defaults(self) -> Train | None:
-        """The settings of the run to go on with: what differs from them the user has given."""
+        """The settings of a run to go on with, or of a recipe: what differs from them the user has given."""
         if self.resume is None:
-            return None
-        from .checkpoint import load_checkpoint
+            return None if self.recipe is None else Train(settings=get_recipe(self.recipe))
+        from ..checkpoint import load_checkpoint
 
         require_training()
         return Train(settings=load_checkpoint(Path(self.resume)).settings)
@@ -61,20 +66,24 @@ class Train(Options):
         _tell(self._start() if self.resume is None else self._go_on(Path(self.resume)))
 
     def _start(self) -> TrainingResult:
-        from .ppo import train
+        from ..ppo import train
 
         settings = self._with_env(self.settings)
+        if self.recipe is not None and self.env is None:
+            _require_known(settings.env_id, self.recipe)
         settings = replace(settings, scale=self._residual_scale(settings))
         name = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
         out = Path("runs") / name if self.out is None else Path(self.out)
-        return _with_progress(settings.timesteps, lambda report: train(settings, out, report))
+        return with_progress("training", settings.timesteps, lambda report: train(settings, out, report))
 
     def _go_on(self, path: Path) -> TrainingResult:
-        from .checkpoint import load_checkpoint
-        from .ppo import resume
+        from ..checkpoint import load_checkpoint
+        from ..ppo import resume
 
         if self.out is not None:
             raise InvalidValueError(f"--out is for a new run; --resume goes on in {path}")
+        if self.recipe is not None:
+            raise InvalidValueError(f"--recipe is for a new run; --resume goes on in {path}")
         if self.scale is not None:
             raise InvalidValueError("--scale is for a new run; a resumed one keeps its own")
         theirs, ours = load_checkpoint(path).settings, self._with_env(self.settings)
@@ -86,7 +95,9 @@ class Train(Options):
                     "leave the option out to go on, or start a new run with --out"
                 )
         named = None if self.env is None else ours.env_id  # only what the user names may import a module
-        return _with_progress(ours.timesteps, lambda report: resume(path, ours.timesteps, report, named))
+        return with_progress(
+            "training", ours.timesteps, lambda report: resume(path, ours.timesteps, report, named)
+        )
 
     def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
         return settings if self.env is None else replace(settings, env_id=self.env)
@@ -99,7 +110,7 @@ class Train(Options):
             raise InvalidValueError(
                 f"--scale belongs to `train residual`, which corrects gait actions, not to {settings.kind!r}"
             )
-        from .builders import make_plain_env
+        from ..builders import make_plain_env
 
         env = make_plain_env(settings.env_id)
         unwrapped: Any = env.unwrapped
@@ -108,16 +119,28 @@ class Train(Options):
         return tuple(scale.tolist())
 
 
-def _with_progress(timesteps: int, work: Callable[[Report], TrainingResult]) -> TrainingResult:
-    """Run `work(report)` with a bar on standard error, which appears at the first report."""
+def _require_known(env_id: str, recipe: str) -> None:
+    """Raise InvalidValueError where making the environment of a file would import a module by itself."""
+    from ...eval.rollout.environments import EnvName
+
+    name = EnvName.parse(env_id)
+    if name.runs_code:
+        raise InvalidValueError(
+            f"the recipe {recipe!r} is for {env_id!r}, and training would run the code of {name.module!r}: "
+            f"say --env {env_id} where that is wanted"
+        )
+
+
+def with_progress(name: str, timesteps: int, work: Callable[[Report], T]) -> T:
+    """`work(report)` with a bar of this name on standard error, which appears at the first report."""
     with ExitStack() as stack:
         bars: list[Bars] = []
 
         def report(done: int, recovered: float | None) -> None:
             if not bars:
-                bars.append(stack.enter_context(progress_bars(["training"], timesteps)))
+                bars.append(stack.enter_context(progress_bars([name], timesteps)))
             note = "" if recovered is None else f"{100 * recovered:.0f} % recovered"
-            bars[0].set("training", min(done, timesteps), note)
+            bars[0].set(name, min(done, timesteps), note)
 
         return work(report)
 

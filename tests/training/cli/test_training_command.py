@@ -11,8 +11,8 @@ from push_recovery.envs.scenario.error_ranges import ErrorRanges
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.cli.parse import parse
-from push_recovery.training import extras
 from push_recovery.training.checkpoint import load_checkpoint
+from push_recovery.training.cli import extras
 from push_recovery.training.settings import TrainingSettings
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from ..controllers.errors import MissingExtraError
+from ...controllers.errors import MissingExtraError
 
 
 def require_training() -> None:

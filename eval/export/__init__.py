@@ -1,0 +1,1 @@
+"""Learned policies in the formats of others."""

@@ -1,0 +1,1 @@
+"""Learned policies that come with the package."""

@@ -1,0 +1,42 @@
+"""Names of the learned policies that come with the package, and the files that they stand for.
+
+The files lie in the folder `policies/` beside this module, NAME.safetensors and NAME.json, and are no code: a
+new one changes neither the digest of the code nor the suites that are drawn from it. How each came about
+stands in its JSON; its settings are those of `training.recipes`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.policies.policy_file import policy_paths
+
+FOLDER = Path(__file__).parent / "policies"
+# `residual` is seed 0, named before it was trained; the other seeds show how much hangs on the seed.
+NAMES = (
+    "residual", "residual-seed1", "residual-seed2", "residual-seed3", "residual-seed4",
+    "residual-hardware", "scratch", "joint", "joint-residual",
+)  # fmt: skip
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Those of NAMES whose files are there."""
+    return tuple(name for name in NAMES if all(path.is_file() for path in policy_paths(FOLDER / name)))
+
+
+def named_file(name: str) -> str:
+    """The weights' file that a name stands for; what is no name of a shipped policy comes back as it is.
+
+    Raises:
+        InvalidValueError: a name of a policy whose files are not there.
+    """
+    if name not in NAMES:
+        return name
+    if name not in shipped_names():
+        there = ", ".join(shipped_names()) or "none"
+        raise InvalidValueError(
+            f"policy {name!r} does not come with this version, whose trained policies are: {there}; "
+            f"train it with: push-recovery policies {name}"
+        )
+    return str(policy_paths(FOLDER / name)[0])

@@ -1,0 +1,116 @@
+"""Recipes of the shipped policies, and what a policy's file says of how it came about."""
+
+import dataclasses
+import json
+import re
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.eval.rollout.environments import code_digest
+from push_recovery.eval.shipped.names import NAMES
+from push_recovery.training.manifest import source_commit
+from push_recovery.training.ppo import train
+from push_recovery.training.recipes import RECIPES, command_of, difference, get_recipe
+from push_recovery.training.settings import TrainingSettings
+
+
+def test_every_shipped_policy_has_a_recipe_of_its_own():
+    assert tuple(RECIPES) == NAMES
+    as_text = {json.dumps(settings.to_json()) for settings in RECIPES.values()}
+    assert len(as_text) == len(RECIPES)
+
+
+def test_the_seeds_of_residual_differ_in_nothing_else():
+    seeds = [RECIPES[name] for name in RECIPES if name.startswith("residual") and name != "residual-hardware"]
+    assert [settings.seed for settings in seeds] == [0, 1, 2, 3, 4]
+    assert {dataclasses.replace(settings, seed=0) for settings in seeds} == {RECIPES["residual"]}
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_is_of_the_kind_that_its_name_says(name):
+    assert RECIPES[name].kind == re.sub(r"-(seed\d|hardware)$", "", name)
+    assert (RECIPES[name].profile == "hardware") == name.endswith("-hardware")
+    assert command_of(RECIPES[name], "x.json") == f"push-recovery train --recipe {name}"
+
+
+def test_what_a_recipe_leaves_open_is_no_difference():
+    settings = RECIPES["scratch"]
+    assert settings.scale is None
+    settled = dataclasses.replace(settings, log_std=-1.0)
+    assert difference(settings, settled) is None
+    assert difference(settled, settings) == "log_std"
+    assert difference(settings, dataclasses.replace(settled, gamma=0.5)) == "gamma"
+    assert command_of(settled, "x.json").endswith("--recipe scratch")
+    assert command_of(dataclasses.replace(settled, gamma=0.5), "x.json").endswith("--recipe x.json")
+
+
+@pytest.fixture
+def trained(tmp_path, toy):
+    """A policy file of a run with settings that are no recipe's, and these settings."""
+    settings = TrainingSettings(
+        kind="scratch", env_id=toy, timesteps=0, n_envs=2, seed=7, gamma=0.9, evaluation_scenarios=2
+    )
+    return train(settings, tmp_path / "run").policy, settings
+
+
+def test_a_file_tells_how_it_came_about(trained):
+    path, settings = trained
+    note = json.loads(path.with_suffix(".json").read_text())["training"]
+    assert difference(settings, TrainingSettings.from_json(note["settings"])) is None
+    assert note["command"] == "push-recovery train --recipe policy.json"
+    assert note["timesteps"] == 0
+    assert 0 < note["seconds"] < 600
+    (point,) = note["curve"]
+    assert (point["timesteps"], point["scenarios"]) == (0, settings.evaluation_scenarios)
+    assert note["code"] == code_digest()
+    assert {"push-recovery", "python", "torch", "stable-baselines3", "mujoco", "numpy"} <= set(
+        note["versions"]
+    )
+    assert note["versions"]["numpy"] == version("numpy")
+
+
+def test_a_file_is_a_recipe(trained):
+    path, settings = trained
+    for name in (path, path.with_suffix(".json"), path.with_suffix("")):
+        assert difference(settings, get_recipe(str(name))) is None
+
+
+def test_what_is_no_recipe_is_refused(trained, tmp_path):
+    path = trained[0].with_suffix(".json")
+    with pytest.raises(UnknownNameError, match=r"unknown recipe 'residal'; did you mean 'residual'"):
+        get_recipe("residal")
+    for text, said in (
+        ("{", "not valid JSON"),
+        ("[]", "was trained with"),
+        ('{"training": {}}', "was trained with"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InvalidValueError, match=said):
+            get_recipe(str(path))
+    path.write_text(json.dumps({"training": {"settings": {"kind": "scratch"}}}))
+    with pytest.raises(InvalidValueError, match="must have the keys"):
+        get_recipe(str(path))
+
+
+def git(folder, *words):
+    subprocess.run(["git", "-c", "user.name=x", "-c", "user.email=x", *words], cwd=folder, check=True)  # noqa: S607
+
+
+def test_the_commit_is_that_of_the_repository_that_tracks_the_file(tmp_path):
+    file = tmp_path / "code.py"
+    file.write_text("1")
+    assert source_commit(file) is None
+    git(tmp_path, "init", "-q")
+    assert source_commit(file) is None  # a repository that does not know it, such as one around a venv
+    git(tmp_path, "add", "code.py")
+    git(tmp_path, "commit", "-qm", "x")
+    git(tmp_path, "tag", "-a", "v1", "-m", "x")
+    commit = source_commit(file)
+    assert commit is not None
+    assert re.fullmatch("[0-9a-f]{40}", commit)
+    file.write_text("2")
+    assert source_commit(file) == f"{commit}-dirty"
+    assert source_commit(Path("/nowhere/code.py")) is None

@@ -1,0 +1,77 @@
+"""Settings of the shipped policies by name: how each is trained stands here and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.files import is_file, read_file
+from ..controllers.json_text import parse_json
+from ..controllers.policies.policy_file import policy_paths
+from .settings import TrainingSettings
+
+RESIDUAL = TrainingSettings("residual")
+RECIPES = {  # in the order of `eval.shipped.names.NAMES`
+    "residual": RESIDUAL,
+    **{f"residual-seed{seed}": replace(RESIDUAL, seed=seed) for seed in range(1, 5)},
+    "residual-hardware": replace(RESIDUAL, profile="hardware"),
+    "scratch": TrainingSettings("scratch"),
+    "joint": TrainingSettings("joint"),
+    "joint-residual": TrainingSettings("joint-residual"),
+}
+
+
+def get_recipe(name: str) -> TrainingSettings:
+    """The settings of a shipped policy, by name, or those that the policy of a file was trained with.
+
+    Raises:
+        UnknownNameError: neither a name nor a file; lists the names.
+        InvalidValueError: the file can't be read, or says nothing of a training by this version's settings.
+    """
+    if name in RECIPES:
+        return RECIPES[name]
+    path = policy_paths(name)[1]
+    if not is_file(path):
+        raise UnknownNameError("recipe", name, [*RECIPES, "FILE.json of a policy"])
+    return file_settings(path)
+
+
+def file_settings(path: Path) -> TrainingSettings:
+    """What stands under `training` in a policy's JSON.
+
+    Raises:
+        InvalidValueError: see `get_recipe`.
+    """
+    try:
+        about = parse_json(f"the policy description {path}", read_file(path))
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    try:
+        settings = about["training"]["settings"]
+    except (KeyError, TypeError):
+        raise InvalidValueError(f"{path} does not say what its policy was trained with") from None
+    return TrainingSettings.from_json(settings)
+
+
+def difference(recipe: TrainingSettings, settings: TrainingSettings) -> str | None:
+    """A setting in which a run differs from a recipe, or None; where the recipe says None any value will do.
+
+    A run has settled what its recipe leaves to the environment.
+    """
+    for entry in fields(TrainingSettings):
+        asked = getattr(recipe, entry.name)
+        if asked is not None and asked != getattr(settings, entry.name):
+            return entry.name
+    return None
+
+
+def command_of(settings: TrainingSettings, file: str) -> str:
+    """The command line that trains with these settings again.
+
+    Args:
+        settings: of the run.
+        file: of the policy, for settings that are no recipe's.
+    """
+    name = next((name for name, recipe in RECIPES.items() if difference(recipe, settings) is None), file)
+    return f"push-recovery train --recipe {name}"
