@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 
 import gymnasium as gym
-from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.workers import SLOTS

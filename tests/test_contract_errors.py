@@ -21,11 +21,11 @@ from push_recovery.controllers.errors import (
     UnknownNameError,
 )
 from push_recovery.controllers.files import write_atomically
+from push_recovery.controllers.learned.description import PolicyDescription
+from push_recovery.controllers.learned.mlp import Mlp, Normalisation
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel, natural_frequency
-from push_recovery.controllers.policies.description import PolicyDescription
-from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.settings.planner_config import PlannerConfig
 from push_recovery.eval.score.suites import Suite, standard_suite
 

@@ -22,6 +22,7 @@ ROOMS = (
     "controllers.stage_2",
     "controllers.baselines",
     "controllers.policies",
+    "controllers.learned",
     "controllers.whole_body",
     "controllers.estimation",
     "controllers.joints",
@@ -59,6 +60,7 @@ ROOMS = (
     "eval.reproduction.report",
     "eval.cli",
     "eval.cli.commands",
+    "training.robots",
     "training",
     "training.cli",
 )

@@ -12,8 +12,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
+from ..controllers.learned.inputs import BASE, GATE, MARGIN, OBSERVATION
 from ..controllers.policies.arms import make_policy
-from ..controllers.policies.inputs import BASE, GATE, MARGIN, OBSERVATION
 from ..controllers.policies.residual_rule import ResidualRule
 from ..envs.biped.env import BipedEpisodes
 from ..envs.episode.episodes import GaitEpisodes

@@ -10,10 +10,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
-from ..controllers.policies.description import PolicyDescription, ResidualBase
-from ..controllers.policies.inputs import OBSERVATION
-from ..controllers.policies.mlp import Mlp, Normalisation
-from ..controllers.policies.network import NetworkPolicy
+from ..controllers.learned.description import PolicyDescription, ResidualBase
+from ..controllers.learned.inputs import OBSERVATION
+from ..controllers.learned.mlp import Mlp, Normalisation
+from ..controllers.learned.network import NetworkPolicy
 from .builders import find_residual
 from .settings import TrainingSettings
 

@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
-from ..controllers.policies.network import NetworkPolicy
+from ..controllers.learned.network import NetworkPolicy
 from ..eval.processes.writer import Writer
 from ..eval.rollout.environments import EnvName
 from .builders import completed, make_env, make_plain_env, make_ppo, make_vec_env, segment_seed

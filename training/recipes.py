@@ -8,7 +8,7 @@ from pathlib import Path
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.files import is_file, read_file
 from ..controllers.json_text import parse_json
-from ..controllers.policies.policy_file import policy_paths
+from ..controllers.learned.policy_file import policy_paths
 from .settings import TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")

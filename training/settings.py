@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
-from ..controllers.policies.inputs import check_inputs
+from ..controllers.learned.inputs import check_inputs
 from ..controllers.policies.residual import check_residual_scale
 from ..controllers.policies.residual_gate import check_gate
 from ..envs.episode.profile import get_profile

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...controllers.errors import MissingExtraError
-from ...controllers.policies.network import NetworkPolicy
+from ...controllers.learned.network import NetworkPolicy
 
 OPSET, IR = 17, 8  # which runtimes of 2022 and later read
 INPUT = "inputs"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import write_atomically
-from ...controllers.policies.network import NetworkPolicy
+from ...controllers.learned.network import NetworkPolicy
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
 from ..output.place import require_place

@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
+from ...controllers.learned.network import NetworkPolicy
 from ...controllers.policies.interface import Policy
-from ...controllers.policies.network import NetworkPolicy
 from ...controllers.policies.random import RandomPolicy
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.episode.env import GaitEnv

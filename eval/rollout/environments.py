@@ -14,7 +14,7 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import read_file
-from ...controllers.policies.policy_file import read_policy
+from ...controllers.learned.policy_file import read_policy
 from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
 from .load_policy import is_policy_file

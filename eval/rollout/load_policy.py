@@ -9,9 +9,9 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file
+from ...controllers.learned.network import NetworkPolicy
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
-from ...controllers.policies.network import NetworkPolicy
 from ..shipped.names import NAMES, shipped_names
 from .names import DEFAULT_ENV
 from .user_object import acting, import_attribute

@@ -16,8 +16,8 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
+from ...controllers.learned.policy_file import policy_paths
 from ...controllers.policies.interface import Policy
-from ...controllers.policies.policy_file import policy_paths
 from ..output.rows import RowFile, default_directory
 from .load_policy import is_attribute, is_policy_file, load_policy
 from .user_object import acting, import_attribute, source_of

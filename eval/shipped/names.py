@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.policies.policy_file import policy_paths
+from ...controllers.learned.policy_file import policy_paths
 
 FOLDER = Path(__file__).parent / "policies"
 # `residual` is seed 0, named before it was trained; the other seeds show how much hangs on the seed.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.json_text import changed_fields, parse_json
-from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.settings.presets import load_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario

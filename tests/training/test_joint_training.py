@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import make_env

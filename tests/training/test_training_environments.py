@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
+from push_recovery.controllers.learned.inputs import NetworkInputs
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.inputs import NetworkInputs
-from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.scenario import Scenario

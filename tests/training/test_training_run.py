@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.network import NetworkPolicy
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.eval.processes.writer import Writer
 from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
@@ -20,7 +20,8 @@ from push_recovery.training.settings import TrainingSettings
 def settings(toy):
     return TrainingSettings(
         kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
-        value_layers=(16,), log_std=-1.0, learning_rate=5e-4, learning_rate_end=5e-5, checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
+        value_layers=(16,), log_std=-1.0, learning_rate=5e-4, learning_rate_end=5e-5,
+        checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file, write_atomically
-from ...controllers.policies.policy_file import policy_paths
+from ...controllers.learned.policy_file import policy_paths
 from ...controllers.validation import require_choice
 from ...eval.cli.options import Directory, Options
 from ..recipes import RECIPES, difference, file_settings

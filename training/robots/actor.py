@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.policies.inputs import NetworkInputs, input_size
+from ...controllers.learned.inputs import NetworkInputs, input_size
 from ...controllers.policies.residual_rule import Below, ResidualRule
 from ...envs.episode.episodes import GaitEpisodes
 

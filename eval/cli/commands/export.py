@@ -30,7 +30,7 @@ class Export(EnvOptions):
             PushRecoveryError: no learned policy, one made for another environment, or a file that does not
                 compute the same, which is not written.
         """
-        from ....controllers.policies.network import NetworkPolicy
+        from ....controllers.learned.network import NetworkPolicy
         from ...export.graph import require_onnx
         from ...export.write import export_onnx
         from ...rollout.environments import make_env_for

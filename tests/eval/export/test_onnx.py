@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.learned.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.policies.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
-from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.export import write
 from push_recovery.eval.export.graph import metadata, onnx_model

@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.learned.mlp import Mlp, Normalisation
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.residual.wrapper import ResidualAction

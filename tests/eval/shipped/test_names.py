@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.policy_file import policy_paths
+from push_recovery.controllers.learned.policy_file import policy_paths
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
@@ -138,9 +138,9 @@ def test_a_named_policy_on_joints_acts_in_its_own_form_of_the_biped(tmp_path, mo
 
 def save_zero(path, env_id, env):
     import numpy as np
-    from push_recovery.controllers.policies.description import PolicyDescription
-    from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-    from push_recovery.controllers.policies.network import NetworkPolicy
+    from push_recovery.controllers.learned.description import PolicyDescription
+    from push_recovery.controllers.learned.mlp import Mlp, Normalisation
+    from push_recovery.controllers.learned.network import NetworkPolicy
 
     inputs, outputs = env.observation_space.shape[0], env.action_space.shape[0]
     network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))

@@ -4,8 +4,8 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.policies.network import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
 from push_recovery.envs.scenario.error_ranges import ErrorRanges
 from push_recovery.envs.scenario.push_distribution import PushDistribution

@@ -14,7 +14,7 @@ from ..model.capturability import capture_constants, capture_margin_kernel
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import DCM, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
-from .residual_rule import Below
+from ..policies.residual_rule import Below
 
 OBSERVATION, BASE, GATE, MARGIN = "observation", "base", "gate", "margin"
 INPUTS = (OBSERVATION, BASE, GATE, MARGIN)

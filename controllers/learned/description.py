@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from ..errors import InvalidValueError
 from ..model.gait_box import GaitLimits
 from ..model.robot import RobotModel
+from ..policies.arms import make_policy
+from ..policies.interface import Policy
+from ..policies.residual import check_residual_scale
+from ..policies.residual_gate import check_gate
+from ..policies.two_stage import TwoStagePolicy
 from ..settings.planner_config import PlannerConfig
-from .arms import make_policy
 from .inputs import OBSERVATION, check_inputs
-from .interface import Policy
-from .residual import check_residual_scale
-from .residual_gate import check_gate
-from .two_stage import TwoStagePolicy
 
 
 @dataclass(frozen=True)

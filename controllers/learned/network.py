@@ -12,12 +12,12 @@ from ..errors import InvalidValueError
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import as_doubles
 from ..model.robot import RobotModel
+from ..policies.interface import Policy
+from ..policies.residual_rule import Below, ResidualRule
 from .description import PolicyDescription
 from .inputs import NetworkInputs, input_size
-from .interface import Policy
 from .mlp import Mlp, Normalisation
 from .policy_file import policy_paths, read_policy, write_policy
-from .residual_rule import Below, ResidualRule
 
 PolicyState = tuple[NDArray[Any], ...] | None
 
@@ -105,7 +105,7 @@ class NetworkPolicy:
     def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
         """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
         rows, _ = self._rows(observation)
-        return self._inputs.rows(rows, None if self._rule is None else self._rule.below(rows))
+        return self._inputs.rows(rows, None if self.rule is None else self.rule.below(rows))
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""

@@ -1,0 +1,1 @@
+"""Learned policies: networks that run in numpy, what they see, and their files."""
