@@ -51,11 +51,11 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     bounds = [parts.constant(np.float32(bound)) for bound in (-1.0, 1.0)]
     name = output_name(policy)
     parts.add("Clip", row, *bounds, output=name)
-    ends = [
-        [helper.make_tensor_value_info(end, TensorProto.FLOAT, ["n", size])]
+    begin, end = (
+        helper.make_tensor_value_info(end, TensorProto.FLOAT, ["n", size])
         for end, size in ((INPUT, network.sizes[0]), (name, network.sizes[-1]))
-    ]
-    graph = helper.make_graph(parts.nodes, "push-recovery policy", *ends, parts.constants)
+    )
+    graph = helper.make_graph(parts.nodes, "push-recovery policy", [begin], [end], parts.constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR)
     helper.set_model_props(model, metadata(policy))
     return model
