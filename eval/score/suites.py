@@ -20,6 +20,7 @@ from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
 from ..rollout.environments import code_digest, env_label
+from ..shipped.names import shipped_digest
 from .stratified import BLOCK, stratified_scenario, stratified_uniforms
 from .varied import harder, varied_scenarios
 
@@ -187,19 +188,24 @@ def varied_suite() -> Suite:
     return Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED))
 
 
+def sealed_seed() -> int:
+    """Seed of the sealed suites: whoever changes the code or a shipped policy meets other pushes."""
+    return int(hashlib.sha256(f"{code_digest()} {shipped_digest()}".encode()).hexdigest(), 16)
+
+
 @cache
 def varied_sealed_suite() -> Suite:
     """1024 more, whose seed is the hash of planner, control and simulation: other code meets other pushes.
 
     So nobody can have looked at them while designing the code that they are drawn for.
     """
-    return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, int(code_digest(), 16)))
+    return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed()))
 
 
 @cache
 def hard_sealed_suite() -> Suite:
     """Like `hard`, drawn as `varied-sealed` is; the policies that ship are part of the code."""
-    return _stratified_suite("hard-sealed", HARD, int(code_digest(), 16))
+    return _stratified_suite("hard-sealed", HARD, sealed_seed())
 
 
 @cache

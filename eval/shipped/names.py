@@ -1,15 +1,17 @@
 """Names of the learned policies that come with the package, and the files that they stand for.
 
 The files lie in the folder `policies/` beside this module, NAME.safetensors and NAME.json, and are no code: a
-new one changes neither the digest of the code nor the suites that are drawn from it. How each came about
+new one leaves the digest of the code, and with it the rows of all others, as they are. How each came about
 stands in its JSON; its settings are those of `training.recipes`.
 """
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.files import read_file
 from ...controllers.learned.policy_file import policy_paths
 
 FOLDER = Path(__file__).parent / "policies"
@@ -23,6 +25,16 @@ NAMES = (
 def shipped_names() -> tuple[str, ...]:
     """Those of NAMES whose files are there."""
     return tuple(name for name in NAMES if all(path.is_file() for path in policy_paths(FOLDER / name)))
+
+
+def shipped_digest() -> str:
+    """SHA-256 of the policies that are there: their names and files."""
+    digest = hashlib.sha256()
+    for name in shipped_names():
+        digest.update(name.encode() + b"\0")
+        for path in policy_paths(FOLDER / name):
+            digest.update(hashlib.sha256(read_file(path)).digest())
+    return digest.hexdigest()
 
 
 def named_file(name: str) -> str:

@@ -88,18 +88,19 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
     ],
 )
 def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
-    """1 and 2 in hexadecimal stand for two states of the code: no push of one is met by the other."""
+    """And of the shipped policies: no push of one state of these two is met by another."""
     drawn = []
-    for digest in ("1", "2", "1"):
-        monkeypatch.setattr(suites, "code_digest", lambda digest=digest: digest)
+    for code, policies in (("1", "1"), ("2", "1"), ("1", "1"), ("1", "2")):
+        monkeypatch.setattr(suites, "code_digest", lambda digest=code: digest)
+        monkeypatch.setattr(suites, "shipped_digest", lambda digest=policies: digest)
         make.cache_clear()
         drawn.append(get_suite(name))
     make.cache_clear()
     assert drawn[0] == drawn[2]
     assert len(drawn[0].scenarios) == len(like().scenarios) == 1024
-    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], like())]
-    assert not pushes[0] & pushes[1]
-    assert not pushes[0] & pushes[2]
+    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like())]
+    for i, j in itertools.combinations(range(4), 2):
+        assert not pushes[i] & pushes[j]
     assert drawn[0].scenarios[0].id == f"{name}-0000"
     impulses = [
         [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())

@@ -167,3 +167,15 @@ def test_a_copied_pair_is_shipped(shipped):
     for path in policy_paths(shipped / "scratch"):
         shutil.copy(path, shipped / path.name.replace("scratch", "joint"))
     assert names.shipped_names() == ("residual", "scratch", "joint")
+
+
+def test_the_digest_is_of_names_and_files(shipped):
+    before = names.shipped_digest()
+    assert before == names.shipped_digest()
+    toy.save_policy(shipped / "residual", 7.0)
+    other = names.shipped_digest()
+    toy.save_policy(shipped / "residual", 8.0)
+    assert names.shipped_digest() == before != other
+    for path in policy_paths(shipped / "scratch"):
+        path.rename(shipped / path.name.replace("scratch", "joint"))
+    assert names.shipped_digest() not in (before, other)
