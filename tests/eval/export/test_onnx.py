@@ -37,7 +37,9 @@ def make_policy(form=("tanh", "linear"), residual=False, env_id=PENDULUM, width=
         tuple(rng.normal(0, 0.1, o).astype(np.float32) for _, o in shapes),
         *form,
     )  # fmt: skip
-    normalisation = Normalisation(rng.normal(size=size), rng.uniform(1e-4, 1.0, size), clip=5.0)
+    variance = rng.uniform(1e-4, 1.0, size)
+    variance[3] = 0.0  # of an input that never changed
+    normalisation = Normalisation(rng.normal(size=size), variance, clip=5.0)
     base = ResidualBase("two-stage", "default", (0.3,) * 7, gate=(0.02, 0.06)) if residual else None
     about = PolicyDescription(env_id, RobotModel(), GaitLimits(), base, hold=2, inputs=inputs)
     return NetworkPolicy(network, normalisation, about)
