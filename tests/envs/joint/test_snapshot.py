@@ -11,11 +11,12 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.joint.core import COMMON
 from push_recovery.envs.joint.episodes import JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.joint.taught import TaughtEpisodes
 from push_recovery.envs.scenario.push import Push
 
 BEFORE, AFTER = 27, 30
-KINDS = [JointEpisodes, JointResidualEpisodes]
-SIZE = {JointEpisodes: 0.15, JointResidualEpisodes: 0.4}  # of the actions
+KINDS = [JointEpisodes, JointResidualEpisodes, TaughtEpisodes]
+SIZE = {JointEpisodes: 0.15, JointResidualEpisodes: 0.4, TaughtEpisodes: 0.15}  # of the actions
 
 
 def actions_of(kind, n: int) -> np.ndarray:
@@ -28,6 +29,8 @@ def beside(episodes) -> dict[str, np.ndarray]:
     parts = {"joints": episodes.core.joints}
     if isinstance(episodes, JointEpisodes):
         parts["joint_rewards"] = episodes._rewards
+    if isinstance(episodes, TaughtEpisodes):
+        parts |= {"walk": episodes.core.walk, "teacher": episodes.core.teacher}
     found = {f"{part}.{name}": array for part, own in parts.items() for name, array in own._asdict().items()}
     return {name: array for name, array in found.items() if name not in COMMON}
 
