@@ -57,6 +57,7 @@ ROOMS = (
     "eval.reproduction.report",
     "eval.cli",
     "eval.cli.commands",
+    "training.imitation",
     "training",
 )
 MODULES_IN_A_ROOM = 12
