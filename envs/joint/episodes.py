@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from ...controllers.compiled.array_table import Floats1, Floats2
 from ...controllers.compiled.source_digest import source_digest
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.arms import make_policy
+from ...controllers.policies.residual_gate import make_gate
 from ...controllers.validation import require_number
 from ...controllers.whole_body.kinematics import NU
 from ..biped.core import BipedCore
@@ -26,6 +28,8 @@ from .core import JointCore, JointResidualCore
 from .reward import JOINT_REWARD_TERMS, write_rewards
 
 DEFAULT_SCALE = 0.2  # of a motor's largest torque, which a residual of 1 adds
+DEFAULT_GATE = (0.02, 0.06)  # [m] an undisturbed walk stays below the first
+Gate = Sequence[float] | None
 
 
 class JointRewards(NamedTuple):
@@ -109,7 +113,8 @@ class JointResidualEpisodes(OnJointsEpisodes):
     """Episodes of n bipeds under a planner, whose joint torques are corrected.
 
     The planner is a function of the gait observation, as every arm is, and plans for all robots in one call.
-    What it last planned is no state of a robot: one that is put back is planned for anew.
+    What it last planned is no state of a robot: one that is put back is planned for anew. While the gate, a
+    function of the same observation, is shut, the planner's walk passes bit for bit.
     """
 
     name = "PushRecovery/BipedJointResidual-v0"
@@ -130,6 +135,7 @@ class JointResidualEpisodes(OnJointsEpisodes):
         profile: str = "exact",
         sensing: str | None = None,
         arm: str = "",
+        gate: Gate = DEFAULT_GATE,
     ):
         """Put a planner below.
 
@@ -144,14 +150,16 @@ class JointResidualEpisodes(OnJointsEpisodes):
             profile: of the robots in scenarios that are drawn.
             sensing: above what a scenario says of it.
             arm: the policy whose own robot they are.
+            gate: (shut, open) of `ResidualGate` [m], which residuals are multiplied by; None: always open.
 
         Raises:
-            PushRecoveryError: an unknown policy, or an impossible scale.
+            PushRecoveryError: an unknown policy, or an impossible scale or gate.
         """
         super().__init__(n, preset, control_hz, threads, robot, profile, sensing, arm)
         self.policy, self.scale = policy, require_number("scale", scale, 0.0, 1.0)
         self.planner = make_policy(policy, self.robot, self.limits, self.preset)
         self.core.scale_residual(self.scale)
+        self.gate = make_gate(self.planner, self.robot, self.limits, gate)
         self._base = np.zeros((n, GAIT_SIZE), np.float32)
         self._statuses = np.full(n, None, dtype=object)
         self._planned = np.zeros(n, np.bool_)  # whether these two are of this episode
@@ -159,7 +167,14 @@ class JointResidualEpisodes(OnJointsEpisodes):
     def alike(self, n: int, threads: int = 1) -> JointResidualEpisodes:
         """Episodes of n such bipeds."""
         own = self.description, self.profile.name, self.core.senses.forced, self.arm
-        return JointResidualEpisodes(n, self.policy, self.scale, self.preset, self.control_hz, threads, *own)
+        gate = None if self.gate is None else self.gate.band
+        return JointResidualEpisodes(
+            n, self.policy, self.scale, self.preset, self.control_hz, threads, *own, gate
+        )
+
+    def _made_for(self, scenario: Scenario) -> dict[str, str]:
+        band = "without a gate" if self.gate is None else f"with the gate {self.gate.band}"
+        return super()._made_for(scenario) | {"planner below": f"{self.policy} {band}"}
 
     def begin(self, k: int, scenario: Scenario) -> None:
         """As that of `GaitEpisodes`."""
@@ -169,7 +184,8 @@ class JointResidualEpisodes(OnJointsEpisodes):
     def step(self, actions: NDArray[np.float32]) -> Period:
         """One planning period: the planner's gait, and residuals (n, 14) in [-1, 1] on its torques."""
         rows = np.flatnonzero(self.failure() == 0)
-        self.core.joints.asked[:] = actions
+        opening = 1.0 if self.gate is None else self.gate(self.core.observation)
+        self.core.joints.asked[:] = opening * actions
         if len(rows):
             self._base[rows] = self.planner.predict(self.core.observation[rows])[0]
             statuses = getattr(self.planner, "statuses", ())

@@ -140,3 +140,5 @@ def test_only_robots_of_the_same_kind_are_put_back(pushed):
         BipedEpisodes(1).restore(0, snapshots[1])
     with pytest.raises(InvalidValueError, match="taken of another set of drives"):
         JointResidualEpisodes(1, scale=0.1).restore(0, snapshots[2])
+    with pytest.raises(InvalidValueError, match="taken of another planner below"):
+        JointResidualEpisodes(1, gate=None).restore(0, snapshots[2])
