@@ -49,7 +49,7 @@ class Rewarded(NamedTuple):
 class OnJointsEpisodes(BipedEpisodes):
     """Episodes of n bipeds whose joints are acted on, with a planner below or without."""
 
-    core: JointCore
+    core: Any  # a JointCore
 
     @property
     def seen(self) -> Array:

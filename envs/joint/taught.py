@@ -65,7 +65,7 @@ class TaughtEpisodes(JointEpisodes):
 
     name = "PushRecovery/BipedJoint-v0 with a planner beside it"
     core_of: ClassVar[type[BipedCore]] = TaughtCore
-    core: TaughtCore
+    core: Any  # a TaughtCore
 
     def __init__(self, n: int, policy: str = "two-stage", **kwargs: Any):
         super().__init__(n, **kwargs)

@@ -32,7 +32,8 @@ def start_from(policy: NetworkPolicy, model: PPO, venv: VecNormalize) -> None:
         raise InvalidValueError(
             f"a run that starts from a policy needs its layers, {given}, got {found}: set policy_layers"
         )
-    normalisation, statistics = policy.normalisation, venv.obs_rms
+    normalisation = policy.normalisation
+    statistics: Any = venv.obs_rms
     if (venv.clip_obs, venv.epsilon) != (normalisation.clip, normalisation.epsilon):
         raise InvalidValueError(
             f"the policy's clip and epsilon {(normalisation.clip, normalisation.epsilon)} are not the "
