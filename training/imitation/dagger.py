@@ -7,7 +7,7 @@ Learning, AISTATS 2011. All rounds' samples are kept, and every round fits on ba
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -79,16 +79,29 @@ def imitate(
     for number in range(settings.rounds):
         shown = collector.collect(student.act, number)
         kept.add(shown.observations, shown.targets)
-        seen, asked = kept.all()
         if number < settings.settle_rounds:
-            student.see(seen)
-        losses = []
-        for _ in range(settings.batches):
-            rows = rng.integers(len(seen), size=settings.batch_size)
-            losses.append(student.fit(seen[rows], asked[rows], settings.rate(number)))
-        report(Round(number, len(seen), float(np.mean(losses)), shown.alone, shown.falls))
+            student.see(kept.all()[0])
+        rates = [settings.rate(number)] * settings.batches
+        loss = _fit(student, kept, rates, settings.batch_size, rng)
+        report(Round(number, len(kept.all()[0]), loss, shown.alone, shown.falls))
+    if settings.rounds:
+        student.begin_mean(settings.averaging)
+        rates = [settings.last_rate(batch) for batch in range(settings.last_batches)]
+        _fit(student, kept, rates, settings.batch_size, rng)
     description = PolicyDescription(JointEpisodes.name, episodes.robot, episodes.limits)
     return NetworkPolicy(student.mlp(), student.normalisation, description)
+
+
+def _fit(
+    student: Student, kept: Samples, rates: Sequence[float], batch_size: int, rng: np.random.Generator
+) -> float:
+    """Gradient steps at learning rates on batches of all samples; returns the mean loss."""
+    seen, asked = kept.all()
+    losses = []
+    for rate in rates:
+        rows = rng.integers(len(seen), size=batch_size)
+        losses.append(student.fit(seen[rows], asked[rows], rate))
+    return float(np.mean(losses)) if losses else 0.0
 
 
 def imitate_once(settings: ImitationSettings, path: Path, report: Report = silent) -> NetworkPolicy:

@@ -29,7 +29,9 @@ class ImitationSettings:
     longest_lead: float = 1.5  # in the other episodes the teacher leads for up to this long at first [s]
     unpushed: float = 0.3  # share of episodes without a push
     settle_rounds: int = 12  # at first, over which the observations' mean and variance are taken
-    learning_rate: float = 1e-3  # of Adam; falls linearly to a tenth
+    learning_rate: float = 1e-3  # of Adam; falls linearly to a tenth over the rounds
+    last_batches: int = 4000  # gradient steps after the rounds, whose rate falls linearly from half to zero
+    averaging: float = 0.003  # share of each of these steps in the mean of the weights, which is the result
     beta: float = 0.1  # error of a target from which the loss is no longer quadratic, in action units
     largest: float = 1.5  # samples whose target is beyond this in any joint are left out, in action units
     layers: tuple[int, ...] = (256, 256)  # widths of the hidden layers
@@ -39,9 +41,9 @@ class ImitationSettings:
         counts = ("robots", "periods", "batches", "batch_size", "settle_rounds")
         for name in counts:
             require_integer(f"imitation setting {name}", getattr(self, name), 1)
-        for name in ("rounds", "shown_rounds", "seed"):
+        for name in ("rounds", "shown_rounds", "last_batches", "seed"):
             require_integer(f"imitation setting {name}", getattr(self, name), 0)
-        for name in ("free_share", "unpushed"):
+        for name in ("free_share", "unpushed", "averaging"):
             self._check(name, 0.0 <= getattr(self, name) <= 1.0, "in [0, 1]")
         for name in ("longest_lead", "learning_rate", "beta", "largest", "growth"):
             value = getattr(self, name)
@@ -60,3 +62,7 @@ class ImitationSettings:
     def rate(self, number: int) -> float:
         """Learning rate of a round."""
         return self.learning_rate * max(0.1, 1.0 - number / max(self.rounds, 1))
+
+    def last_rate(self, batch: int) -> float:
+        """Learning rate of a gradient step after the rounds."""
+        return 0.5 * self.learning_rate * (1.0 - batch / self.last_batches)

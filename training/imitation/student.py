@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from ...controllers.joints.observation import JOINT_OBSERVATION_SIZE, PREVIOUS_ACTION
 from ...controllers.policies.mlp import Mlp, Normalisation
@@ -37,6 +38,7 @@ class Student:
             layers += [_linear(inputs, outputs, generator), nn.Tanh()]
         self.network = nn.Sequential(*layers[:-1])
         self.beta = settings.beta
+        self.mean: AveragedModel | None = None
         self.optimiser = torch.optim.Adam(self.network.parameters())
         self.normalisation = normalisation_of(np.zeros((1, JOINT_OBSERVATION_SIZE), np.float32))
 
@@ -59,11 +61,17 @@ class Student:
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
+        if self.mean is not None:
+            self.mean.update_parameters(self.network)
         return loss.item()
+
+    def begin_mean(self, share: float) -> None:
+        """Let the result be a running mean of the weights from here on, of which each step has a share."""
+        self.mean = AveragedModel(self.network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - share))
 
     def mlp(self) -> Mlp:
         """The network in numpy."""
-        layers = [layer for layer in self.network if isinstance(layer, nn.Linear)]
+        layers = [one for one in (self.mean or self.network).modules() if isinstance(one, nn.Linear)]
         weights, biases = (
             tuple(getattr(layer, name).detach().numpy().copy() for layer in layers)
             for name in ("weight", "bias")

@@ -11,7 +11,7 @@ from push_recovery.training.imitation.dagger import Round, imitate, imitate_once
 from push_recovery.training.imitation.settings import ImitationSettings
 
 SMALL = ImitationSettings(
-    robots=4, rounds=4, periods=25, batches=5, batch_size=64, layers=(16,), shown_rounds=2
+    robots=4, rounds=4, periods=25, batches=5, batch_size=64, layers=(16,), shown_rounds=2, last_batches=5
 )
 
 

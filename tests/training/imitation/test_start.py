@@ -11,7 +11,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
-SETTINGS = ImitationSettings(robots=2, rounds=1, periods=10, batches=3, batch_size=8, layers=(16, 8))
+SETTINGS = ImitationSettings(
+    robots=2, rounds=1, periods=10, batches=3, batch_size=8, layers=(16, 8), last_batches=2
+)
 
 
 class Joints(gym.Env):

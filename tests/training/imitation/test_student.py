@@ -52,6 +52,22 @@ def test_its_numpy_network_gives_the_same_targets():
     np.testing.assert_allclose(np.clip(forward, -1, 1), student.act(observations.astype(float)), atol=1e-6)
 
 
+def test_the_mean_of_the_weights_is_the_result_once_it_has_begun():
+    """w <- w + share (v - w) after each step, v what the steps lead to."""
+    observations, targets = linear_task(64)
+    student = Student(ImitationSettings(layers=(8,)))
+    student.see(observations)
+    student.begin_mean(0.25)
+    mean, found = None, None
+    for _ in range(3):
+        student.fit(observations, targets, 1e-2)
+        now = student.network[0].weight.detach().numpy().copy()
+        mean = now if mean is None else mean + 0.25 * (now - mean)
+        found = student.mlp().weights[0]
+    np.testing.assert_allclose(found, mean, atol=1e-6)
+    assert np.abs(found - now).max() > 1e-4
+
+
 def test_weights_follow_from_the_seed_alone():
     first, again, other = (Student(ImitationSettings(seed=seed)).mlp().weights for seed in (3, 3, 4))
     assert all((a == b).all() for a, b in zip(first, again, strict=True))
@@ -62,6 +78,7 @@ def test_the_learner_takes_over_bit_by_bit():
     settings = ImitationSettings(shown_rounds=3, growth=0.03, free_share=0.9, rounds=100, learning_rate=1e-3)
     assert [settings.free(number) for number in (0, 2, 3, 10, 90)] == pytest.approx([0, 0, 0.19, 0.4, 0.9])
     assert [settings.rate(number) for number in (0, 50, 99)] == pytest.approx([1e-3, 5e-4, 1e-4])
+    assert [settings.last_rate(batch) for batch in (0, 2000, 4000)] == pytest.approx([5e-4, 2.5e-4, 0.0])
 
 
 @pytest.mark.parametrize(
