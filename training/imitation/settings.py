@@ -14,7 +14,7 @@ SHOWN_PUSHES = PushDistribution(impulse_max=100.0, first_step=1, settle_time=2.0
 
 @dataclass(frozen=True)
 class ImitationSettings:
-    """One run of DAgger; the defaults give a policy that walks after four minutes of one core."""
+    """One run of DAgger; the defaults give a policy that walks after about six minutes of one core."""
 
     teacher: str = "two-stage"  # name of the planner that shows
     seed: int = 0  # of weights, pushes and batches
@@ -30,7 +30,7 @@ class ImitationSettings:
     unpushed: float = 0.3  # share of episodes without a push
     settle_rounds: int = 12  # at first, over which the observations' mean and variance are taken
     learning_rate: float = 1e-3  # of Adam; falls linearly to a tenth over the rounds
-    last_batches: int = 4000  # gradient steps after the rounds, whose rate falls linearly from half to zero
+    last_batches: int = 8000  # gradient steps after the rounds, whose rate falls from the first one's to 0
     averaging: float = 0.003  # share of each of these steps in the mean of the weights, which is the result
     beta: float = 0.1  # error of a target from which the loss is no longer quadratic, in action units
     largest: float = 1.5  # samples whose target is beyond this in any joint are left out, in action units
@@ -65,4 +65,4 @@ class ImitationSettings:
 
     def last_rate(self, batch: int) -> float:
         """Learning rate of a gradient step after the rounds."""
-        return 0.5 * self.learning_rate * (1.0 - batch / self.last_batches)
+        return self.learning_rate * (1.0 - batch / self.last_batches)

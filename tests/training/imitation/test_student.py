@@ -78,7 +78,7 @@ def test_the_learner_takes_over_bit_by_bit():
     settings = ImitationSettings(shown_rounds=3, growth=0.03, free_share=0.9, rounds=100, learning_rate=1e-3)
     assert [settings.free(number) for number in (0, 2, 3, 10, 90)] == pytest.approx([0, 0, 0.19, 0.4, 0.9])
     assert [settings.rate(number) for number in (0, 50, 99)] == pytest.approx([1e-3, 5e-4, 1e-4])
-    assert [settings.last_rate(batch) for batch in (0, 2000, 4000)] == pytest.approx([5e-4, 2.5e-4, 0.0])
+    assert [settings.last_rate(batch) for batch in (0, 4000, 8000)] == pytest.approx([1e-3, 5e-4, 0.0])
 
 
 @pytest.mark.parametrize(
