@@ -61,6 +61,7 @@ ROOMS = (
     "eval.cli",
     "eval.cli.commands",
     "training.robots",
+    "training.imitation",
     "training",
     "training.cli",
 )

@@ -98,6 +98,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         settings = [common[name].tobytes() for name in sorted(COMMON & set(common))]
         return {
             "robot": f"{self.description.name} {model_digest(core.body.model)}",
+            "form of the biped": self.name,
             "settings": digest_of(self._constants.tobytes(), core.constants.tobytes(), *settings),
             "planning rate": f"{self.control_hz:g} Hz",
             "sensing": core.senses.forced or scenario.sensing,

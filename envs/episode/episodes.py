@@ -211,7 +211,7 @@ class GaitEpisodes(ABC, Generic[C]):
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         """What environments must have in common for a robot of a scenario to go from one to the other."""
         raise InvalidValueError(
-            f"{self.name} takes no snapshots of its robots; only those of bipeds under gaits can be put back"
+            f"{self.name} takes no snapshots of its robots; only those of bipeds can be put back"
         )
 
     def _beside_arrays(self, k: int) -> Arrays:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,18 @@ from ..biped.period import PeriodCalls
 from ..biped.posture import posture
 from ..biped.robots.compiled_robot import CompiledRobot
 from ..scenario.scenario import Scenario
+from ..snapshot.rows import Arrays, arrays_of
 from .residual_calls import RESIDUAL_CALLS
 from .target_calls import TARGET_CALLS
 
 TORQUE = BOUNDS[JOINT_TORQUE.bit_length() - 1]  # name of the bound
+COMMON = {f"joints.{name}" for name in ("posture", "reach", "stiffness", "damping", "largest", "gait")}
+
+
+class OnJoints(NamedTuple):
+    """What robots have whose joints are acted on, besides the arena of any biped."""
+
+    joints: Joints
 
 
 class JointCore(BipedCore):
@@ -56,6 +64,15 @@ class JointCore(BipedCore):
     def _reach(self, largest: Array) -> Array:
         """What an action of 1 asks of each joint, (14,): of targets, how far off the standing posture."""
         return np.where(largest > 0.0, TARGET_REACH, 0.0)
+
+    def more_arrays(self) -> Arrays:
+        """Arrays of n robots beside the arena whose rows are state, by PART.FIELD."""
+        return arrays_of(OnJoints(self.joints), COMMON)
+
+    def more_settings(self) -> bytes:
+        """What all robots have in common, beside that of any biped."""
+        found = arrays_of(OnJoints(self.joints), ())
+        return b"".join(found[name].tobytes() for name in sorted(COMMON))
 
     def configure(
         self,

@@ -9,7 +9,7 @@ from ..biped.robots.description import RobotDescription
 from ..episode.env import GaitEnv
 from ..episode.vector_env import GaitVectorEnv
 from ..scenario.push_distribution import PushDistribution
-from .episodes import DEFAULT_SCALE, JointEpisodes, JointResidualEpisodes
+from .episodes import DEFAULT_GATE, DEFAULT_SCALE, Gate, JointEpisodes, JointResidualEpisodes
 
 
 class BipedJointEnv(BipedEnv):
@@ -37,6 +37,7 @@ class BipedJointResidualEnv(BipedEnv):
         profile: str = "exact",
         sensing: str | None = None,
         arm: str = "",
+        gate: Gate = DEFAULT_GATE,
     ):
         """Build one biped.
 
@@ -51,9 +52,11 @@ class BipedJointResidualEnv(BipedEnv):
             profile: of the robots in scenarios that `reset` draws.
             sensing: what is seen and controlled in every scenario, the true state or onboard sensors.
             arm: the policy whose own robot it is, where the preset has one.
+            gate: (shut, open) [m]: how far the DCM is from the nominal gait where the residual begins to act,
+                and where all of it does; None: it always acts.
         """
         episodes = JointResidualEpisodes(
-            1, policy, scale, preset, control_hz, 1, robot, profile, sensing, arm
+            1, policy, scale, preset, control_hz, 1, robot, profile, sensing, arm, gate
         )
         GaitEnv.__init__(self, episodes, render_mode, push_distribution)
         self.arm = arm

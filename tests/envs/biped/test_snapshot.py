@@ -316,7 +316,7 @@ def test_bad_calls_are_refused_by_name(walked):
         vector(1).state_snapshot(0)
     pendulum = PendulumEpisodes(1)
     pendulum.begin(0, Scenario("p"))
-    with pytest.raises(InvalidValueError, match="only those of bipeds under gaits can be put back"):
+    with pytest.raises(InvalidValueError, match="only those of bipeds can be put back"):
         pendulum.state_snapshot(0)
     with pytest.raises(InvalidValueError, match="ended or not begun"):
         gym.make("push_recovery:PushRecovery/Biped-v0").unwrapped.state_snapshot()

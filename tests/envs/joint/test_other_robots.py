@@ -1,6 +1,7 @@
 """Actions on the joints of other robots: axes in another order, joints that are held or missing."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from push_recovery.envs.joint.episodes import JointEpisodes, JointResidualEpisod
 
 
 @pytest.mark.parametrize("description", [*VARIANTS, *HELD_VARIANTS], ids=lambda description: description.name)
-@pytest.mark.parametrize("kind", [JointEpisodes, JointResidualEpisodes])
+@pytest.mark.parametrize(
+    "kind", [JointEpisodes, partial(JointResidualEpisodes, gate=None)], ids=["targets", "residual"]
+)
 def test_left_and_right_are_one_problem(run, pushed, kind, description):
     scenario = replace(pushed(1)[0], command=pushed(2)[1].command)
     actions = np.random.default_rng(0).uniform(-0.2, 0.2, (25, 1, 14)).astype(np.float32)

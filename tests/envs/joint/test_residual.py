@@ -42,7 +42,7 @@ def test_a_residual_adds_its_share_of_the_motors_torque():
     for side, sign in (("left", biped().mirror), ("right", np.ones(14))):
         torques = []
         for action in (ZERO, np.full((1, 14), 0.25, np.float32)):
-            episodes = JointResidualEpisodes(1, scale=0.2, control_hz=500.0)
+            episodes = JointResidualEpisodes(1, scale=0.2, control_hz=500.0, gate=None)
             episodes.begin(0, Scenario("walk", stance_side=side))
             episodes.step(action)
             torques.append(episodes.core.physics.ctrl[0].copy())
@@ -53,17 +53,19 @@ def test_a_residual_adds_its_share_of_the_motors_torque():
 def test_robots_do_not_depend_on_each_other_nor_on_threads(run, pushed):
     scenarios, rng = pushed(4), np.random.default_rng(0)
     actions = rng.uniform(-0.5, 0.5, (60, 4, 14)).astype(np.float32)
-    together, threaded = (run(JointResidualEpisodes(4, threads=n), scenarios, actions) for n in (1, 2))
+    together, threaded = (
+        run(JointResidualEpisodes(4, threads=n, gate=None), scenarios, actions) for n in (1, 2)
+    )
     assert together.tobytes() == threaded.tobytes()
     for k, scenario in enumerate(scenarios):
-        alone = run(JointResidualEpisodes(1), [scenario], actions[:, k : k + 1])
+        alone = run(JointResidualEpisodes(1, gate=None), [scenario], actions[:, k : k + 1])
         assert alone[:, 0].tobytes() == together[:, k].tobytes()
 
 
 def test_the_mirrored_scenario_gives_the_mirrored_walk(run, pushed):
     scenario = replace(pushed(2)[1], sensing="exact")
     actions = np.random.default_rng(1).uniform(-0.3, 0.3, (80, 1, 14)).astype(np.float32)
-    episodes = JointResidualEpisodes(1)
+    episodes = JointResidualEpisodes(1, gate=None)
     one, other = (run(episodes, [side], actions)[:, 0] for side in (scenario, scenario.mirrored()))
     np.testing.assert_allclose(one[:, 41:], other[:, 41:], atol=1e-5)
     np.testing.assert_allclose(one[:, 1], -other[:, 1], atol=1e-6)
@@ -93,6 +95,36 @@ def test_the_vector_form_masks_the_planner_out_where_a_robot_was_reset():
     assert info["_baseline_action"].all()
     assert info["_qp_status"].all()
     assert vector.metadata["autoreset_mode"] is gym.vector.AutoresetMode.NEXT_STEP
+
+
+def test_while_the_gate_is_shut_the_planners_walk_passes_bit_for_bit():
+    """Full residuals change nothing until a push opens the gate; then they act by its opening."""
+    scenario = Scenario("pushed", (Push((0.0, 600.0, 0.0), 0.1, 1.0),), Command(0.3))
+    plan, gated, free = BipedEpisodes(1), JointResidualEpisodes(1), JointResidualEpisodes(1, gate=None)
+    for episodes in (plan, gated, free):
+        episodes.begin(0, scenario)
+    action = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 14)).astype(np.float32)
+    opened = []
+    for i in range(115):
+        opening = gated.gate(gated.core.observation).item()
+        plan.step(POLICY.predict(plan.core.observation)[0])
+        gated.step(action)
+        free.step(ZERO if i < 100 else action)
+        opened.append(opening)
+        np.testing.assert_allclose(gated.core.joints.asked, np.float32(opening) * action)
+        if i < 100:
+            assert opening == 0.0
+            assert gated.core.physics.qpos.tobytes() == plan.core.physics.qpos.tobytes()
+    assert max(opened) == 1.0
+    assert (gated.core.physics.qpos != plan.core.physics.qpos).any()
+    assert gated.alike(2).gate.band == gated.gate.band == (0.02, 0.06)
+    assert free.alike(2).gate is None
+
+
+@pytest.mark.parametrize("gate", [(0.1, 0.1), (-0.1, 0.2), (0.1,), "wide"])
+def test_an_impossible_gate_is_refused(gate):
+    with pytest.raises(InvalidValueError, match="a residual gate is two numbers"):
+        JointResidualEpisodes(1, gate=gate)
 
 
 @pytest.mark.parametrize("scale", [-0.1, 1.5, float("nan"), "much", None])

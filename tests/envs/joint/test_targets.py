@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.joints.canonical import to_canonical
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.episode.reward import REWARD_TERMS
-from push_recovery.envs.joint.episodes import JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.joint.episodes import JointEpisodes
 from push_recovery.envs.joint.reward import FROM_GAIT, JOINT_REWARD_TERMS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -151,11 +150,3 @@ def test_a_robot_that_holds_a_posture_does_not_shake(profile):
         torques.append(episodes.core.physics.ctrl[0].copy())
     changes = np.diff(torques[100:], axis=0).std(axis=0)
     assert (changes < 0.1 * episodes.core.joints.largest).all()
-
-
-@pytest.mark.parametrize("kind", [JointEpisodes, JointResidualEpisodes])
-def test_no_snapshot_is_taken_of_robots_whose_joints_are_asked(kind, pushed):
-    episodes = kind(1)
-    episodes.begin(0, pushed(1)[0])
-    with pytest.raises(InvalidValueError, match=f"{episodes.name} takes no snapshots of its robots"):
-        episodes.state_snapshot(0)

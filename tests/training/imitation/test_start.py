@@ -1,0 +1,84 @@
+"""PPO that starts from a policy acts as that policy, and lets it rest while its value is learned."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.training.imitation.dagger import imitate
+from push_recovery.training.imitation.settings import ImitationSettings
+from push_recovery.training.imitation.start import ValueFirst, start_from
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from torch import nn
+
+SETTINGS = ImitationSettings(
+    robots=2, rounds=1, periods=10, batches=3, batch_size=8, layers=(16, 8), last_batches=2
+)
+
+
+class Joints(gym.Env):
+    """Spaces of a robot under joint targets; what it sees is noise."""
+
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (58,))
+    action_space = gym.spaces.Box(-1.0, 1.0, (14,))
+
+    def reset(self, **kwargs):
+        super().reset(**kwargs)
+        return self.np_random.normal(size=58).astype(np.float32), {}
+
+    def step(self, action):
+        return (
+            self.np_random.normal(size=58).astype(np.float32),
+            float(-np.square(action).sum()),
+            False,
+            False,
+            {},
+        )
+
+
+def make(layers=(16, 8), **options) -> tuple[PPO, VecNormalize]:
+    venv = VecNormalize(DummyVecEnv([Joints]), norm_reward=False, **{"clip_obs": 10.0, **options})
+    kwargs = {"net_arch": {"pi": list(layers), "vf": [8]}, "activation_fn": nn.Tanh}
+    return PPO("MlpPolicy", venv, n_steps=32, batch_size=16, policy_kwargs=kwargs, device="cpu"), venv
+
+
+@pytest.fixture(scope="module")
+def policy():
+    return imitate(SETTINGS)
+
+
+def test_ppo_acts_as_the_policy_it_starts_from(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    observations = np.random.default_rng(0).normal(size=(20, 58))
+    actions = model.predict(venv.normalize_obs(observations), deterministic=True)[0]
+    np.testing.assert_allclose(actions, policy.predict(observations)[0], atol=1e-5)
+
+
+def test_the_normalisation_stays(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    model.learn(64)
+    np.testing.assert_allclose(venv.obs_rms.mean, policy.normalisation.mean, atol=1e-6)
+    np.testing.assert_allclose(venv.obs_rms.var, policy.normalisation.variance, rtol=1e-6)
+
+
+def test_the_value_is_learned_first(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    model.learn(64, callback=ValueFirst(1000))
+    np.testing.assert_array_equal(model.policy.action_net.weight.detach(), policy.network.weights[-1])
+    value = model.policy.value_net.weight.detach().clone()
+    model.learn(64, callback=ValueFirst(0))
+    assert (model.policy.action_net.weight.detach().numpy() != policy.network.weights[-1]).any()
+    assert (model.policy.value_net.weight.detach() != value).any()
+
+
+def test_other_layers_are_refused(policy):
+    with pytest.raises(InvalidValueError, match=r"needs its layers, .* set policy_layers"):
+        start_from(policy, *make(layers=(16,)))
+
+
+def test_another_normalisation_is_refused(policy):
+    with pytest.raises(InvalidValueError, match="are not the environments'"):
+        start_from(policy, *make(clip_obs=5.0))
