@@ -55,6 +55,7 @@ ROOMS = (
     "eval.reproduction.figures",
     "eval.reproduction.sections",
     "eval.reproduction.report",
+    "eval.record",
     "eval.cli",
     "eval.cli.commands",
     "training",

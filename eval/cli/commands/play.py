@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
 from ....controllers.errors import UnknownNameError
 from ....envs.scenario.scenario import Command, Scenario
 from ..options import EnvOptions, Policy, PushOptions, Real, RobotOptions, within
-
-if TYPE_CHECKING:
-    from ...rollout.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,15 +29,21 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     """Scenario of the suite (the first one)."""
     out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """Film (mp4 or gif) or contact sheet (png); a window without it."""
+    log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the episode as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques, limits met."""
+    plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Draw the episode over time (png or svg)."""
 
     def run(self) -> None:
         """Render one episode, and say what became of it."""
-        from ..show import show_episode
+        from ...record.words import verdict
+        from ..show import Written, show_episode
 
         scenario = self._scenario()
-        out = None if self.out is None else Path(self.out)
-        outcome, path = show_episode(self.env_id, self.policy, scenario, out)
-        print(f"{scenario.id}: {verdict(outcome)}" + (f"; {path}" if path else ""))
+        written = Written(*(None if name is None else Path(name) for name in (self.out, self.log, self.plot)))
+        outcome = show_episode(self.env_id, self.policy, scenario, written)
+        paths = "".join(f"; {path}" for path in written if path is not None)
+        print(f"{scenario.id}: {verdict(outcome)}{paths}")
 
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
@@ -72,12 +75,3 @@ class Play(EnvOptions, PushOptions, RobotOptions):
                 f"scenario of suite {suite.name}", wanted, [*ids[:3], f"... {len(ids)} in all"]
             )
         return suite.scenarios[ids.index(wanted)]
-
-
-def verdict(outcome: Outcome) -> str:
-    """What became of an episode, for people."""
-    if outcome.recovered_at is not None and outcome.recovered:
-        return f"recovered, from {outcome.recovered_at:.2f} s on"
-    if outcome.survived:
-        return f"survived {outcome.end_time:.2f} s, not settled"
-    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"
