@@ -56,6 +56,7 @@ ROOMS = (
     "eval.reproduction.sections",
     "eval.reproduction.report",
     "eval.record",
+    "eval.play",  # a session, without a viewer
     "eval.cli",
     "eval.cli.commands",
     "training",
