@@ -57,6 +57,7 @@ ROOMS = (
     "eval.reproduction.report",
     "eval.record",
     "eval.play",  # a session, without a viewer
+    "eval.play.browser",
     "eval.cli",
     "eval.cli.commands",
     "training",

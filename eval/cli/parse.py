@@ -42,7 +42,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "list": (".commands.names", "Names", "List environments, policies and suites."),
     "warmup": (".commands.warmup", "WarmUp",
                "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
-    "play": (".commands.play", "Play", "Show one push: in a window, or written to a video or picture."),
+    "play": (".commands.play", "Play",
+             "Push a walking robot in the browser; or write one push to a video, picture, log or plot."),
     "train": ("...training.command", "Train",
               "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
 }  # fmt: skip

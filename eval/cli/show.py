@@ -1,4 +1,4 @@
-"""Show one episode in a window, or write it as a film, a strip of pictures, arrays or a figure."""
+"""Write one episode as a film, a strip of pictures, arrays or a figure."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PANEL = (11, 12)  # width to height of one picture of a strip
 
 
 class Written(NamedTuple):
-    """The files that an episode is written to, each where it is asked for; a window without any."""
+    """The files that an episode is written to, each where it is asked for."""
 
     out: Path | None = None  # film or contact sheet
     log: Path | None = None  # time histories
@@ -41,7 +41,6 @@ class Written(NamedTuple):
             UnknownNameError: a suffix is no known format.
             InvalidValueError: a file can't be written.
             MissingExtraError: a film is asked for and imageio is not installed.
-            RenderError: a window is asked for and there is no display.
         """
         suffix = "" if self.out is None else output_suffix(self.out, FORMATS)
         for path, valid in ((self.log, LOG_FORMATS), (self.plot, PLOT_FORMATS)):
@@ -51,18 +50,12 @@ class Written(NamedTuple):
             _imageio()
         for path in filter(None, self):
             require_place(path)
-        if not any(self):
-            from ...envs.physics.offscreen import require_display
-
-            require_display()
         return suffix
 
     @property
     def render_mode(self) -> str | None:
         """What the environment is to draw."""
-        if self.out is not None:
-            return "rgb_array"
-        return None if any(self) else "human"
+        return None if self.out is None else "rgb_array"
 
 
 class _Camera:
@@ -88,7 +81,7 @@ class _Camera:
 
 
 def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> Outcome:
-    """Run a scenario, seen in a window or written to files; returns its outcome.
+    """Run a scenario and write what has been asked for; returns its outcome.
 
     Raises:
         PushRecoveryError: as `Written.check`, before the episode begins.

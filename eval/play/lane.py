@@ -15,7 +15,6 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...envs.biped.env import BipedEpisodes
-from ...envs.episode.profile import get_profile
 from ...envs.scenario.command import Command, CommandChange
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
@@ -27,6 +26,8 @@ from ..rollout.load_policy import load_policy
 
 LONGEST = 1e6  # [s] of a walk; no one plays that long
 KEPT = 600  # samples of the strip charts
+NAME = "play"  # of its scenarios
+ON_THE_SPOT = Scenario(NAME)
 
 
 @dataclass(frozen=True)
@@ -44,32 +45,31 @@ class Lane:
     Args:
         env_id: of a biped under gait actions.
         policy: a name, a file, or MODULE:ATTRIBUTE.
-        profile: of the robot.
+        start: how the robot is and what it is told; its pushes and its end are left out.
 
     Raises:
         PushRecoveryError: unknown names, or a robot that can't be put back.
     """
 
-    def __init__(self, env_id: str, policy: str, profile: str = "exact"):
+    def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
         made = make_env_for(policy, env_id)
-        self.name, self.profile = policy, profile
+        self.name = policy
+        self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
         self.policy = load_policy(policy, made)
         self.env: Any = made.unwrapped
         self.episodes = _biped(gait_episodes(made))
         self.period = 1.0 / self.episodes.control_hz  # [s]
         self.rows: deque[Row] = deque(maxlen=KEPT)
         self._sampler = Sampler(self.episodes)
-        self.restart(Command())
+        self.restart(start.command)
 
     def restart(self, command: Command) -> None:
         """Begin a new walk."""
-        scenario = Scenario("play", command=command, duration=LONGEST)
-        self._seen, self._info = self.env.reset(
-            options={"scenario": get_profile(self.profile).applied(scenario)}
-        )
+        scenario = replace(self._start, command=command)
+        self._seen, self._info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
         if hasattr(self.policy, "reset"):
-            self.policy.reset(seed=0)  # type: ignore[attr-defined]
+            self.policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
         self._look(anew=True)
 
     def step(self) -> None:
@@ -151,6 +151,11 @@ class Lane:
     def recovered_at(self) -> float | None:
         """Since when it has been walking as told again [s]."""
         return self._info["recovered_at"]
+
+    @property
+    def bounds(self) -> dict[str, float]:
+        """How far columns of its samples may go both ways, in their units."""
+        return self._sampler.bounds
 
     @property
     def mass(self) -> float:

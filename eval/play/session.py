@@ -11,8 +11,9 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_number
 from ...envs.scenario.command import Command
 from ...envs.scenario.push import Body, Push
+from ...envs.scenario.scenario import Scenario
 from .drag import push_now
-from .lane import Lane, Moment
+from .lane import ON_THE_SPOT, Lane, Moment
 
 SLOWEST, FASTEST = 0.02, 2.0  # of the session's clock against the one handed in
 MOST_PERIODS = 20  # that one `advance` catches up with; a slower computer plays slower instead
@@ -33,11 +34,11 @@ class Session:
         env_id: of a biped under gait actions.
         policy: of the first robot: a name, a file, or MODULE:ATTRIBUTE.
         beside: policy of a second robot; None: there is none.
-        profile: of the robots.
+        start: how the robots are and what they are told at first.
     """
 
-    def __init__(self, env_id: str, policy: str, beside: str | None = None, profile: str = "exact"):
-        self.env_id, self.profile = env_id, profile
+    def __init__(self, env_id: str, policy: str, beside: str | None = None, start: Scenario = ON_THE_SPOT):
+        self.env_id, self.start = env_id, start
         self.paused, self.speed = False, 1.0
         self.last: LastPush | None = None
         self.lanes: list[Lane] = [self._lane(policy)]
@@ -164,7 +165,7 @@ class Session:
         return x, y
 
     def _lane(self, policy: str) -> Lane:
-        return Lane(self.env_id, policy, self.profile)
+        return Lane(self.env_id, policy, self.start)
 
     def _aligned(self) -> tuple[Moment, ...]:
         """Where every robot is, the second where the first is if it is of the same kind."""
