@@ -49,7 +49,8 @@ BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
     "settings (presets), solvers, compiled; joints (PD control, proprioception).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
-    "tables), api (Python functions), bench, tuning, ceiling, reproduction."
+    "tables), api (Python functions), bench, tuning, ceiling, reproduction,\n"
+    "record (time histories), play (a robot to push, and its page)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),

@@ -29,7 +29,7 @@ FLAGS = [
     "--disable-sync",
 ]  # fmt: skip
 PATIENCE = 240.0  # [s]
-PICTURE = (640, 420)
+PICTURE = (800, 320)  # the panel covers the right 335 pixels
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
@@ -47,6 +47,7 @@ def played():
     """An app, and a page that looks at it."""
     session = Session("PushRecovery/Biped-v0", "two-stage")
     app = open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8790, (12.0, 90.0))
+    app.server.scene.configure_default_lights(cast_shadow=False)  # drawn without a graphics card
     for _ in range(45):
         session.step()
     asked = []
@@ -84,13 +85,13 @@ def test_it_asks_for_nothing_outside(played):
 
 
 def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
-    app, mouse, pixels = played.app, played.page.mouse, 36
+    app, mouse, pixels = played.app, played.page.mouse, 20
     x, y, depth = on_the_screen(played, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
     mouse.move(x, y)
     mouse.down()
-    for k in range(1, 13):
-        mouse.move(x + pixels * k / 12, y)
-        played.page.wait_for_timeout(60)
+    for way in (8, 14, pixels, pixels):  # past what counts as a click
+        mouse.move(x + way, y)
+        played.page.wait_for_timeout(100)
     camera = next(iter(app.server.get_clients().values())).camera
     expected = IMPULSE_PER_METRE * pixels * metres_per_pixel(depth, camera.fov, PICTURE[1])
     wait(app, lambda: app.aimed.text and float(app.aimed.text.split()[0]) > 0.9 * expected, "the arrow")
@@ -115,7 +116,7 @@ def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
 
 def test_another_policy_goes_another_way_from_the_same_push(played):
     session, page = played.session, played.page
-    for _ in range(40):
+    for _ in range(15):
         session.step()
     before = session.first.rows[-1]
     page.get_by_role("textbox", name="policy").first.click()
@@ -124,7 +125,7 @@ def test_another_policy_goes_another_way_from_the_same_push(played):
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Replay the last push").click()
     wait(played.app, lambda: session.first.time < before["time"], "the replay")
-    while session.first.time < before["time"] - 1e-9 and not session.first.over:
+    while session.first.time < before["time"] - 1e-9:
         session.step()
     assert session.first.rows[-1]["time"] == pytest.approx(before["time"])
     assert session.first.rows[-1]["dcm_y"] != before["dcm_y"]
