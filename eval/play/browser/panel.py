@@ -38,7 +38,7 @@ class Panel:
             self._psi = gui.add_slider("direction [deg]", -180, 180, 1, round(impulse[1]))
             self._body = gui.add_dropdown("on the", ("pelvis", "trunk"))
             self._button(gui, "Push", "space", self._push)
-            self._button(gui, "Replay the last push", "R", session.replay)
+            self._button(gui, "Replay the last push", "R", self._replay)
         with gui.add_folder("Walk"):
             now = session.first.command
             self._command = [
@@ -52,7 +52,7 @@ class Panel:
             beside = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
             self._policy = gui.add_dropdown("policy", tuple(policies), initial_value=session.first.name)
             self._beside = gui.add_dropdown("beside it", (NOBODY, *policies), initial_value=beside)
-            self._policy.on_update(lambda _: self._do(lambda: session.switch(self._policy.value)))
+            self._policy.on_update(lambda _: self._do(self._switch))
             self._beside.on_update(lambda _: self._do(self._put_beside))
         with gui.add_folder("Time"):
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
@@ -79,8 +79,10 @@ class Panel:
             self._status.content = text
 
     def agree(self) -> None:
-        """Let the fields show who acts, where a choice has been refused."""
-        session = self._session
+        """Let the fields show who acts and what is told, where a choice has been refused or undone."""
+        session, told = self._session, self._session.first.command
+        for slider, value in zip(self._command, (told.vx, told.vy, told.turn), strict=True):
+            slider.value = value
         self._policy.value = session.first.name
         self._beside.value = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
 
@@ -91,6 +93,14 @@ class Panel:
     def _push(self) -> None:
         impulse = polar_impulse(self._size.value, self._psi.value)
         self._session.push(impulse, self._body.value)
+
+    def _replay(self) -> None:
+        self._session.replay()
+        self.agree()  # the command is that of the moment of the push
+
+    def _switch(self) -> None:
+        if self._policy.value != self._session.first.name:
+            self._session.switch(self._policy.value)
 
     def _tell(self) -> None:
         self._session.tell(Command(*(float(slider.value) for slider in self._command)))
