@@ -25,6 +25,7 @@ FRAME = 1.0 / 30.0  # [s]
 CHARTS_EVERY = 6  # frames
 APART = 1.5  # of two robots [m]
 LEAST = 0.5  # of an impulse by drag; less is a click [N s]
+CLEAR = 0.2  # from the pelvis to the arrow of a push that was given [m]
 SEEN = 0.8  # how long a push that was given is shown [s]
 CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
 AIMED, GIVEN = (240, 140, 20), (225, 30, 25)  # colours of arrows
@@ -134,7 +135,8 @@ class App:
                 self.given.hide()
             return
         impulse = np.array(push.impulse[:2])
-        self.given.show(self._pelvis + (0.0, 0.0, 0.1), impulse, lane.mass)
+        outside = CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
+        self.given.show(self._pelvis + (*outside, 0.1), impulse, lane.mass)
 
     def _match_robots(self) -> None:
         """As many robots in the scene as in the session, of the same shape."""

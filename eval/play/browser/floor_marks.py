@@ -17,7 +17,7 @@ REGIONS = {  # what it is called -> colour, height over the floor [m]
     "support polygon": ((26, 90, 230), 0.006),
 }  # fmt: skip
 FOOTHOLD, FOOTHOLD_COLOUR, FOOTHOLD_HEIGHT = "planned step", (13, 153, 115), 0.007
-NAMES = (*POINTS, *REGIONS, FOOTHOLD)
+COLOURS = {name: about[0] for name, about in {**POINTS, **REGIONS}.items()} | {FOOTHOLD: FOOTHOLD_COLOUR}
 THICKNESS = 0.008  # of a line [m]
 SEGMENTS = 8  # of every region: the hull of two soles has no more corners
 

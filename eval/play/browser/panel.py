@@ -9,7 +9,7 @@ from ....envs.scenario.command import FASTEST_TURN, Command
 from ..drag import LARGEST, polar_impulse
 from ..session import Session
 from ..status import limits_words, status_words
-from .floor_marks import NAMES
+from .floor_marks import COLOURS
 
 NOBODY = "nobody"
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
@@ -33,6 +33,7 @@ class Panel:
     ):
         self._session, self._do, gui = session, do, server.gui
         self._status = gui.add_markdown("")
+        gui.add_html(legend())
         with gui.add_folder("Push"):
             self._size = gui.add_slider("impulse [N s]", 0.0, LARGEST / 2, 0.5, min(impulse[0], LARGEST / 2))
             self._psi = gui.add_slider("direction [deg]", -180, 180, 1, round(impulse[1]))
@@ -61,7 +62,7 @@ class Panel:
             self._button(gui, "One period (10 ms)", "S", self._step)
             self._button(gui, "Start anew", "N", session.restart)
         with gui.add_folder("Show", expand_by_default=False):
-            self._shown = {name: gui.add_checkbox(name, True) for name in NAMES}
+            self._shown = {name: gui.add_checkbox(name, True) for name in COLOURS}
 
     @property
     def visible(self) -> dict[str, bool]:
@@ -117,3 +118,12 @@ class Panel:
     def _step(self) -> None:
         self._session.paused = True
         self._session.step()
+
+
+def legend() -> str:
+    """The colours of the overlays, as HTML."""
+    marks = (
+        f'<span style="color:rgb{colour};white-space:nowrap">&#9632; {name}</span>'
+        for name, colour in COLOURS.items()
+    )
+    return f'<div style="font-size:0.75em;padding:0 1em 0.5em">{" ".join(marks)}</div>'

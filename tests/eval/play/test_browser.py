@@ -4,7 +4,6 @@ The session's clock stands still but where a test lets time go by, so that nothi
 the machine; what is waited for is waited for with a long limit.
 """
 
-import asyncio
 import shutil
 import time
 from types import SimpleNamespace
@@ -53,7 +52,8 @@ def played():
     asked = []
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1e3 * PATIENCE)
-        page = browser.new_page(viewport={"width": PICTURE[0], "height": PICTURE[1]})
+        size: dict = {"width": PICTURE[0], "height": PICTURE[1]}
+        page = browser.new_context(viewport=size).new_page()
         page.set_default_timeout(1e3 * PATIENCE)
         page.on("request", lambda request: asked.append(request.url))
         page.on("websocket", lambda socket: asked.append(socket.url))
@@ -121,7 +121,7 @@ def test_another_policy_goes_another_way_from_the_same_push(played):
     for _ in range(15):
         session.step()
     before = session.first.rows[-1]
-    page.get_by_role("textbox", name="policy").first.click()
+    page.locator("input[role=combobox][value=two-stage]").click()
     page.get_by_role("option", name="stage-1", exact=True).first.click()
     wait(played.app, lambda: session.first.name == "stage-1", "the other policy")
     page.keyboard.press("Escape")
@@ -159,18 +159,14 @@ def test_two_windows_see_the_same_robot(played):
 def connected(address, **head):
     """The status that a connection is answered with; 101: it stands."""
     import viser
-    from websockets.asyncio.client import connect
     from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
 
-    async def attempt():
-        protocol = [f"viser-v{viser.__version__}"]
-        try:
-            async with connect(f"ws://{address}", subprotocols=protocol, **head):
-                return 101
-        except InvalidStatus as error:
-            return error.response.status_code
-
-    return asyncio.run(attempt())
+    try:
+        connect(f"ws://{address}", subprotocols=[f"viser-v{viser.__version__}"], **head).close()
+    except InvalidStatus as error:
+        return error.response.status_code
+    return 101
 
 
 def test_pages_of_others_and_those_without_the_token_are_refused():
