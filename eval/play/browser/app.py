@@ -15,7 +15,7 @@ from ...record.sampler import Array
 from ..drag import dragged_impulse
 from ..overlays import overlays_of
 from ..session import Session
-from .arrow import PushArrow
+from .arrow import LENGTH, PushArrow
 from .charts import StripCharts
 from .floor_marks import FloorMarks
 from .panel import Panel
@@ -25,7 +25,7 @@ FRAME = 1.0 / 30.0  # [s]
 CHARTS_EVERY = 6  # frames
 APART = 1.5  # of two robots [m]
 LEAST = 0.5  # of an impulse by drag; less is a click [N s]
-CLEAR = 0.2  # from the pelvis to the arrow of a push that was given [m]
+CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
 SEEN = 0.8  # how long a push that was given is shown [s]
 CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
 AIMED, GIVEN = (240, 140, 20), (225, 30, 25)  # colours of arrows
@@ -135,8 +135,8 @@ class App:
                 self.given.hide()
             return
         impulse = np.array(push.impulse[:2])
-        outside = CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
-        self.given.show(self._pelvis + (*outside, 0.1), impulse, lane.mass)
+        before = LENGTH * impulse + CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
+        self.given.show(self._pelvis + (*(-before), 0.1), impulse, lane.mass)  # it points at the robot
 
     def _match_robots(self) -> None:
         """As many robots in the scene as in the session, of the same shape."""

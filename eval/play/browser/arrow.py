@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ...record.sampler import Array
 
 LENGTH = 0.01  # of the arrow for an impulse [m per N s]
+ABOVE = 0.1  # from the arrow to its text [m]
 
 
 def impulse_text(impulse: ArrayLike, mass: float) -> str:
@@ -32,7 +33,7 @@ class PushArrow:
         self._arrow = server.scene.add_arrows(
             name, nothing, colour, shaft_radius=0.012, head_radius=0.035, head_length=0.07, visible=False
         )
-        self._label = server.scene.add_label(f"{name} label", "", visible=False, anchor="bottom-left")
+        self._label = server.scene.add_label(f"{name} label", "", visible=False, anchor="bottom-center")
         self.text = ""  # what stands beside it now
 
     def show(self, tail: ArrayLike, impulse: ArrayLike, mass: float) -> None:
@@ -41,7 +42,7 @@ class PushArrow:
         tip: Array = start + np.array([*along, 0.0])
         self._arrow.points = np.array([[start, tip]], np.float32)
         self.text = self._label.text = impulse_text(impulse, mass)
-        self._label.position = tuple(tip.tolist())
+        self._label.position = tuple(((start + tip) / 2 + (0.0, 0.0, ABOVE)).tolist())
         self._arrow.visible = self._label.visible = True
 
     def hide(self) -> None:
