@@ -50,7 +50,7 @@ BELOW = (
     "settings (presets), solvers, compiled; joints (PD control, proprioception).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
     "tables), shipped (what was learned), api (Python functions), bench, tuning, ceiling, export (ONNX), "
-    "reproduction."
+    "reproduction,\nrecord (time histories), play (a robot to push, and its page)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),

@@ -34,6 +34,12 @@ def test_the_readmes_loop_runs():
     assert re.search(r"to the left: (recovered at|com_height|pelvis_tilt)", run("-c", loop))
 
 
+def test_the_code_of_the_page_on_play_runs():
+    page = (ROOT / "docs" / "play.md").read_text(encoding="utf-8")
+    out = run("-c", "\n".join(re.findall(r"```python\n(.*?)```", page, flags=re.S)))
+    assert re.fullmatch(r"True 0\.\d+ m\n", out)
+
+
 def test_the_gym_loop_recovers_from_its_push():
     out = run(str(ROOT / "examples" / "gym_loop.py"))
     assert "0.50 N s/kg" in out

@@ -58,6 +58,9 @@ ROOMS = (
     "eval.reproduction.figures",
     "eval.reproduction.sections",
     "eval.reproduction.report",
+    "eval.record",
+    "eval.play",  # a session, without a viewer
+    "eval.play.browser",
     "eval.cli",
     "eval.cli.commands",
     "training.robots",

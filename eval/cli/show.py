@@ -1,10 +1,10 @@
-"""Show one episode in a window, or write it as a film or a strip of pictures."""
+"""Write one episode as a film, a strip of pictures, arrays or a figure."""
 
 from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from ...controllers.errors import MissingExtraError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
 from ..output.place import require_place
+from ..record.files import LOG_FORMATS, write_log
+from ..record.plot import PLOT_FORMATS, write_plot
+from ..record.record import record_episode
 from ..rollout.environments import make_env_for
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
@@ -22,6 +25,37 @@ FORMATS = (".mp4", ".gif", ".png")
 FILM_RATE = 25.0  # frames per simulated second
 STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments of a strip, after the push began [s]
 PANEL = (11, 12)  # width to height of one picture of a strip
+
+
+class Written(NamedTuple):
+    """The files that an episode is written to, each where it is asked for."""
+
+    out: Path | None = None  # film or contact sheet
+    log: Path | None = None  # time histories
+    plot: Path | None = None  # their figure
+
+    def check(self) -> str:
+        """Refuse other formats and places that can't be written to; returns the suffix of `out`.
+
+        Raises:
+            UnknownNameError: a suffix is no known format.
+            InvalidValueError: a file can't be written.
+            MissingExtraError: a film is asked for and imageio is not installed.
+        """
+        suffix = "" if self.out is None else output_suffix(self.out, FORMATS)
+        for path, valid in ((self.log, LOG_FORMATS), (self.plot, PLOT_FORMATS)):
+            if path is not None:
+                output_suffix(path, valid)
+        if suffix in {".mp4", ".gif"}:
+            _imageio()
+        for path in filter(None, self):
+            require_place(path)
+        return suffix
+
+    @property
+    def render_mode(self) -> str | None:
+        """What the environment is to draw."""
+        return None if self.out is None else "rgb_array"
 
 
 class _Camera:
@@ -46,37 +80,32 @@ class _Camera:
         self.push_start = self.push_start if start is None else float(start)
 
 
-def show_episode(
-    env_id: str, policy: str, scenario: Scenario, out: Path | None
-) -> tuple[Outcome, Path | None]:
-    """Run a scenario with rendering; returns its outcome and the file written.
+def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> Outcome:
+    """Run a scenario and write what has been asked for; returns its outcome.
 
     Raises:
-        MissingExtraError: a film is asked for and imageio is not installed.
-        UnknownNameError: the suffix is no known format.
-        InvalidValueError: the file can't be written.
-        RenderError: a window is asked for and there is no display.
+        PushRecoveryError: as `Written.check`, before the episode begins.
     """
-    suffix = output_suffix(out, FORMATS) if out else None
-    if suffix in {".mp4", ".gif"}:
-        _imageio()
-    if out is None:
-        from ...envs.physics.offscreen import require_display
-
-        require_display()
-    else:
-        require_place(out)
+    suffix = written.check()
     source = policy_sources(policy)[policy]
-    env = make_env_for(source.origin, env_id, render_mode="rgb_array" if out else "human")
+    env = make_env_for(source.origin, env_id, render_mode=written.render_mode)
     try:
-        if out is None:
-            return rollout(env, source.load(env), scenario, policy), None
-        camera = _Camera(planning_period(env))
-        outcome = rollout(env, source.load(env), scenario, policy, camera)
+        camera = None if written.out is None else _Camera(planning_period(env))
+        acting = source.load(env)
+        if written.log is None and written.plot is None:
+            outcome = rollout(env, acting, scenario, policy, camera)
+        else:
+            found = record_episode(env, acting, scenario, policy, camera)
+            outcome = found.outcome
+            if written.log is not None:
+                write_log(found, written.log)
+            if written.plot is not None:
+                write_plot(found, written.plot)
     finally:
         env.close()
-    write_atomically(out, _strip(camera) if suffix == ".png" else _film(camera.frames, str(suffix)))
-    return outcome, out
+    if camera is not None and written.out is not None:
+        write_atomically(written.out, _strip(camera) if suffix == ".png" else _film(camera.frames, suffix))
+    return outcome
 
 
 def _imageio() -> Any:

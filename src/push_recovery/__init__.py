@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .eval.api.frontier import frontier
     from .eval.api.rollout import rollout
     from .eval.api.score import compare, evaluate
+    from .eval.record.record import record
     from .eval.rollout.load_policy import load_policy, make_policy
     from .eval.score.suites import get_suite
 
@@ -42,7 +43,8 @@ __version__ = "0.1.0"
 __all__ = [
     "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "ModelErrors", "PlannerConfig", "Push",
     "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
-    "compare", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "register_robot", "rollout",
+    "compare", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "record", "register_robot",
+    "rollout",
 ]  # fmt: skip
 
 _MODULES = {
@@ -65,6 +67,7 @@ _MODULES = {
     "get_suite": "eval.score.suites",
     "load_policy": "eval.rollout.load_policy",
     "make_policy": "eval.rollout.load_policy",
+    "record": "eval.record.record",
     "register_robot": "envs.biped.robots.register",
     "rollout": "eval.api.rollout",
 }

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from ....controllers.errors import UnknownNameError
+from ....envs.scenario.push import polar_push
 from ....envs.scenario.scenario import Command, Scenario
 from ..options import EnvOptions, Policy, PushOptions, Real, RobotOptions, within
-
-if TYPE_CHECKING:
-    from ...rollout.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
 class Play(EnvOptions, PushOptions, RobotOptions):
-    """Show one push."""
+    """Play with a walking robot, or write one push to files."""
 
     policy: Policy = "two-stage"
     """Name, policy file, or MODULE:ATTRIBUTE."""
@@ -31,16 +30,56 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Scenario of the suite (the first one)."""
     out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Film (mp4 or gif) or contact sheet (png); a window without it."""
+    """Film (mp4 or gif) or contact sheet (png) of one push."""
+    log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the episode as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques, limits met."""
+    plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Draw the episode over time (png or svg)."""
+    viewer: Literal["browser", "mujoco"] = "browser"
+    """Where the robot walks that is played with: on a page of this computer, or in MuJoCo's own window."""
+    beside: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    """Policy of a second robot that gets the same pushes."""
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    """That the page is served on; from another than this computer's own it asks for a token."""
+    token: Annotated[str, arg(metavar="WORD", help_behavior_hint="(made up where one is needed)")] = ""
+    """That the page's address must hold."""
+    port: Annotated[int, arg(metavar="N")] = field(default=8080, metadata=within(0, 65535))
+    """Of the page; the next free one is taken."""
 
     def run(self) -> None:
-        """Render one episode, and say what became of it."""
-        from ..show import show_episode
+        """Play until Ctrl-C, or render one episode and say what became of it."""
+        from ...record.words import verdict
+        from ..show import Written, show_episode
 
         scenario = self._scenario()
-        out = None if self.out is None else Path(self.out)
-        outcome, path = show_episode(self.env_id, self.policy, scenario, out)
-        print(f"{scenario.id}: {verdict(outcome)}" + (f"; {path}" if path else ""))
+        written = Written(*(None if name is None else Path(name) for name in (self.out, self.log, self.plot)))
+        if not any(written):
+            self._play(scenario)
+            return
+        outcome = show_episode(self.env_id, self.policy, scenario, written)
+        paths = "".join(f"; {path}" for path in written if path is not None)
+        print(f"{scenario.id}: {verdict(outcome)}{paths}")
+
+    def _play(self, scenario: Scenario) -> None:
+        """A robot that walks as a scenario says, and gets its first push at the press of a key."""
+        print("plays until Ctrl-C; the robot is loaded first, a few seconds", flush=True)
+        from ...play.session import Session
+        from ...rollout.load_policy import policy_names
+
+        pushes = scenario.pushes or (polar_push(0.0, 0.0, self.duration, 0.0),)
+        impulse = pushes[0].impulse_magnitude, math.degrees(pushes[0].direction)
+        names = dict.fromkeys([self.policy, *filter(None, [self.beside]), *policy_names()])
+        if self.viewer == "mujoco":
+            from ...play.desktop import play_in_window
+
+            play_in_window(lambda: Session(self.env_id, self.policy, self.beside, scenario), impulse)
+            return
+        from ...play.browser.gate import Gate
+        from ...play.browser.open import play, require_play
+
+        require_play()
+        session = Session(self.env_id, self.policy, self.beside, scenario)
+        play(session, list(names), Gate(self.host, self.token), self.port, impulse)
 
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
@@ -72,12 +111,3 @@ class Play(EnvOptions, PushOptions, RobotOptions):
                 f"scenario of suite {suite.name}", wanted, [*ids[:3], f"... {len(ids)} in all"]
             )
         return suite.scenarios[ids.index(wanted)]
-
-
-def verdict(outcome: Outcome) -> str:
-    """What became of an episode, for people."""
-    if outcome.recovered_at is not None and outcome.recovered:
-        return f"recovered, from {outcome.recovered_at:.2f} s on"
-    if outcome.survived:
-        return f"survived {outcome.end_time:.2f} s, not settled"
-    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"

@@ -1,0 +1,1 @@
+"""The face of a session in a web browser."""

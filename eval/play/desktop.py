@@ -1,0 +1,128 @@
+"""A session in MuJoCo's own window: pushes by mouse and key, until the window is closed.
+
+Ctrl and the mouse drag a body as in any MuJoCo window; its way along the floor is the push, given where it is
+let go, by the factor of `drag`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...controllers.errors import PushRecoveryError
+from ...envs.biped.scene import add_markers, set_posture
+from .drag import IMPULSE_PER_METRE, limited, polar_impulse
+from .session import FASTEST, SLOWEST, Session
+from .status import status_words
+
+FRAME = 1.0 / 60.0  # [s]
+KEYS = "space: push, R: replay, P: pause, S: one period, N: start anew, -/=: slower, faster"
+LEAST = 0.5  # of an impulse by drag; less is a click [N s]
+SLOWER = 0.5  # of the speed, a key press
+
+
+class Desktop:
+    """What keys and mouse do to a session, and what the window shows of it.
+
+    Args:
+        session: that is played.
+        impulse: of the push by key, size [N s] and direction [deg].
+    """
+
+    def __init__(self, session: Session, impulse: tuple[float, float]):
+        self.session, self._impulse = session, polar_impulse(*impulse)
+        self._keys: list[int] = []
+        self._way: np.ndarray | None = None  # of the mouse, while it drags a body [m]
+        self._said = ""
+
+    def key(self, code: int) -> None:
+        """A key has been pressed; it is answered between two planning periods."""
+        self._keys.append(code)
+
+    def answer_keys(self) -> None:
+        """Do what the keys say; those without a meaning are left."""
+        session = self.session
+        actions: dict[str, Callable[[], object]] = {
+            " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
+            "P": self._pause, "S": self._step, "-": lambda: self._faster(SLOWER),
+            "=": lambda: self._faster(1.0 / SLOWER),
+        }  # fmt: skip
+        while self._keys:
+            action = actions.get(chr(self._keys.pop(0)))
+            if action is not None:
+                self._try(action)
+
+    def answer_mouse(self, perturb: Any, data: mujoco.MjData) -> None:
+        """Aim while the mouse drags a body, and push where it lets go."""
+        if perturb.active and perturb.select > 0:
+            turn = data.xmat[perturb.select].reshape(3, 3)
+            grabbed = data.xpos[perturb.select] + turn @ perturb.localpos
+            self._way = np.array(perturb.refselpos - grabbed)[:2]
+        elif self._way is not None:
+            impulse, self._way = limited(IMPULSE_PER_METRE * self._way), None
+            if np.hypot(*impulse) >= LEAST:
+                self._try(lambda: self.session.push(impulse))
+
+    def tell(self) -> None:
+        """A line where something has become of the robot."""
+        words = status_words(self.session.first)
+        if not words.startswith(("walks", "pushed")) and words != self._said:
+            print(words, flush=True)
+        self._said = words
+
+    def _pause(self) -> None:
+        self.session.paused = not self.session.paused
+
+    def _step(self) -> None:
+        self.session.paused = True
+        self.session.step()
+
+    def _faster(self, factor: float) -> None:
+        self.session.set_speed(min(max(self.session.speed * factor, SLOWEST), FASTEST))
+
+    def _try(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except PushRecoveryError as error:
+            print(f"not done: {error}", flush=True)
+
+
+def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) -> None:
+    """Open a window on a session, and play until it is closed.
+
+    Raises:
+        RenderError: there is no display.
+    """
+    from ...envs.physics.offscreen import require_display
+
+    require_display()
+    from mujoco import viewer
+
+    session = make()
+    desktop, core = Desktop(session, impulse), session.first.episodes.core
+    model, data = core.body.model, mujoco.MjData(core.body.model)
+    print(KEYS, flush=True)
+    with viewer.launch_passive(
+        model, data, key_callback=desktop.key, show_left_ui=False, show_right_ui=False
+    ) as window:
+        before = time.monotonic()
+        while window.is_running():
+            now = time.monotonic()
+            with window.lock():
+                desktop.answer_keys()
+                desktop.answer_mouse(window.perturb, data)
+                session.advance(now - before)
+                core = session.first.episodes.core
+                set_posture(model, data, core)
+                window.cam.lookat[:2] = data.xpos[core.body.indices.pelvis, :2]
+                window.user_scn.ngeom = 0
+                add_markers(window.user_scn, data, core)
+            window.sync()
+            desktop.tell()
+            before = now
+            time.sleep(max(0.0, FRAME - (time.monotonic() - now)))
+    session.close()

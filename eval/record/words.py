@@ -1,0 +1,42 @@
+"""A push and what became of it, in words for people."""
+
+from __future__ import annotations
+
+import math
+
+from ...envs.scenario.push import Push
+from ..rollout.outcome import Outcome
+from .record import EpisodeRecord
+
+DIRECTIONS = (
+    "forward", "forward and to the left", "to the left", "backward and to the left", "backward",
+    "backward and to the right", "to the right", "forward and to the right",
+)  # fmt: skip
+
+
+def direction_words(x: float, y: float) -> str:
+    """The nearest of eight directions to a vector, x forward and y to the left."""
+    return DIRECTIONS[round(math.atan2(y, x) / (math.pi / 4)) % 8]
+
+
+def impulse_words(push: Push, mass: float) -> str:
+    """Impulse, impulse by the robot's mass, and direction of a push."""
+    size = push.impulse_magnitude
+    return f"{size:.1f} N s ({size / mass:.2f} N s/kg) {direction_words(*push.force[:2])}"
+
+
+def push_words(record: EpisodeRecord) -> str:
+    """The pushes of an episode: the first one, and how many more."""
+    if not record.scenario.pushes:
+        return "no push"
+    first, *others = record.scenario.pushes
+    return impulse_words(first, record.mass) + (f" and {len(others)} more" if others else "")
+
+
+def verdict(outcome: Outcome) -> str:
+    """What became of an episode."""
+    if outcome.recovered_at is not None and outcome.recovered:
+        return f"recovered, from {outcome.recovered_at:.2f} s on"
+    if outcome.survived:
+        return f"survived {outcome.end_time:.2f} s, not settled"
+    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"

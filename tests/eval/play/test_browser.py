@@ -1,0 +1,185 @@
+"""The page driven in a real Chromium without a screen.
+
+The session's clock stands still but where a test lets time go by, so that nothing here hangs on the speed of
+the machine; what is waited for is waited for with a long limit.
+"""
+
+import shutil
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="needs the extra play")
+pytest.importorskip("mjviser", reason="needs the extra play")
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
+
+from push_recovery.eval.play.browser.app import camera_axes  # noqa: E402
+from push_recovery.eval.play.browser.gate import Gate  # noqa: E402
+from push_recovery.eval.play.browser.open import open_app  # noqa: E402
+from push_recovery.eval.play.drag import IMPULSE_PER_METRE, metres_per_pixel  # noqa: E402
+from push_recovery.eval.play.session import Session  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
+    "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync",
+]  # fmt: skip
+PATIENCE = 240.0  # [s]
+PICTURE = (800, 320)  # the panel covers the right 335 pixels
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+
+
+def wait(app, condition, what):
+    """Let frames go by, with the clock at rest, until something is true."""
+    until = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < until, f"waited {PATIENCE:g} s for {what}"
+        app.frame(0.0)
+        time.sleep(0.03)
+
+
+@pytest.fixture(scope="module")
+def played():
+    """An app, and a page that looks at it."""
+    session = Session("PushRecovery/Biped-v0", "two-stage")
+    app = open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8790, (12.0, 90.0))
+    app.server.scene.configure_default_lights(cast_shadow=False)  # drawn without a graphics card
+    for _ in range(45):
+        session.step()
+    asked = []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1e3 * PATIENCE)
+        size: dict = {"width": PICTURE[0], "height": PICTURE[1]}
+        page = browser.new_context(viewport=size).new_page()
+        page.set_default_timeout(1e3 * PATIENCE)
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("websocket", lambda socket: asked.append(socket.url))
+        address = f"127.0.0.1:{app.server.get_port()}"
+        page.goto(f"http://{address}/")
+        wait(app, app.server.get_clients, "the page's connection")
+        page.get_by_text("walks, 0.5 s").wait_for()
+        yield SimpleNamespace(app=app, session=session, page=page, asked=asked, address=address)
+        browser.close()
+    app.server.stop()
+    session.close()
+
+
+def on_the_screen(played, point):
+    """Pixel and depth [m] of a point in the scene, by a pinhole camera."""
+    camera = next(iter(played.app.server.get_clients().values())).camera
+    x, y, depth = camera_axes(camera.wxyz).T @ (np.asarray(point) - camera.position)
+    focal = PICTURE[1] / 2 / np.tan(camera.fov / 2)
+    return PICTURE[0] / 2 + focal * x / depth, PICTURE[1] / 2 + focal * y / depth, depth
+
+
+def test_it_asks_for_nothing_outside(played):
+    assert f"http://{played.address}/" in played.asked
+    assert f"ws://{played.address}" in {url.rstrip("/") for url in played.asked}
+    outside = [
+        url for url in played.asked if played.address not in url and not url.startswith(("data:", "blob:"))
+    ]
+    assert outside == []
+
+
+def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
+    app, mouse, pixels = played.app, played.page.mouse, 20
+    x, y, depth = on_the_screen(played, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
+    x, y = round(x), round(y)
+    mouse.move(x, y)
+    mouse.down()
+    for way in (8, 14, pixels, pixels):  # past what counts as a click
+        mouse.move(x + way, y)
+        played.page.wait_for_timeout(100)
+    camera = next(iter(app.server.get_clients().values())).camera
+    of_a_pixel = IMPULSE_PER_METRE * metres_per_pixel(depth, camera.fov, PICTURE[1])
+    expected = of_a_pixel * pixels
+    wait(app, lambda: app.aimed.text and float(app.aimed.text.split()[0]) > 0.9 * expected, "the arrow")
+    text = app.aimed.text
+    shown = float(text.split()[0])
+    assert shown == pytest.approx(expected, rel=0.06)  # the trunk's skin is nearer than its middle
+    assert float(text.split("(")[1].split()[0]) == pytest.approx(shown / 60.0, abs=0.006)
+    assert played.session.last is None
+    mouse.up()
+    wait(app, lambda: played.session.last is not None, "the push")
+    push = played.session.last.push
+    assert push.impulse_magnitude == pytest.approx(shown, abs=0.05 + 1e-9)
+    assert push.body == "trunk"
+    right = camera_axes(camera.wxyz)[:2, 0]
+    np.testing.assert_allclose(push.impulse[:2], push.impulse_magnitude * right, atol=of_a_pixel)
+    for _ in range(15):
+        played.session.step()
+    delivered = played.session.first.episodes.core.pushes.delivered[0, 0]
+    np.testing.assert_allclose(delivered, push.impulse, atol=1e-9)
+    wait(app, lambda: app.given.text == text or not app.given.text, "the arrow of the push given")
+
+
+def test_another_policy_goes_another_way_from_the_same_push(played):
+    session, page = played.session, played.page
+    for _ in range(15):
+        session.step()
+    before = session.first.rows[-1]
+    page.locator("input[role=combobox][value=two-stage]").click()
+    page.get_by_role("option", name="stage-1", exact=True).first.click()
+    wait(played.app, lambda: session.first.name == "stage-1", "the other policy")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Replay the last push").click()
+    wait(played.app, lambda: session.first.time < before["time"], "the replay")
+    while session.first.time < before["time"] - 1e-9:
+        session.step()
+    assert session.first.rows[-1]["time"] == pytest.approx(before["time"])
+    assert session.first.rows[-1]["dcm_y"] != before["dcm_y"]
+
+
+def test_a_key_pushes(played):
+    session = played.session
+    session.restart()
+    for _ in range(20):
+        session.step()
+    played.page.mouse.click(200, 380)
+    played.page.keyboard.press("Space")
+    wait(played.app, lambda: session.first.scenario.pushes, "the push")
+    assert session.first.scenario.pushes[0].impulse == pytest.approx((0.0, 12.0, 0.0))
+
+
+def test_two_windows_see_the_same_robot(played):
+    other = played.page.context.new_page()
+    other.goto(f"http://{played.address}/")
+    wait(played.app, lambda: len(played.app.server.get_clients()) == 2, "the second window")
+    played.session.paused = True
+    played.app.frame(0.0)
+    for page in (played.page, other):
+        page.get_by_text("paused").wait_for()
+    other.close()
+    wait(played.app, lambda: len(played.app.server.get_clients()) == 1, "the second window's end")
+
+
+def connected(address, **head):
+    """The status that a connection is answered with; 101: it stands."""
+    import viser
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    try:
+        connect(f"ws://{address}", subprotocols=[f"viser-v{viser.__version__}"], **head).close()
+    except InvalidStatus as error:
+        return error.response.status_code
+    return 101
+
+
+def test_pages_of_others_and_those_without_the_token_are_refused():
+    session = Session("PushRecovery/Biped-v0", "two-stage")
+    app = open_app(session, ["two-stage"], Gate("127.0.0.1", "word"), 8795, (10.0, 0.0))
+    address = f"127.0.0.1:{app.server.get_port()}"
+    cookie = {"Cookie": f"push-recovery-{app.server.get_port()}=word"}
+    try:
+        own = f"http://{address}"
+        assert connected(address, origin=own, additional_headers=cookie) == 101
+        assert connected(address, origin=own) == 403
+        assert connected(address, origin="http://evil.example", additional_headers=cookie) == 403
+        assert connected(address, additional_headers=cookie) == 403
+    finally:
+        app.server.stop()
+        session.close()

@@ -1,0 +1,67 @@
+"""Keys and mouse of the window, without a window."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.envs.biped.scene import set_posture
+from push_recovery.envs.physics.offscreen import RenderError
+from push_recovery.eval.play.desktop import Desktop, play_in_window
+from push_recovery.eval.play.session import Session
+
+
+@pytest.fixture
+def desktop():
+    session = Session("PushRecovery/Biped-v0", "two-stage")
+    yield Desktop(session, (12.0, 90.0))
+    session.close()
+
+
+def press(desktop, keys):
+    for key in keys:
+        desktop.key(ord(key))
+    desktop.answer_keys()
+
+
+def test_keys_push_repeat_pause_step_and_slow_down(desktop, capsys):
+    session = desktop.session
+    press(desktop, "R")
+    assert "no push yet" in capsys.readouterr().out
+    for _ in range(20):
+        session.step()
+    press(desktop, " ")
+    assert session.last.push.impulse == pytest.approx((0.0, 12.0, 0.0))
+    session.advance(0.1)
+    press(desktop, "P-")
+    assert (session.advance(1.0), session.speed) == (0, 0.5)
+    press(desktop, "Sx")
+    assert session.first.time == pytest.approx(0.31)
+    press(desktop, "R=P")
+    assert (session.first.time, session.speed) == (pytest.approx(0.2), 1.0)
+    press(desktop, "N")
+    assert (session.first.time, session.paused) == (0.0, False)
+
+
+def test_a_drag_by_mouse_pushes_where_it_is_let_go(desktop):
+    core = desktop.session.first.episodes.core
+    data = mujoco.MjData(core.body.model)
+    set_posture(core.body.model, data, core)
+    trunk = core.body.indices.trunk
+    held = np.array([0.05, 0.0, 0.1])  # in the body's axes
+    grabbed = data.xpos[trunk] + data.xmat[trunk].reshape(3, 3) @ held
+    for way in ([0.05, 0.0, 0.0], [0.12, -0.2, 0.3]):
+        mouse = SimpleNamespace(active=1, select=trunk, localpos=held, refselpos=grabbed + way)
+        desktop.answer_mouse(mouse, data)
+        assert desktop.session.last is None
+    for _ in range(2):
+        desktop.answer_mouse(SimpleNamespace(active=0, select=trunk), data)
+    assert desktop.session.last.push.impulse == pytest.approx((12.0, -20.0, 0.0))
+    assert len(desktop.session.first.scenario.pushes) == 1
+
+
+def test_without_a_display_nothing_is_made(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(RenderError, match="needs a display"):
+        play_in_window(lambda: pytest.fail("a session was made"), (10.0, 0.0))

@@ -1,0 +1,71 @@
+"""Places on the floor against the robot's own feet and the planner's limits, on either foot and turned."""
+
+import numpy as np
+import pytest
+from push_recovery.controllers.model.capturability import capture_margin
+from push_recovery.controllers.model.observation import DCM, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
+from push_recovery.controllers.whole_body.kinematics import sole_position
+from push_recovery.envs.scenario.command import Command
+from push_recovery.eval.play.lane import Lane
+from push_recovery.eval.play.overlays import overlays_of
+
+
+def area(polygon):
+    """By the shoelace formula, without its sign."""
+    x, y = polygon.T
+    return abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
+
+
+def inside(polygon, point):
+    """How far a point is inside of a rectangle: its least distance to an edge [m]; negative outside."""
+    middle, distances = polygon.mean(axis=0), []
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        normal = np.array([-(b - a)[1], (b - a)[0]]) / np.hypot(*(b - a))
+        distances.append(normal @ (point - a) * np.sign(normal @ (middle - a)))
+    return min(distances)
+
+
+@pytest.fixture(scope="module")
+def lane():
+    lane = Lane("PushRecovery/Biped-v0", "two-stage")
+    lane.tell(Command(0.15, 0.05, 0.5))
+    yield lane
+    lane.close()
+
+
+def test_overlays_of_a_turning_robot(lane):
+    sides = set()
+    for _ in range(120):
+        lane.step()
+        episodes = lane.episodes
+        core, overlays = episodes.core, overlays_of(episodes)
+        stance = int(core.gait.stance[0])
+        sole = np.array(sole_position(core.true_state(0), 0, stance)[:2])
+        np.testing.assert_array_equal(overlays.dcm, [lane.rows[-1]["dcm_x"], lane.rows[-1]["dcm_y"]])
+        planned = [lane.rows[-1]["planned_step_x"], lane.rows[-1]["planned_step_y"]]
+        if not np.isnan(planned[0]):
+            np.testing.assert_allclose(overlays.foothold.mean(axis=0), planned, atol=1e-9)
+            assert inside(overlays.step_box, np.array(planned)) > -1e-6
+        assert area(overlays.foothold) == pytest.approx(0.02)
+        truth = core.truth[0]
+        margin = capture_margin(
+            episodes.robot, episodes.limits, truth[ELAPSED], truth[DCM], truth[TRUNK_ANGLE], truth[TRUNK_RATE]
+        )
+        assert inside(overlays.capture_region, overlays.dcm) == pytest.approx(margin, abs=1e-9)
+        assert np.hypot(*(overlays.support - sole).T).min() < 0.13
+        left = np.cross([*(np.mean(overlays.step_box, axis=0) - sole), 0], [np.cos(core.gait.heading[0]),
+                        np.sin(core.gait.heading[0]), 0])[2] < 0.0  # fmt: skip
+        assert left == (stance == 1)  # on the right foot the box lies to the left
+        sides.add(stance)
+    assert sides == {0, 1}
+    assert core.gait.heading[0] > 0.4
+
+
+def test_the_support_is_the_hull_of_the_loaded_soles(lane):
+    areas = []
+    for _ in range(60):
+        lane.step()
+        row, support = lane.rows[-1], overlays_of(lane.episodes).support
+        if row["left_contact"] + row["right_contact"] == 1.0:
+            areas.append(area(support))
+    np.testing.assert_allclose(areas, 0.02, rtol=0.02)

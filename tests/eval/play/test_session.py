@@ -1,0 +1,176 @@
+"""A session against ordinary rollouts of the scenarios that it says it has been."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.envs.scenario.command import Command
+from push_recovery.eval.play.session import MOST_PERIODS, Session
+from push_recovery.eval.play.status import limits_words, status_words
+from push_recovery.eval.record.record import record
+
+BIPED = "PushRecovery/Biped-v0"
+
+
+def go(session, periods):
+    for _ in range(periods):
+        session.step()
+
+
+def state(lane):
+    """All that the future of a robot follows from."""
+    return lane.moment().snapshot.rows
+
+
+def assert_same(one, other):
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        np.testing.assert_array_equal(array, other[name], err_msg=name)
+
+
+def assert_is_its_scenario(lane, policy):
+    """The last sample of an ordinary rollout of the lane's scenario, up to now."""
+    found = record(policy, replace(lane.scenario, duration=lane.time), BIPED)
+    last = {name: column[-1] for name, column in found.columns.items()}
+    np.testing.assert_equal(lane.rows[-1], last)
+
+
+@pytest.fixture
+def session():
+    session = Session(BIPED, "two-stage")
+    yield session
+    session.close()
+
+
+def test_pushes_and_commands_while_it_walks_are_a_scenario_bit_for_bit(session):
+    go(session, 55)
+    session.tell(Command(0.2, 0.0, 0.1))
+    session.tell(Command(0.25, 0.0, 0.1))  # of two in one planning period the later one stands
+    go(session, 40)
+    first = session.push([12.0, 15.0])
+    go(session, 13)
+    session.push([0.0, -8.0], "trunk")
+    go(session, 70)
+    scenario = session.first.scenario
+    assert scenario.pushes[0] == first
+    assert first.start == pytest.approx(0.95)
+    assert [change.command.vx for change in scenario.changes] == [0.25]
+    assert scenario.changes[0].time == pytest.approx(0.56)
+    assert_is_its_scenario(session.first, "two-stage")
+    delivered = session.first.episodes.core.pushes.delivered[0]
+    np.testing.assert_allclose(delivered, [[12.0, 15.0, 0.0], [0.0, -8.0, 0.0]], atol=1e-9)
+
+
+def test_a_replay_is_the_same_push_again_bit_for_bit(session):
+    go(session, 60)
+    session.push([0.0, 14.0])
+    go(session, 80)
+    once, scenario = state(session.first), session.first.scenario
+    go(session, 33)
+    assert session.replay() == scenario.pushes[-1]
+    assert session.first.time == pytest.approx(0.6)
+    go(session, 80)
+    assert session.first.scenario == scenario
+    assert_same(once, state(session.first))
+
+
+def test_another_policy_takes_over_in_mid_walk_and_goes_another_way(session):
+    go(session, 60)
+    session.push([0.0, 14.0])
+    before = state(session.first)
+    assert session.switch("stage-1")
+    assert session.first.name == "stage-1"
+    assert_same(before, state(session.first))
+    go(session, 60)
+    other = session.first.rows[-1]["dcm_y"]
+    session.switch("two-stage")
+    session.replay()
+    go(session, 60)
+    assert session.first.rows[-1]["dcm_y"] != other
+
+
+def test_a_policy_with_a_robot_of_its_own_starts_a_new_walk(session):
+    go(session, 30)
+    session.tell(Command(0.2))
+    assert not session.switch("raibert")
+    assert (session.first.time, session.first.command) == (0.0, Command(0.2))
+    with pytest.raises(UnknownNameError, match="two-stage"):
+        session.switch("two-stag")
+    assert session.first.name == "raibert"
+
+
+def test_two_robots_meet_the_same_push_from_the_same_state(session):
+    go(session, 60)
+    session.put_beside("stage-1")
+    first, second = session.lanes
+    assert_same(state(first), state(second))
+    go(session, 20)
+    session.push([3.0, 14.0])
+    assert_same(state(first), state(second))
+    assert first.scenario == second.scenario
+    go(session, 60)
+    assert first.time == second.time
+    apart = second.rows[-1]["dcm_y"]
+    assert first.rows[-1]["dcm_y"] != apart
+    session.replay()
+    assert_same(state(first), state(second))
+    go(session, 60)
+    assert second.rows[-1]["dcm_y"] == apart
+    session.put_beside(None)
+    assert session.lanes == [first]
+
+
+def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
+    session.tell(Command(0.1))
+    go(session, 40)
+    session.push([0.0, -300.0])
+    go(session, 250)
+    lane = session.first
+    assert lane.over
+    assert status_words(lane).startswith("fell ")
+    assert lane.failure in status_words(lane)
+    time = lane.time
+    go(session, 5)
+    assert lane.time == time
+    with pytest.raises(InvalidValueError, match="has fallen"):
+        session.push([1.0, 0.0])
+    session.tell(Command(0.3))  # nothing to tell
+    session.replay()
+    assert not lane.over
+    session.restart()
+    assert (lane.time, lane.command) == (0.0, Command(0.1))
+
+
+def test_the_clock_is_followed_at_its_speed(session):
+    assert session.advance(0.1) == 10
+    session.set_speed(0.25)
+    assert [session.advance(0.02) for _ in range(4)] == [0, 1, 0, 1]
+    assert session.advance(60.0) == MOST_PERIODS
+    session.paused = True
+    assert session.advance(0.1) == 0
+    assert session.first.time == pytest.approx(0.01 * (12 + MOST_PERIODS))
+    with pytest.raises(InvalidValueError, match=r"0\.02"):
+        session.set_speed(0.0)
+
+
+def test_words_tell_of_the_push_and_of_the_limits_it_meets(session):
+    assert limits_words(session.first) == []
+    go(session, 60)
+    assert status_words(session.first) == "walks, 0.6 s"
+    session.push([0.0, 15.0])
+    go(session, 25)
+    assert status_words(session.first) == "pushed 0.25 s ago with 15.0 N s (0.25 N s/kg) to the left"
+    assert "sole edge" in limits_words(session.first)
+    go(session, 225)
+    assert status_words(session.first).startswith("recovered ")
+
+
+def test_nothing_can_be_replayed_before_a_push(session):
+    with pytest.raises(InvalidValueError, match="no push yet"):
+        session.replay()
+
+
+def test_a_robot_that_is_no_biped_is_refused():
+    with pytest.raises(InvalidValueError, match="only bipeds"):
+        Session("PushRecovery/Pendulum-v0", "two-stage")

@@ -1,0 +1,113 @@
+"""A recorded episode against its own rollout, against the simulation itself, and against its mirror image."""
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.whole_body.kinematics import TRUNK, sole_position
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.api.rollout import rollout
+from push_recovery.eval.record.record import record
+from push_recovery.eval.record.sampler import LIMIT, TORQUE, Sampler
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import load_policy
+
+PUSH = Push((90.0, 160.0, 0.0), 0.1, GaitEvent(2, "left", 0.4))
+SHOVED = Scenario("shoved", (PUSH, Push((0.0, -80.0, 0.0), 0.033, 1.6)), Command(0.15), settle_time=1.0)
+PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+
+
+@pytest.fixture(scope="module")
+def shoved():
+    return record("two-stage", SHOVED)
+
+
+@pytest.mark.parametrize("env", [PENDULUM, BIPED])
+def test_the_outcome_is_that_of_the_rollout_bit_for_bit(env, shoved):
+    found = shoved if env == BIPED else record("two-stage", SHOVED, env)
+    assert found.outcome == rollout(env, "two-stage", SHOVED)
+    assert len(found) == found.outcome.env_steps + 1
+    assert found["time"][-1] == found.outcome.end_time
+    assert set(found.columns) == set(found.units)
+    assert not found["dcm_x"].flags.writeable
+
+
+def test_pushes_deliver_their_impulses(shoved):
+    periods = np.diff(shoved["time"])
+    asked = np.sum([push.impulse for push in SHOVED.pushes], axis=0)
+    for axis, impulse in zip("xyz", asked, strict=True):
+        assert shoved[f"push_{axis}"][1:] @ periods == pytest.approx(impulse, abs=1e-9)
+    acting = shoved["time"][shoved["push_x"] > 0.0]
+    assert acting[0] > shoved.push_starts[0]
+    assert acting[-1] < shoved.push_starts[0] + PUSH.duration + 0.01
+
+
+def test_limits_met_are_those_of_the_outcome(shoved):
+    periods = np.diff(shoved["time"])
+    outcome, since = shoved.outcome, shoved["time"][-1] - min(shoved.push_starts)
+    for name in shoved.columns:
+        if name.startswith(LIMIT):
+            share = outcome.limit_shares.get(name.removeprefix(LIMIT), 0.0)
+            assert shoved[name][1:] @ periods == pytest.approx(share * since, abs=1e-4)
+    assert outcome.limit_shares
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_places_and_leans_are_those_of_the_simulation(side):
+    """While the robot turns, on either foot: soles, trunk and torques from MuJoCo's own state."""
+    env = make_env(BIPED)
+    episodes = env.unwrapped.episodes
+    assert isinstance(episodes, BipedEpisodes)
+    policy, core = load_policy("two-stage", env), episodes.core
+    push = Push((40.0, 60.0, 0.0), 0.1, 0.7)
+    observation, _ = env.reset(options={"scenario": Scenario("turn", (push,), Command(0.2, 0.0, 0.5), side)})
+    sampler, data = Sampler(episodes), core.simulations.data[0]
+    for _ in range(130):
+        observation, *_ = env.step(policy.predict(observation)[0])
+        row = sampler.row()
+    assert row["heading"] > 0.3
+    for leg, name in enumerate(("left", "right")):
+        sole = sole_position(core.true_state(0), 0, leg)
+        assert [row[f"{name}_sole_{axis}"] for axis in "xy"] == pytest.approx(sole[:2], abs=1e-9)
+    up, heading = core.physics.xmat[0, TRUNK].reshape(3, 3)[:, 2], row["heading"]
+    forward = up[0] * np.cos(heading) + up[1] * np.sin(heading)
+    left = up[1] * np.cos(heading) - up[0] * np.sin(heading)
+    assert row["trunk_pitch"] == pytest.approx(np.arcsin(forward), abs=2e-3)
+    assert row["trunk_roll"] == pytest.approx(np.arcsin(left), abs=2e-3)
+    assert abs(row["trunk_roll"]) > 0.01
+    for joint in ("waist_pitch", "left_knee", "right_hip_roll"):
+        assert row[TORQUE + joint] == data.actuator(joint).ctrl[0]
+    assert sampler.bounds[TORQUE + "left_knee"] == 300.0
+    env.close()
+
+
+def test_a_planned_step_is_where_the_foot_lands(shoved):
+    landed = np.flatnonzero(np.diff(shoved["step"])) + 1
+    assert len(landed) >= 5
+    for i in landed:
+        side = ("left", "right")[int(shoved["stance_side"][i])]
+        place = [shoved[f"{side}_sole_{axis}"][i] for axis in "xy"]
+        planned = [shoved[f"planned_step_{axis}"][i - 1] for axis in "xy"]
+        assert np.hypot(*np.subtract(place, planned)) < 0.04
+        assert np.isnan(shoved["planned_step_x"][i])
+
+
+def test_the_mirrored_episode_is_the_mirror_image():
+    found, other = (record("two-stage", s, PENDULUM) for s in (SHOVED, SHOVED.mirrored()))
+    for name in ("dcm", "cop", "cmp", "com", "planned_step", "push"):
+        np.testing.assert_allclose(found[f"{name}_x"], other[f"{name}_x"], atol=1e-6)
+        np.testing.assert_allclose(found[f"{name}_y"], -other[f"{name}_y"], atol=1e-6)
+    np.testing.assert_allclose(found["left_sole_y"], -other["right_sole_y"], atol=1e-6)
+    np.testing.assert_allclose(found["trunk_roll"], -other["trunk_roll"], atol=1e-6)
+    np.testing.assert_allclose(found["torque_trunk_roll"], -other["torque_trunk_roll"], atol=1e-4)
+
+
+def test_an_unknown_column_lists_the_valid_ones(shoved):
+    with pytest.raises(UnknownNameError, match="did you mean 'dcm_x'"):
+        shoved["dmc_x"]
+
+
+def test_an_environment_of_another_project_is_refused():
+    with pytest.raises(InvalidValueError, match="this project's own environments"):
+        record("two-stage", SHOVED, "toy_gait_env:PushRecovery/Toy-v0")
