@@ -82,7 +82,7 @@ def make_env(settings: TrainingSettings) -> gym.Env:
                 f"{settings.env_id} takes residuals already; name the environment below it"
             )
         env = ResidualAction(env, settings.policy, settings.scale, gate=settings.gate)
-    return ActionHold(env, settings.hold)
+    return ActionHold(env, settings.periods)
 
 
 def find_residual(env: gym.Env) -> ResidualAction | None:
@@ -102,11 +102,12 @@ def own_episodes(settings: TrainingSettings, env: gym.Env, n: int) -> GaitEpisod
 
 
 def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
-    """Settings whose `starts`, `reward` and `inputs` are said, as the environment allows.
+    """Settings of which none is left open, as the environment allows.
 
     Raises:
         InvalidValueError: the environment does not allow what they say.
     """
+    settings = replace(settings, hold=settings.periods, teacher=settings.taught)
     episodes = own_episodes(settings, env, 1)
     blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
     can = {
@@ -152,7 +153,7 @@ def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
     actor = Actor(episodes, settings.inputs or (), rule)
     starts = make_starts(settings, episodes, seed)
     reward = REWARDS[settings.reward or ""](episodes, settings.gamma)
-    return TrainingRobots(episodes, actor, starts, reward, settings.hold)
+    return TrainingRobots(episodes, actor, starts, reward, settings.periods)
 
 
 def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -> Starts:

@@ -38,7 +38,7 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         unwrapped.robot,
         unwrapped.limits,
         base,
-        settings.hold,
+        settings.periods,
         settings.inputs or (OBSERVATION,),
     )
     below = None if wrapper is None else wrapper.policy

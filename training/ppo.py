@@ -21,10 +21,14 @@ from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
 from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .export import export_policy
+from .imitation.dagger import imitate_once
+from .imitation.settings import ImitationSettings
+from .imitation.start import ValueFirst, start_from
 from .manifest import manifest
 from .settings import TrainingSettings
 
 POLICY = "policy"  # file of the result, without its suffixes
+TAUGHT = "taught"  # file of what a teacher has shown, without its suffixes
 Report = Callable[[int, float | None], None]
 
 
@@ -64,6 +68,9 @@ class Run:
         self.model: PPO = make_ppo(settings, self.venv, seed, out)
         if checkpoint is not None:
             restore(checkpoint, self.model, self.venv)
+        elif settings.taught:
+            shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
+            start_from(imitate_once(shown, out / TAUGHT), self.model, self.venv)
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
 
     @property
@@ -93,6 +100,7 @@ class Run:
                     Progress(report),
                     Every(settings.evaluate_every, self.evaluate, last),
                     Every(settings.checkpoint_every, self.checkpoint, self.start),
+                    ValueFirst(settings.value_first),
                 ]
                 self.model.learn(
                     settings.timesteps - self.start,

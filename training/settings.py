@@ -51,11 +51,17 @@ class TrainingSettings:
     timesteps: int = 4_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
     seed: int = 0  # of weights, exploration and pushes
     n_envs: int = 128  # environments side by side
-    hold: int = 2  # planning periods for which a learned action is held: 20 ms, 50 Hz on 100 Hz
+    hold: int | None = None
+    """planning periods of 10 ms for which a learned action is held; None: 2, and 1 on joints, where an action
+    belongs to a stance foot"""
     policy: str = "two-stage"  # what a residual corrects
     scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
     gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
     """of `ResidualGate` [m]; None: always open"""
+    teacher: bool | None = None
+    """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/imitation.md) rather
+    than untrained; None: yes for the kind joint"""
+    value_first: int = 0  # timesteps at first in which only the value network learns
     inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
     """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
 
@@ -104,8 +110,13 @@ class TrainingSettings:
         self._check(
             "timesteps", isinstance(self.timesteps, int) and self.timesteps >= 0, "a whole number >= 0"
         )
-        counts = ("n_envs", "hold", "n_steps", "batch_size", "n_epochs", "checkpoint_every",
-                  "evaluate_every", "evaluation_scenarios", "walks")  # fmt: skip
+        self._check("hold", self.hold is None or (isinstance(self.hold, int) and self.hold >= 1),
+                    "a whole number >= 1")  # fmt: skip
+        self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
+        self._check("value_first", isinstance(self.value_first, int) and self.value_first >= 0,
+                    "a whole number >= 0")  # fmt: skip
+        counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
+                  "evaluation_scenarios", "walks")  # fmt: skip
         for name in counts:
             self._check(
                 name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, "a whole number >= 1"
@@ -176,6 +187,16 @@ class TrainingSettings:
     def on_joints(self) -> bool:
         """Whether the environment takes actions of the joints."""
         return self.kind in {"joint", "joint-residual"}
+
+    @property
+    def periods(self) -> int:
+        """Planning periods for which a learned action is held."""
+        return self.hold or (1 if self.on_joints else 2)
+
+    @property
+    def taught(self) -> bool:
+        """Whether the policy begins as what the planner shows."""
+        return self.kind == "joint" if self.teacher is None else self.teacher
 
     @property
     def initial_log_std(self) -> tuple[float, ...]:

@@ -10,8 +10,10 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.training import ppo
 from push_recovery.training.builders import make_env as make_training_env
 from push_recovery.training.builders import make_vec_env
+from push_recovery.training.imitation.settings import ImitationSettings
 from push_recovery.training.ppo import train
 from push_recovery.training.robots.vec_env import TrainingRobots
 from push_recovery.training.settings import TrainingSettings
@@ -19,7 +21,7 @@ from push_recovery.training.settings import TrainingSettings
 ENVS = {"joint": "PushRecovery/BipedJoint-v0", "joint-residual": "PushRecovery/BipedJointResidual-v0"}
 SHORT = TrainingSettings(
     kind="joint", timesteps=16, n_envs=2, n_steps=8, policy_layers=(8,), value_layers=(8,),
-    evaluation_scenarios=1,
+    evaluation_scenarios=1, hold=1,
 )  # fmt: skip
 WALK = Scenario("walk", duration=0.3)
 
@@ -52,9 +54,36 @@ def test_what_belongs_to_gait_residuals_is_refused():
         TrainingSettings(kind="joint-residual", policy="stage-1")
 
 
+def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypatch):
+    """Two rounds with six robots: the first policy is the taught one, and going on shows nothing again."""
+    few = {"robots": 6, "rounds": 2, "periods": 10, "batches": 4, "last_batches": 4, "batch_size": 32}
+    monkeypatch.setattr(ppo, "ImitationSettings", lambda **given: ImitationSettings(**given, **few))
+    settings = replace(SHORT, timesteps=0)
+    assert settings.taught
+    result = train(settings, tmp_path / "run")
+    taught, begun = (NetworkPolicy.load(path) for path in (tmp_path / "run" / "taught", result.policy))
+    for mine, shown in zip(begun.network.weights, taught.network.weights, strict=True):
+        np.testing.assert_array_equal(mine, shown)
+    np.testing.assert_array_equal(begun.normalisation.mean, taught.normalisation.mean)
+    assert any(np.any(weight) for weight in taught.network.weights)
+    monkeypatch.setattr(ppo, "imitate_once", None)
+    assert ppo.resume(tmp_path / "run", 16).timesteps == 16
+
+
+def test_what_a_kind_leaves_open():
+    by_kind = {
+        kind: TrainingSettings(kind=kind) for kind in ("residual", "scratch", "joint", "joint-residual")
+    }
+    assert [one.periods for one in by_kind.values()] == [2, 2, 1, 1]
+    assert [one.taught for one in by_kind.values()] == [False, False, True, False]
+    assert not replace(by_kind["joint"], teacher=False).taught
+    with pytest.raises(InvalidValueError, match="teacher must be False but for the kind joint"):
+        replace(by_kind["residual"], teacher=True)
+
+
 @pytest.mark.parametrize(("kind", "sizes"), [("joint", (58, 14)), ("joint-residual", (94, 14))])
 def test_a_short_run_leaves_a_policy_that_is_scored_where_it_acts(tmp_path, kind, sizes):
-    result = train(replace(SHORT, kind=kind, env_id=ENVS[kind]), tmp_path / "run")
+    result = train(replace(SHORT, kind=kind, env_id=ENVS[kind], teacher=False), tmp_path / "run")
     policy = NetworkPolicy.load(result.policy)
     assert (policy.observation_size, policy.action_size) == sizes
     assert policy.description.env_id == ENVS[kind]

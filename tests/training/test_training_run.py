@@ -48,7 +48,8 @@ def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, settings):
     assert files == {".json", ".safetensors"}  # nothing there can run code
     note = json.loads((tmp_path / "run" / "policy.json").read_text())["training"]
     assert note["timesteps"] == 1024
-    whole = dataclasses.replace(settings, inputs=("observation",), starts="reset", reward="environment")
+    open_ones = {"inputs": ("observation",), "starts": "reset", "reward": "environment", "teacher": False}
+    whole = dataclasses.replace(settings, **open_ones)
     assert TrainingSettings.from_json(note["settings"]) == whole  # what was left open is said
     assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
 
