@@ -28,7 +28,7 @@ ROOMS = (
     Room("controllers/estimation", "what is seen", 2.7, 5.0),
     Room("controllers/stage_1", "where and when\nto step", 5.4, 5.0),
     Room("controllers/stage_2", "CoP and trunk", 8.1, 5.0),
-    Room("controllers/policies", "planner, arms,\nnetworks", 10.8, 5.0),
+    Room("controllers/policies", "planner, arms", 10.8, 5.0),
     Room("envs/physics", "MuJoCo", 0.0, 3.4),
     Room("envs/biped", "a period of n robots", 2.7, 3.4),
     Room("controllers/whole_body", "gait machine,\ntorques", 5.4, 3.4),
@@ -47,10 +47,12 @@ ROOMS = (
 )
 BELOW = (
     "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled; joints (PD control, proprioception).\n"
+    "settings (presets), solvers, compiled; joints (PD control, proprioception), "
+    "learned (networks).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
     "tables), shipped (what was learned), api (Python functions), bench, tuning, ceiling, export (ONNX), "
-    "reproduction,\nrecord (time histories), play (a robot to push, and its page)."
+    "reproduction, "
+    "record (time histories), play (a robot to push, and its page)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),

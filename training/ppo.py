@@ -56,11 +56,11 @@ class Run:
     """
 
     def __init__(self, settings: TrainingSettings, out: Path, checkpoint: Checkpoint | None = None):
+        self._began = time.monotonic()
         self.one = make_env(settings)
         self.settings, self.out = (settings := completed(settings, self.one)), out
         self.start = 0 if checkpoint is None else checkpoint.timesteps
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
-        self._began = time.monotonic()
         self.env = make_plain_env(settings.env_id)
         self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile)
         seed = segment_seed(settings.seed, self.start)

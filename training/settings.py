@@ -31,7 +31,6 @@ ENV_OF_KIND = {
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
-NO_ERRORS = ErrorRanges()
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
@@ -51,7 +50,7 @@ class TrainingSettings:
     timesteps: int = 4_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
     seed: int = 0  # of weights, exploration and pushes
     n_envs: int = 128  # environments side by side
-    hold: int | None = None
+    hold: Annotated[int | None, arg(metavar="{None|N}")] = None
     """planning periods of 10 ms for which a learned action is held; None: 2, and 1 on joints, where an action
     belongs to a stance foot"""
     policy: str = "two-stage"  # what a residual corrects
@@ -73,7 +72,9 @@ class TrainingSettings:
     """recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment: its own; None:
     recovery where robots share one core"""
     profile: str = "exact"  # of the robots: exact, hardware
-    errors: ErrorRanges = NO_ERRORS  # of the robots' models, drawn anew for each: domain randomisation
+    errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
+    """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
+    randomisation"""
     pushes: Annotated[PushDistribution, AvoidSubcommands] = TRAINING_PUSHES
     """of most training episodes; scores use other ones"""
     easy: Annotated[tuple[float, float], arg(metavar="LOW HIGH")] = (5.0, 80.0)
@@ -132,10 +133,10 @@ class TrainingSettings:
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
         if self.gate is not None:
             object.__setattr__(self, "gate", check_gate(self.gate))
-        for name, made in (("pushes", PushDistribution), ("errors", ErrorRanges)):
-            if isinstance(value := getattr(self, name), dict):
-                object.__setattr__(self, name, made.from_dict(value))
-            self._check(name, isinstance(getattr(self, name), made), f"a {made.__name__}")
+        if isinstance(self.pushes, dict):
+            object.__setattr__(self, "pushes", PushDistribution.from_dict(self.pushes))
+        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
+        object.__setattr__(self, "errors", tuple(tuple(one) for one in self.errors))
         object.__setattr__(self, "easy", tuple(self.easy))
         self.easy_pushes  # noqa: B018  # raises where it is impossible
         self._check("easy_share", 0 <= self.easy_share <= 1, "in [0, 1]")
@@ -176,7 +177,8 @@ class TrainingSettings:
     @property
     def drawn_pushes(self) -> PushDistribution:
         """Of most training episodes, on robots with `errors` where any are given."""
-        return self.pushes if self.errors == NO_ERRORS else replace(self.pushes, errors=self.errors)
+        ranges = {name: (low, high) for name, low, high in self.errors}
+        return replace(self.pushes, errors=ErrorRanges.from_dict(ranges)) if ranges else self.pushes
 
     @property
     def easy_pushes(self) -> PushDistribution:
@@ -219,7 +221,7 @@ class TrainingSettings:
     def to_json(self) -> dict[str, Any]:
         """Every setting, as JSON types."""
         values = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
-        return values | {"pushes": self.pushes.to_dict(), "errors": self.errors.to_dict()}
+        return values | {"pushes": self.pushes.to_dict(), "errors": [list(one) for one in self.errors]}
 
     @classmethod
     def from_json(cls, values: Any) -> TrainingSettings:
