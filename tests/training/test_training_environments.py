@@ -66,7 +66,7 @@ def test_the_file_scores_on_the_plain_environment_as_the_wrappers_do(trained):
     learned = NetworkPolicy.load(result.policy)
     plain = gym.make(settings.env_id)
     inner = ResidualAction(gym.make(settings.env_id), "two-stage", gate=settings.gate)
-    wrapped = ActionHold(inner, settings.hold)
+    wrapped = ActionHold(inner, settings.periods)
     scenario = short(curve_scenarios(3)[2])
     outcome = rollout(plain, learned, scenario, "file")
     observation, _ = wrapped.reset(seed=scenario.noise_seed, options={"scenario": scenario})
