@@ -35,7 +35,7 @@ def manifest(
         "command": command_of(settings, file),
         "settings": settings.to_json(),
         "timesteps": timesteps,
-        "seconds": round(seconds, 1),
+        "seconds": round(seconds, 3),
         "curve": [asdict(point) for point in curve],
         "code": code_digest(),  # that of `config.json` beside rows: controllers and envs
         "commit": source_commit(Path(__file__)),
