@@ -167,10 +167,14 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     return PushStarts(episodes, walks, settings.drawn_pushes, *easy, settings.least_acceptance, pushing)
 
 
-def make_vec_env(settings: TrainingSettings, seed: int) -> VecNormalize:
-    """All training environments, with episode statistics and normalised observations (and rewards)."""
-    env = make_env(settings)
-    settings = completed(settings, env)
+def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:
+    """All training environments, with episode statistics and normalised observations (and rewards).
+
+    Args:
+        settings: completed.
+        env: a training environment.
+        seed: of the pushes and walks.
+    """
     venv = VecMonitor(make_robots(settings, env, seed))
     venv.seed(seed)
     normalise = settings.normalise_reward

@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.learned.description import PolicyDescription, ResidualBase
 from ..controllers.learned.inputs import OBSERVATION
 from ..controllers.learned.network import NetworkPolicy
+from ..envs.residual.wrapper import ResidualAction
 from .builders import find_residual
 from .sb3_network import network_of, normalisation_of
 from .settings import TrainingSettings
@@ -27,12 +28,7 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
     """
     unwrapped: Any = env.unwrapped
     wrapper = find_residual(env) if settings.residual else None  # or it is the environment's own
-    base = None
-    if wrapper is not None:
-        config = getattr(wrapper.policy, "config", None)
-        base = ResidualBase(
-            settings.policy, unwrapped.preset, tuple(wrapper.scale.tolist()), config, wrapper.gate
-        )
+    base = None if wrapper is None else residual_base(wrapper, settings.policy)
     description = PolicyDescription(
         settings.env_id,
         unwrapped.robot,
@@ -43,3 +39,10 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
     )
     below = None if wrapper is None else wrapper.policy
     return NetworkPolicy(network_of(model), normalisation_of(venv), description, below)
+
+
+def residual_base(wrapper: ResidualAction, name: str) -> ResidualBase:
+    """What a residual corrects, the policy below by its name."""
+    preset = str(wrapper.unwrapped.preset)  # type: ignore[attr-defined]
+    config = getattr(wrapper.policy, "config", None)
+    return ResidualBase(name, preset, tuple(wrapper.scale.tolist()), config, wrapper.gate)

@@ -16,6 +16,7 @@ from ..controllers.policies.arms import POLICY_NAMES
 from ..envs.residual.action_hold import ActionHold
 from ..envs.residual.wrapper import ResidualAction
 from .builders import find_residual
+from .export import residual_base
 from .sb3_network import network_of, normalisation_of
 from .settings import ENV_OF_KIND
 
@@ -67,9 +68,7 @@ def _base(wrapper: ResidualAction) -> ResidualBase:
             f"a policy file names what it corrects, one of {', '.join(POLICY_NAMES)}; this residual is on "
             f"{policy!r}"
         )
-    preset = str(wrapper.unwrapped.preset)  # type: ignore[attr-defined]
-    config = getattr(policy, "config", None)
-    return ResidualBase(name, preset, tuple(wrapper.scale.tolist()), config, wrapper.gate)
+    return residual_base(wrapper, name)
 
 
 def _hold(env: gym.Env) -> int:

@@ -64,7 +64,7 @@ class Run:
         self.env = make_plain_env(settings.env_id)
         self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile)
         seed = segment_seed(settings.seed, self.start)
-        self.venv: VecNormalize = make_vec_env(settings, seed)
+        self.venv: VecNormalize = make_vec_env(settings, self.one, seed)
         self.model: PPO = make_ppo(settings, self.venv, seed, out)
         if checkpoint is not None:
             restore(checkpoint, self.model, self.venv)

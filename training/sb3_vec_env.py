@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from ..controllers.errors import InvalidValueError
+from .robots.shared_vec_env import SharedVecEnv
 
 
-class SB3VecEnv(VecEnv):
+class SB3VecEnv(SharedVecEnv):
     """n robots of one vector environment for Stable-Baselines3; no environment per robot.
 
     A robot whose episode has ended is reset at once, by a masked reset. Its info of that step is the whole
@@ -71,38 +70,10 @@ class SB3VecEnv(VecEnv):
         """Close the vector environment."""
         self.env.close()
 
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, once for each of the robots asked for."""
-        return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the vector environment, which all robots share.
-
-        Raises:
-            InvalidValueError: for some of the robots only.
-        """
-        self._require_all(indices)
-        setattr(self.env, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the vector environment, once; its result stands for every robot.
-
-        Raises:
-            InvalidValueError: for some of the robots only.
-        """
-        self._require_all(indices)
-        return [getattr(self.env, method_name)(*method_args, **method_kwargs)] * self.num_envs
-
-    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: Any = None) -> list[bool]:
-        """False: no robot has wrappers of its own."""
-        return [False] * len(list(self._get_indices(indices)))
-
-    def _require_all(self, indices: Any) -> None:
-        asked = sorted(self._get_indices(indices))
-        if asked != list(range(self.num_envs)):
-            raise InvalidValueError(f"the {self.num_envs} robots share one environment, got indices {asked}")
+    @property
+    def shared(self) -> VectorEnv:
+        """The vector environment."""
+        return self.env
 
 
 def row_of(info: dict[str, Any], k: int) -> dict[str, Any]:

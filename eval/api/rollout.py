@@ -8,11 +8,10 @@ import gymnasium as gym
 
 from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import make_env_for
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.one import rollout as run_episode
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import policy_sources
+from ..rollout.policy_source import acting_in
 
 
 def rollout(
@@ -36,10 +35,5 @@ def rollout(
         PushRecoveryError: unknown names, a policy that can't act.
     """
     scenario = get_profile(profile).applied(scenario)
-    ((label, source),) = policy_sources(policy if policy_name is None else {policy_name: policy}).items()
-    made = make_env_for(source.origin, env) if isinstance(env, str) else env
-    try:
-        return run_episode(made, source.load(made), scenario, label)
-    finally:
-        if made is not env:
-            made.close()
+    with acting_in(env, policy, policy_name) as (made, acting, label):
+        return run_episode(made, acting, scenario, label)

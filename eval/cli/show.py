@@ -16,10 +16,9 @@ from ..output.place import require_place
 from ..record.files import LOG_FORMATS, write_log
 from ..record.plot import PLOT_FORMATS, write_plot
 from ..record.record import record_episode
-from ..rollout.environments import make_env_for
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import policy_sources
+from ..rollout.policy_source import acting_in
 
 FORMATS = (".mp4", ".gif", ".png")
 FILM_RATE = 25.0  # frames per simulated second
@@ -87,11 +86,8 @@ def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written)
         PushRecoveryError: as `Written.check`, before the episode begins.
     """
     suffix = written.check()
-    source = policy_sources(policy)[policy]
-    env = make_env_for(source.origin, env_id, render_mode=written.render_mode)
-    try:
+    with acting_in(env_id, policy, render_mode=written.render_mode) as (env, acting, _):
         camera = None if written.out is None else _Camera(planning_period(env))
-        acting = source.load(env)
         if written.log is None and written.plot is None:
             outcome = rollout(env, acting, scenario, policy, camera)
         else:
@@ -101,8 +97,6 @@ def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written)
                 write_log(found, written.log)
             if written.plot is not None:
                 write_plot(found, written.plot)
-    finally:
-        env.close()
     if camera is not None and written.out is not None:
         write_atomically(written.out, _strip(camera) if suffix == ".png" else _film(camera.frames, suffix))
     return outcome

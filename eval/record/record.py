@@ -15,12 +15,11 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import make_env_for
 from ..rollout.loop import Watch
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.one import GymRobot, rollout
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import policy_sources
+from ..rollout.policy_source import acting_in
 from .sampler import Array, Row, Sampler
 
 
@@ -137,10 +136,5 @@ def record(
         PushRecoveryError: unknown names, a policy that can't act, an environment of another project.
     """
     scenario = get_profile(profile).applied(scenario)
-    ((label, source),) = policy_sources(policy if policy_name is None else {policy_name: policy}).items()
-    made = make_env_for(source.origin, env) if isinstance(env, str) else env
-    try:
-        return record_episode(made, source.load(made), scenario, label)
-    finally:
-        if made is not env:
-            made.close()
+    with acting_in(env, policy, policy_name) as (made, acting, label):
+        return record_episode(made, acting, scenario, label)

@@ -7,10 +7,11 @@ import inspect
 import os
 import pickle
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 
@@ -19,6 +20,7 @@ from ...controllers.files import read_file
 from ...controllers.learned.policy_file import policy_paths
 from ...controllers.policies.interface import Policy
 from ..output.rows import RowFile, default_directory
+from .environments import make_env_for
 from .load_policy import is_attribute, is_policy_file, load_policy
 from .user_object import acting, import_attribute, source_of
 
@@ -90,6 +92,38 @@ def policy_sources(policies: Any) -> dict[str, PolicySource]:
     if not found:
         raise InvalidValueError("no policy is given")
     return found
+
+
+class Acting(NamedTuple):
+    """A policy in an environment that it can act in."""
+
+    env: gym.Env
+    policy: Policy
+    label: str  # of its outcomes
+
+
+@contextmanager
+def acting_in(
+    env: gym.Env | str, policy: Any, label: str | None = None, **arguments: Any
+) -> Iterator[Acting]:
+    """A policy in an environment; one that is named by its id is made here and closed at the end.
+
+    Args:
+        env: an environment, or its id.
+        policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
+        label: by default the name, or the object's class.
+        arguments: of an environment that is made here.
+
+    Raises:
+        PushRecoveryError: unknown names, a policy that can't act.
+    """
+    ((name, source),) = policy_sources(policy if label is None else {label: policy}).items()
+    made = make_env_for(source.origin, env, **arguments) if isinstance(env, str) else env
+    try:
+        yield Acting(made, source.load(made), name)
+    finally:
+        if made is not env:
+            made.close()
 
 
 def open_rows(

@@ -49,3 +49,15 @@ if TOY not in gym.registry:
 @pytest.fixture
 def toy():
     return f"gymnasium:{TOY}"  # MODULE:ID
+
+
+@pytest.fixture
+def vec_env_of():
+    """What a run of settings trains on, by its seed."""
+    from push_recovery.training.builders import completed, make_env, make_vec_env
+
+    def made(settings, seed):
+        env = make_env(settings)
+        return make_vec_env(completed(settings, env), env, seed)
+
+    return made

@@ -12,7 +12,6 @@ from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.training import ppo
 from push_recovery.training.builders import make_env as make_training_env
-from push_recovery.training.builders import make_vec_env
 from push_recovery.training.imitation.settings import ImitationSettings
 from push_recovery.training.ppo import train
 from push_recovery.training.robots.vec_env import TrainingRobots
@@ -98,8 +97,8 @@ def test_a_short_run_leaves_a_policy_that_is_scored_where_it_acts(tmp_path, kind
         load_policy(str(result.policy), make_env("PushRecovery/Biped-v0"))
 
 
-def test_robots_of_a_run_share_one_native_environment():
-    venv = make_vec_env(replace(SHORT, kind="joint-residual", env_id=ENVS["joint-residual"]), 0)
+def test_robots_of_a_run_share_one_native_environment(vec_env_of):
+    venv = vec_env_of(replace(SHORT, kind="joint-residual", env_id=ENVS["joint-residual"]), 0)
     inner = venv.unwrapped
     assert isinstance(inner, TrainingRobots)
     assert venv.reset().shape == (2, 94)

@@ -16,7 +16,7 @@ from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.one import rollout
-from push_recovery.training.builders import FallingRate, make_ppo, make_vec_env
+from push_recovery.training.builders import FallingRate, make_ppo
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train
 from push_recovery.training.settings import LOG_STD, TrainingSettings
@@ -83,11 +83,11 @@ def test_the_file_scores_on_the_plain_environment_as_the_wrappers_do(trained):
     assert total == pytest.approx(outcome.total_reward, rel=1e-12)
 
 
-def test_the_file_acts_as_sb3_on_what_the_robot_meets(trained):
+def test_the_file_acts_as_sb3_on_what_the_robot_meets(trained, vec_env_of):
     result, settings = trained
     folder = result.policy.parent / "sb3"
     env = gym.make(settings.env_id)
-    venv = make_vec_env(settings, 0)
+    venv = vec_env_of(settings, 0)
     normalise = VecNormalize.load(str(folder / "vecnormalize.pkl"), venv.unwrapped)
     model, learned = PPO.load(folder / "model.zip", device="cpu"), NetworkPolicy.load(result.policy)
     observation, _ = env.reset(seed=5)
@@ -133,9 +133,9 @@ def test_the_registered_residual_is_made_again_from_its_spec():
     assert str(gym.make(env.spec)) == str(env)
 
 
-def test_every_action_has_its_own_noise():
+def test_every_action_has_its_own_noise(vec_env_of):
     settings = dataclasses.replace(SMALL, env_id=PENDULUM)
-    venv = make_vec_env(settings, 0)
+    venv = vec_env_of(settings, 0)
     log_std = make_ppo(settings, venv, 0, None).policy.log_std.detach().numpy()
     np.testing.assert_array_equal(log_std, np.full(7, np.float32(LOG_STD["residual"])))
     with pytest.raises(InvalidValueError, match="log_std"):

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from ...envs.episode.episodes import GaitEpisodes
 from .actor import Actor
 from .reward import Reward
+from .shared_vec_env import SharedVecEnv
 from .starts import Starts
 
 Mask = NDArray[np.bool_]
 Rewards = NDArray[np.float32]
 
 
-class TrainingRobots(VecEnv):
+class TrainingRobots(SharedVecEnv):
     """One step is one learned action, held for some planning periods; an ended episode begins anew at once.
 
     The info of an ended episode has `failure_reason`, `recovered_at` [s] since the walk began, None where it
@@ -93,22 +92,7 @@ class TrainingRobots(VecEnv):
     def close(self) -> None:
         """Nothing is held open."""
 
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute, once for each of the robots asked for."""
-        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute, which all robots share."""
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method once; its result stands for every robot."""
-        return [getattr(self, method_name)(*method_args, **method_kwargs)] * self.num_envs
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper], indices: Sequence[int] | Any = None
-    ) -> list[bool]:
-        """False: no robot has wrappers."""
-        return [False] * len(list(self._get_indices(indices)))
+    @property
+    def shared(self) -> TrainingRobots:
+        """These robots."""
+        return self
