@@ -24,7 +24,9 @@ from ..eval.rollout.batch import batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
 from ..eval.rollout.wrapped_action import action_rule
+from .asymmetric import AsymmetricPolicy
 from .robots.actor import Actor
+from .robots.critic import critic_size
 from .robots.reward import REWARDS
 from .robots.starts import PushStarts, ResetStarts, Starts
 from .robots.vec_env import TrainingRobots
@@ -122,6 +124,8 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
             raise InvalidValueError(
                 f"{settings.env_id} is trained with {name} {can[name][0]!r}, not {value!r}"
             )
+    if settings.critic and episodes is None:
+        raise InvalidValueError(f"nothing is known of {settings.env_id} that only its critic could see")
     if settings.inputs is None:
         return replace(settings, inputs=can["inputs"])
     if unknown := [name for name in settings.inputs if name not in can["inputs"]]:
@@ -150,7 +154,7 @@ def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
     rule = None
     if residual is not None:
         rule = ResidualRule(residual.policy, episodes.robot, episodes.limits, residual.scale, residual.gate)
-    actor = Actor(episodes, settings.inputs or (), rule)
+    actor = Actor(episodes, settings.inputs or (), rule, settings.critic)
     starts = make_starts(settings, episodes, seed)
     reward = REWARDS[settings.reward or ""](episodes, settings.gamma)
     return TrainingRobots(episodes, actor, starts, reward, settings.periods)
@@ -189,8 +193,9 @@ def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNorm
 def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
     """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
+    seen = {"seen": venv.observation_space.shape[0] - critic_size(settings.critic)}  # type: ignore[index]
     model = PPO(
-        "MlpPolicy",
+        AsymmetricPolicy if settings.critic else "MlpPolicy",
         venv,
         learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),
         n_steps=settings.n_steps,
@@ -202,6 +207,7 @@ def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Pat
         policy_kwargs={
             "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
             "activation_fn": torch.nn.Tanh,
+            **(seen if settings.critic else {}),
         },
         tensorboard_log=None if out is None else str(out / "tensorboard"),
         seed=seed,

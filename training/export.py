@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -38,7 +39,10 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         settings.inputs or (OBSERVATION,),
     )
     below = None if wrapper is None else wrapper.policy
-    return NetworkPolicy(network_of(model), normalisation_of(venv), description, below)
+    network, whole = network_of(model), normalisation_of(venv)
+    seen = slice(network.weights[0].shape[1])  # what only the critic sees stands behind it
+    normalisation = replace(whole, mean=whole.mean[seen], variance=whole.variance[seen])
+    return NetworkPolicy(network, normalisation, description, below)
 
 
 def residual_base(wrapper: ResidualAction, name: str) -> ResidualBase:

@@ -14,8 +14,10 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.learned.network import NetworkPolicy
+from ..controllers.learned.policy_file import policy_paths
 from ..eval.processes.writer import Writer
 from ..eval.rollout.environments import EnvName
+from ..eval.shipped.names import named_file
 from .builders import completed, make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
@@ -53,9 +55,16 @@ class Run:
         settings: Of the run.
         out: Its folder.
         checkpoint: Where to go on; None from the start.
+        own: Folder whose policies come before those of the package where `initial` is a name.
     """
 
-    def __init__(self, settings: TrainingSettings, out: Path, checkpoint: Checkpoint | None = None):
+    def __init__(
+        self,
+        settings: TrainingSettings,
+        out: Path,
+        checkpoint: Checkpoint | None = None,
+        own: Path | None = None,
+    ):
         self._began = time.monotonic()
         self.one = make_env(settings)
         self.settings, self.out = (settings := completed(settings, self.one)), out
@@ -68,6 +77,8 @@ class Run:
         self.model: PPO = make_ppo(settings, self.venv, seed, out)
         if checkpoint is not None:
             restore(checkpoint, self.model, self.venv)
+        elif settings.initial is not None:
+            start_from(initial_policy(settings, own), self.model, self.venv)
         elif settings.taught:
             shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
             start_from(imitate_once(shown, out / TAUGHT), self.model, self.venv)
@@ -145,12 +156,42 @@ class Run:
         return TrainingResult(path, self.model.num_timesteps, self.seconds, tuple(self.curve))
 
 
-def train(settings: TrainingSettings, out: Path, report: Report = silent) -> TrainingResult:
-    """Train from the start into a folder that holds no run yet; one without a checkpoint is none.
+def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolicy:
+    """What a run begins as.
 
     Raises:
-        InvalidValueError: The folder holds a run, another run is writing there, or the environment does not
-            fit.
+        InvalidValueError: It is not there, or acts otherwise than the policy of the run is to act.
+    """
+    name = str(settings.initial)
+    beside = None if own is None else policy_paths(own / name)[0]
+    policy = NetworkPolicy.load(beside if beside is not None and beside.is_file() else named_file(name))
+    about = policy.description
+    theirs = {
+        "environment": (about.env_id, settings.env_id),
+        "inputs": (about.inputs, settings.inputs),
+        "hold": (about.hold, settings.hold),
+        "residual": (about.residual is not None, settings.residual),
+    }
+    for what, (given, asked) in theirs.items():
+        if given != asked:
+            raise InvalidValueError(f"the run begins as {name}, whose {what} is {given!r}, not {asked!r}")
+    return policy
+
+
+def train(
+    settings: TrainingSettings, out: Path, report: Report = silent, own: Path | None = None
+) -> TrainingResult:
+    """Train from the start into a folder that holds no run yet; one without a checkpoint is none.
+
+    Args:
+        settings: Of the run.
+        out: Its folder.
+        report: Told of progress.
+        own: Folder whose policies come before those of the package where `initial` is a name.
+
+    Raises:
+        InvalidValueError: The folder holds a run, another run is writing there, or the environment or the
+            initial policy does not fit.
         UnknownNameError: No such environment or policy.
     """
     with Writer(out):
@@ -158,7 +199,7 @@ def train(settings: TrainingSettings, out: Path, report: Report = silent) -> Tra
             raise InvalidValueError(
                 f"{out} holds a run already: go on with --resume {out}, or choose another --out"
             )
-        return _train(Run(settings, out), report)
+        return _train(Run(settings, out, None, own), report)
 
 
 def resume(

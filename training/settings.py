@@ -15,6 +15,7 @@ from ..controllers.policies.residual_gate import check_gate
 from ..envs.episode.profile import get_profile
 from ..envs.scenario.error_ranges import ErrorRanges
 from ..envs.scenario.push_distribution import PushDistribution
+from .robots.critic import check_critic
 from .robots.reward import REWARDS
 
 STARTS = ("push", "reset")
@@ -31,6 +32,7 @@ ENV_OF_KIND = {
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
+LATER: dict[str, Any] = {"initial": None, "critic": []}  # what runs of before these settings did
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
@@ -60,9 +62,13 @@ class TrainingSettings:
     teacher: bool | None = None
     """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/imitation.md) rather
     than untrained; None: yes for the kind joint"""
+    initial: Annotated[str | None, arg(metavar="{None|NAME|FILE}")] = None
+    """policy that the run begins as, with its layers and inputs; None: untrained, or as the teacher shows"""
     value_first: int = 0  # timesteps at first in which only the value network learns
     inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
     """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
+    critic: Annotated[tuple[str, ...], arg(metavar="[BLOCK ...]")] = ()
+    """what only the value network sees besides: push, the impulse to come; sensing, the sensors' errors"""
 
     # What is trained on, and for what
     starts: Literal["push", "reset"] | None = None
@@ -114,6 +120,7 @@ class TrainingSettings:
         self._check("hold", self.hold is None or (isinstance(self.hold, int) and self.hold >= 1),
                     "a whole number >= 1")  # fmt: skip
         self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
+        self._check("initial", not (self.initial and self.teacher), "None beside a teacher")
         self._check("value_first", isinstance(self.value_first, int) and self.value_first >= 0,
                     "a whole number >= 0")  # fmt: skip
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
@@ -147,6 +154,7 @@ class TrainingSettings:
         get_profile(self.profile)
         if self.inputs is not None:
             object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual))
+        object.__setattr__(self, "critic", check_critic(self.critic))
         self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
         for name in ("policy_layers", "value_layers"):
             layers = tuple(getattr(self, name))
@@ -198,7 +206,8 @@ class TrainingSettings:
     @property
     def taught(self) -> bool:
         """Whether the policy begins as what the planner shows."""
-        return self.kind == "joint" if self.teacher is None else self.teacher
+        shown = self.kind == "joint" and self.initial is None
+        return shown if self.teacher is None else self.teacher
 
     @property
     def initial_log_std(self) -> tuple[float, ...]:
@@ -225,17 +234,18 @@ class TrainingSettings:
 
     @classmethod
     def from_json(cls, values: Any) -> TrainingSettings:
-        """The settings that `to_json` wrote.
+        """The settings that `to_json` wrote; those of before a setting of LATER was there go without it.
 
         Raises:
             InvalidValueError: The keys are not exactly the settings, or a value is impossible.
         """
         names = {field.name for field in fields(cls)}
-        if not isinstance(values, dict) or set(values) != names:
+        if not isinstance(values, dict) or set(values) | LATER.keys() != names:
             found = sorted(values) if isinstance(values, dict) else values
             raise InvalidValueError(f"training settings must have the keys {sorted(names)}, got {found}")
+        whole = LATER | values
         try:
-            settings: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in values.items()}
+            settings: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in whole.items()}
             return cls(**settings)
         except TypeError as error:
             raise InvalidValueError(f"training settings: {error}") from error

@@ -74,7 +74,7 @@ def train_recipe(name: str, folder: Path, report: Report) -> None:
         _require_agreement(run, load_checkpoint(run).settings, settings)
         resume(run, report=report)
     else:
-        train(settings, run, report)
+        train(settings, run, report, folder)
     for path, place in zip(policy_paths(run / POLICY), policy_paths(folder / name), strict=True):
         write_atomically(place, read_file(path))  # the description last: it says that both are there
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
@@ -18,7 +19,8 @@ KEPT = 1e15  # observations that count as seen before: what a run adds to them c
 def start_from(policy: NetworkPolicy, model: PPO, venv: VecNormalize) -> None:
     """Give PPO's policy network the weights of a policy, and its environments the normalisation.
 
-    The normalisation stays as it is from then on: the weights were learned behind it.
+    The normalisation stays as it is from then on: the weights were learned behind it. What only a critic sees
+    stands behind it, and passes as it is.
 
     Raises:
         InvalidValueError: the layers are of other widths, or the normalisation is another one.
@@ -42,7 +44,9 @@ def start_from(policy: NetworkPolicy, model: PPO, venv: VecNormalize) -> None:
     for layer, weight, bias in zip(layers, policy.network.weights, policy.network.biases, strict=True):
         layer.weight.data.copy_(torch.from_numpy(weight))
         layer.bias.data.copy_(torch.from_numpy(bias))
-    statistics.mean, statistics.var = normalisation.mean.copy(), normalisation.variance.copy()
+    more = len(statistics.mean) - len(normalisation.mean)
+    statistics.mean = np.append(normalisation.mean, np.zeros(more))
+    statistics.var = np.append(normalisation.variance, np.ones(more))
     statistics.count = KEPT
 
 

@@ -1,4 +1,4 @@
-"""What a network sees of n robots, and what its outputs do to them."""
+"""What the networks of a training see of n robots, and what the outputs do to them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...controllers.learned.inputs import NetworkInputs, input_size
 from ...controllers.policies.residual_rule import Below, ResidualRule
 from ...envs.episode.episodes import GaitEpisodes
+from .critic import critic_rows, critic_size
 
 Actions = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -24,12 +25,19 @@ class Actor:
         episodes: of n robots.
         inputs: names of the blocks that the network sees.
         rule: how a residual is added; None: the outputs are the actions.
+        critic: names of the blocks behind them, which only a value network sees.
     """
 
-    def __init__(self, episodes: GaitEpisodes, inputs: Sequence[str], rule: ResidualRule | None = None):
-        self._episodes, self._rule = episodes, rule
+    def __init__(
+        self,
+        episodes: GaitEpisodes,
+        inputs: Sequence[str],
+        rule: ResidualRule | None = None,
+        critic: Sequence[str] = (),
+    ):
+        self._episodes, self._rule, self._critic = episodes, rule, critic
         self._inputs = NetworkInputs(inputs, episodes.robot, episodes.limits)
-        self.size = input_size(inputs, episodes.observation_size)
+        self.size = input_size(inputs, episodes.observation_size) + critic_size(critic)
         n = episodes.n
         self._below = Below(np.zeros((n, 7), np.float32), np.zeros((n, 1), np.float32))
 
@@ -45,9 +53,10 @@ class Actor:
         return self._below.opening[:, 0] <= 0.0
 
     def inputs(self) -> NDArray[np.float32]:
-        """What the network sees (n, size), as seen last."""
+        """What the networks see (n, size), as seen last."""
         below = None if self._rule is None else self._below
-        return self._inputs.rows(self._episodes.seen, below).astype(np.float32)
+        rows = self._inputs.rows(self._episodes.seen, below)
+        return np.hstack([rows, *critic_rows(self._episodes, self._critic)]).astype(np.float32)
 
     def actions(self, outputs: Actions) -> Actions:
         """Actions of the episodes that outputs (n, k) in [-1, 1] stand for."""
