@@ -30,6 +30,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "ceiling": (".commands.ceiling", "CeilingCommand",
                 "Search every push that all policies lose for actions that recover from it: a lower bound on "
                 "what is possible."),
+    "corrections": (".commands.corrections", "Corrections",
+                    "What a residual adds to the planner, by the direction of the push and by step."),
     "reproduce": (".commands.reproduce", "Reproduce",
                   "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
                   "pictures."),

@@ -1,0 +1,58 @@
+"""`push-recovery corrections`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from ..options import SUITES_TEXT, Directory, EnvOptions, RobotOptions, within
+
+FOLDER = Path("runs/corrections")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrections(EnvOptions, RobotOptions):
+    """What a residual adds to the planner, by the direction of the push and by step."""
+
+    policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
+    """A residual on gait actions, such as residual."""
+    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    sample: Annotated[int, arg(metavar="N")] = field(default=256, metadata=within(1))
+    """Pushes of the suite, evenly spread over it; each runs with the residual and without it."""
+    out: Directory = None
+    """Report, figure (default: runs/corrections)."""
+
+    def run(self) -> None:
+        """Run the pushes, print the tables, write report.md and corrections.png."""
+        from ....controllers.files import write_text
+        from ...corrections.collect import collect
+        from ...corrections.plot import save_corrections
+        from ...corrections.summary import STEP_NAMES, correction_table, outcome_table, summarise
+        from ...output.progress import progress_bars
+        from ...rollout.policy_source import acting_in
+        from ...score.suites import get_suite, on_robots
+        from ...sensitivity.run import sample_of
+
+        suite = sample_of(on_robots(get_suite(self.suite), self.model_errors, self.profile), self.sample)
+        found = []
+        with (
+            acting_in(self.env_id, self.policy) as (env, policy, name),
+            progress_bars([name], self.sample) as bars,
+        ):
+            for one in collect(env, policy, suite.scenarios):
+                found.append(one)
+                bars.set(name, len(found), "")
+        summary = summarise(found)
+        parts = [f"# What {name} adds, on {suite.name} ({self.profile})", outcome_table(summary)]
+        for step, title in enumerate(STEP_NAMES):
+            parts += [f"## During {title}: mean (standard deviation)", correction_table(summary, step)]
+        text = "\n\n".join(part.strip() for part in parts) + "\n"
+        directory = FOLDER if self.out is None else Path(self.out)
+        directory.mkdir(parents=True, exist_ok=True)
+        write_text(directory / "report.md", text)
+        print(text)
+        for path in (directory / "report.md", *save_corrections(summary, directory)):
+            print(path)

@@ -1,0 +1,1 @@
+"""What a residual adds to the policy below, by push direction and step, and what that repairs."""

@@ -1,0 +1,142 @@
+"""What a residual adds, told by direction and step, from a policy whose corrections are known."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
+from push_recovery.controllers.learned.mlp import Mlp, Normalisation
+from push_recovery.controllers.learned.network import NetworkPolicy
+from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.corrections.collect import PushCorrections, collect
+from push_recovery.eval.corrections.plot import save_corrections
+from push_recovery.eval.corrections.summary import (
+    SECTORS,
+    correction_table,
+    outcome_table,
+    sector_of,
+    summarise,
+)
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.policy_source import acting_in
+
+BIPED = "PushRecovery/Biped-v0"
+SCALE = (0.0, 0.0, 0.0, 0.1, 0.05, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def constant():
+    """A residual whose network always says 0.5, of the CoP alone, with a gate."""
+    env = make_env(BIPED)
+    robot, limits = env.unwrapped.robot, env.unwrapped.limits
+    base = ResidualBase("two-stage", "biped", SCALE, gate=(0.03, 0.1))
+    network = Mlp((np.zeros((7, 36), np.float32),), (np.full(7, 0.5, np.float32),))
+    about = PolicyDescription(BIPED, robot, limits, base)
+    yield env, NetworkPolicy(network, Normalisation(np.zeros(36), np.ones(36)), about)
+    env.close()
+
+
+def pushed(psi, magnitude, side="left"):
+    push = polar_push(magnitude, math.radians(psi), 0.1, 1.0)
+    return Scenario(f"{psi}", pushes=(push,), stance_side=side, settle_time=1.0)
+
+
+def test_the_correction_of_a_step_is_the_mean_of_what_was_added(constant):
+    """The gate is open wide after 900 N: then scale x 0.5 x half the box are added, half a box for 1."""
+    env, policy = constant
+    (one,) = collect(env, policy, [pushed(0.0, 900.0)])
+    limits = env.unwrapped.limits
+    most = np.array(SCALE) * 0.5 * (limits.high - limits.low) / 2.0
+    pushed_step = one.corrections[0]
+    np.testing.assert_allclose(pushed_step[[0, 1, 2, 5, 6]], 0.0, atol=1e-7)
+    assert (np.abs(pushed_step[[3, 4]]) > 0.2 * most[[3, 4]]).any()
+    assert (np.nan_to_num(one.corrections) <= most + 1e-6).all()
+    assert one.impulse == pytest.approx(90.0)
+
+
+def test_an_unpushed_gate_stays_shut(constant):
+    env, policy = constant
+    (one,) = collect(env, policy, [pushed(0.0, 1.0)])
+    assert not one.corrections.any()
+    assert one.below_recovered
+    assert one.recovered
+
+
+def test_directions_are_told_in_the_frame_of_the_step_that_is_pushed(constant):
+    """To the left is inward on a left stance; steps alternate, so the other stance gives the other sign."""
+    env, policy = constant
+    found = list(collect(env, policy, [pushed(90.0, 200.0, side) for side in ("left", "right")]))
+    assert sorted(round(one.psi) for one in found) == [-90, 90]
+    mirrored = list(collect(env, policy, [pushed(90.0, 200.0), pushed(90.0, 200.0).mirrored()]))
+    assert mirrored[0].psi == pytest.approx(mirrored[1].psi)
+    np.testing.assert_allclose(mirrored[0].corrections, mirrored[1].corrections, atol=1e-5)
+
+
+def test_a_policy_that_corrects_nothing_is_refused(constant):
+    env, _ = constant
+    with (
+        acting_in(BIPED, "two-stage") as acting,
+        pytest.raises(InvalidValueError, match="only a residual on gait actions"),
+    ):
+        list(collect(env, acting.policy, [pushed(0.0, 100.0)]))
+
+
+def test_sectors_are_of_45_degrees_about_the_eight_directions():
+    named = {0.0: "forward", 22.0: "forward", 23.0: "forward outward", 90.0: "outward", -90.0: "inward",
+             180.0: "backward", -179.0: "backward", -45.0: "forward inward"}  # fmt: skip
+    assert {psi: SECTORS[sector_of(psi)] for psi in named} == named
+
+
+@pytest.fixture
+def some():
+    """Two forward pushes with step lengths 10 and 30 mm longer, and an outward one that is lost."""
+
+    def one(psi, below, recovered, length):
+        steps = np.full((3, 7), np.nan)
+        steps[0] = 0.0
+        steps[0, 0], steps[0, 2] = length, -0.01
+        return PushCorrections("x", psi, 100.0, below, recovered, steps)
+
+    return [one(0.0, False, True, 0.01), one(10.0, True, True, 0.03), one(90.0, True, False, 0.0)]
+
+
+def test_means_and_counts_are_those_of_the_pushes(some):
+    summary = summarise(some)
+    assert summary.pushes.tolist() == [2, 0, 1, 0, 0, 0, 0, 0]
+    assert summary.repaired.tolist() == [1, 0, 0, 0, 0, 0, 0, 0]
+    assert summary.lost.tolist() == [0, 0, 1, 0, 0, 0, 0, 0]
+    assert not summary.left.any()
+    assert summary.mean[0, 0, 0] == pytest.approx(20.0)  # mm
+    assert summary.spread[0, 0, 0] == pytest.approx(10.0)
+    assert summary.mean[0, 2, 2] == pytest.approx(-10.0)  # ms
+    assert np.isnan(summary.mean[1]).all()
+    neither = dataclasses.replace(some[0], recovered=False)
+    assert summarise([neither]).left.sum() == 1
+
+
+def test_tables_and_picture(some, tmp_path):
+    summary = summarise(some)
+    assert "| forward | 2 | 1 | 0 | 0 |" in outcome_table(summary)
+    assert "| forward | +20.0 (10.0) |" in correction_table(summary, 0)
+    assert "| forward | - | - |" in correction_table(summary, 1)
+    png, svg = save_corrections(summary, tmp_path)
+    assert png.stat().st_size > 10_000
+    assert svg.suffix == ".svg"
+
+
+def test_the_command_tells_it(constant, tmp_path):
+    file = constant[1].save(tmp_path / "policy")
+    words = ["corrections", str(file), "--sample", "2", "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.md").read_text() in done.stdout
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "report.md",
+        "corrections.png",
+        "corrections.svg",
+    }
