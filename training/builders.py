@@ -24,7 +24,7 @@ from ..eval.rollout.batch import batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
 from ..eval.rollout.wrapped_action import action_rule
-from .asymmetric import AsymmetricPolicy
+from .networks.asymmetric import AsymmetricPolicy
 from .robots.actor import Actor
 from .robots.critic import critic_size
 from .robots.reward import REWARDS

@@ -14,7 +14,7 @@ from ..controllers.learned.inputs import OBSERVATION
 from ..controllers.learned.network import NetworkPolicy
 from ..envs.residual.wrapper import ResidualAction
 from .builders import find_residual
-from .sb3_network import network_of, normalisation_of
+from .networks.sb3_network import network_of, normalisation_of
 from .settings import TrainingSettings
 
 

@@ -17,7 +17,7 @@ from ..envs.residual.action_hold import ActionHold
 from ..envs.residual.wrapper import ResidualAction
 from .builders import find_residual
 from .export import residual_base
-from .sb3_network import network_of, normalisation_of
+from .networks.sb3_network import network_of, normalisation_of
 from .settings import ENV_OF_KIND
 
 TOLERANCE = 1e-5  # between numpy and torch, in units of the action

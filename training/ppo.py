@@ -25,8 +25,8 @@ from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .export import export_policy
 from .imitation.dagger import imitate_once
 from .imitation.settings import ImitationSettings
-from .imitation.start import ValueFirst, start_from
 from .manifest import manifest
+from .networks.start import ValueFirst, start_from
 from .settings import TrainingSettings
 
 POLICY = "policy"  # file of the result, without its suffixes

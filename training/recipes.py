@@ -15,11 +15,14 @@ RESIDUAL = TrainingSettings("residual")
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`
     "residual": RESIDUAL,
     **{f"residual-seed{seed}": replace(RESIDUAL, seed=seed) for seed in range(1, 5)},
-    "residual-hardware": replace(RESIDUAL, profile="hardware"),
+    "residual-hardware": replace(
+        RESIDUAL, profile="hardware", initial="residual", critic=("push", "sensing"), value_first=100_000,
+        learning_rate=2e-4, timesteps=2_000_000,
+    ),
     "scratch": TrainingSettings("scratch"),
     "joint": TrainingSettings("joint"),
     "joint-residual": TrainingSettings("joint-residual"),
-}
+}  # fmt: skip
 
 
 def get_recipe(name: str) -> TrainingSettings:

@@ -1,1 +1,1 @@
-"""The subcommands: each a frozen dataclass of its options, whose `run` does it."""
+"""The commands that score: each a frozen dataclass of its options, whose `run` does it."""

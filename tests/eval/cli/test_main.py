@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.cli.commands.names import Names
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.cli.tools.names import Names
 from push_recovery.eval.rollout.names import SUITE_NAMES
 from push_recovery.eval.score.suites import SUITES, Suite, quick_suite, standard_suite
 
@@ -248,7 +248,7 @@ def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("module", ["gymnasium", "numba", "push_recovery.eval.cli.commands"])
+@pytest.mark.parametrize("module", ["gymnasium", "numba", "push_recovery.eval.cli.tools"])
 def test_interrupt_while_the_command_starts_leaves_no_traceback(module):
     """Ctrl-C comes when the command is about to import a module."""
     code = f"""

@@ -7,9 +7,9 @@ from dataclasses import fields
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.commands.frontier import Frontier
-from push_recovery.eval.cli.commands.tune import Tune
 from push_recovery.eval.cli.options import VelocityOptions
 from push_recovery.eval.cli.parse import COMMANDS, one_line, parse
+from push_recovery.eval.cli.tools.tune import Tune
 from push_recovery.eval.tuning.settings import TuningSettings
 
 

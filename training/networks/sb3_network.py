@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 
-from ..controllers.errors import InvalidValueError
-from ..controllers.learned.mlp import Mlp, Normalisation
+from ...controllers.errors import InvalidValueError
+from ...controllers.learned.mlp import Mlp, Normalisation
 
 ACTIVATIONS: dict[type[nn.Module], str] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
 LARGEST = float(np.finfo(np.float32).max)
