@@ -46,6 +46,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
                "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
     "play": (".tools.play", "Play",
              "Push a walking robot in the browser; or write one push to a video, picture, log or plot."),
+    "curves": (".tools.curves", "Curves",
+               "Draw how policies learned: recovered against samples, beside planner and ceiling."),
     "export": (".tools.export", "Export",
                "Write a learned policy as ONNX, for runtimes that know nothing of this package."),
     "train": ("...training.cli.train", "Train",

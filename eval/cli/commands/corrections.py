@@ -28,9 +28,9 @@ class Corrections(EnvOptions, RobotOptions):
     def run(self) -> None:
         """Run the pushes, print the tables, write report.md and corrections.png."""
         from ....controllers.files import write_text
-        from ...corrections.collect import collect
-        from ...corrections.plot import save_corrections
-        from ...corrections.summary import STEP_NAMES, correction_table, outcome_table, summarise
+        from ...learned.corrections import collect
+        from ...learned.corrections_plot import save_corrections
+        from ...learned.summary import STEP_NAMES, correction_table, outcome_table, summarise
         from ...output.progress import progress_bars
         from ...rollout.policy_source import acting_in
         from ...score.suites import get_suite, on_robots

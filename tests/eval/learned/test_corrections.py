@@ -13,9 +13,9 @@ from push_recovery.controllers.learned.mlp import Mlp, Normalisation
 from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.corrections.collect import PushCorrections, collect
-from push_recovery.eval.corrections.plot import save_corrections
-from push_recovery.eval.corrections.summary import (
+from push_recovery.eval.learned.corrections import PushCorrections, collect
+from push_recovery.eval.learned.corrections_plot import save_corrections
+from push_recovery.eval.learned.summary import (
     SECTORS,
     correction_table,
     outcome_table,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...controllers.model.gait_box import GAIT_NAMES
 from ..output.tables import markdown_table
-from .collect import STEPS, PushCorrections
+from .corrections import STEPS, PushCorrections
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,0 @@
-"""What a residual adds to the policy below, by push direction and step, and what that repairs."""

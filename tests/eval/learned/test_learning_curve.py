@@ -1,0 +1,56 @@
+"""Learning curves are read from the files of policies, and drawn."""
+
+import json
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.eval.learned.learning_curve import LearningCurve, learning_curve, save_learning_curves
+
+POINTS = [
+    {"timesteps": 0, "seconds": 1.0, "scenarios": 40, "recovered": 0.5, "survived": 0.6, "mean_reward": 0.0},
+    {"timesteps": 1500000, "seconds": 9.0, "scenarios": 40, "recovered": 0.75, "survived": 0.8,
+     "mean_reward": 1.0},
+]  # fmt: skip
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({"training": {"settings": {"profile": "hardware"}, "curve": POINTS}}))
+    return path
+
+
+def test_a_curve_is_what_the_file_tells(file):
+    expected = LearningCurve(str(file), "hardware", (0, 1500000), (0.5, 0.75), 40)
+    assert learning_curve(str(file)) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ['{"training": {"settings": {"profile": "exact"}, "curve": []}}', '{"training": {}}', "[]"]
+)
+def test_a_file_that_tells_of_no_training_is_refused(file, text):
+    file.write_text(text)
+    with pytest.raises(InvalidValueError, match="does not tell how its policy learned"):
+        learning_curve(str(file))
+    file.unlink()
+    with pytest.raises(InvalidValueError, match="can't read the policy description"):
+        learning_curve(str(file))
+
+
+def test_the_figure_has_the_curves_and_the_lines(file, tmp_path):
+    paths = save_learning_curves([learning_curve(str(file))], [("two-stage", 0.5)], tmp_path, "curves")
+    assert [path.name for path in paths] == ["curves.png", "curves.svg"]
+    assert paths[0].stat().st_size > 5000
+    ET.fromstring(paths[1].read_text())  # noqa: S314  # our own
+
+
+def test_the_command_prints_the_ends_and_draws(file, tmp_path):
+    words = ["curves", str(file), "--ceiling", "0.9", "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    first = f"{file}, hardware: 0.500 -> 0.750 after 1500000 actions"
+    assert done.stdout.splitlines()[0] == first
+    assert (tmp_path / "out" / "curves.svg").is_file()
