@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MILLION = 1e6
+HALF = 0.5  # where the figure begins if no curve goes below
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def save_learning_curves(
             )  # fmt: skip
         axes.set_xlabel("learned actions [million]")
         axes.set_ylabel(f"recovered, of {curves[0].pushes} pushes of 80-200 N s")
-        axes.set_ylim(0.0, 1.02)
+        axes.set_ylim(0.0 if min(min(curve.recovered) for curve in curves) < HALF else HALF, 1.02)
         figure.legend(loc="outside lower center", ncols=3, fontsize=8.5)
         return save(figure, directory, stem)
 
