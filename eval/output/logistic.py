@@ -100,7 +100,7 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
     back = np.array([[1.0, -middle / spread], [0.0, 1.0 / spread]])  # to the unit of x
     intercept, slope = back @ found.x
     covariance = back @ np.linalg.inv(information(found.x)) @ back.T
-    return LogisticFit(float(intercept), float(slope), covariance)
+    return LogisticFit(float(intercept), float(slope), np.asarray(covariance, dtype=np.float64))
 
 
 def _logit(share: float) -> float:
