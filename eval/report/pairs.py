@@ -12,7 +12,7 @@ from .headline import p_words, points, ranked, sureness
 from .labels import outcome_words, scenario_words
 from .replay import Command
 
-COLUMNS = ("A", "B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
+COLUMNS = ("A and B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
 MOST_SHOWN = 20  # pushes of one list
 
 
@@ -52,7 +52,7 @@ def pair_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[
         found = f"{points(counts.rate_difference)} ({points(low)} to {points(high)})"
         numbers = (counts.both, counts.only_a, counts.only_b, counts.neither)
         said = (p_words(value).removeprefix("p ").removeprefix("= ") for value in (counts.p_value, p))
-        cells.append((labels[a], labels[b], *map(str, numbers), found, *said))
+        cells.append((f"{labels[a]} and {labels[b]}", *map(str, numbers), found, *said))
     return cells
 
 
