@@ -8,12 +8,12 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) -e '.[play]'
+	$(PIP) -e '.[play,report]'
 	touch $@
 
 $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) torch -e '.[train,view,play,dev]'
+	$(PIP) torch -e '.[train,view,play,report,dev]'
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, and all of it; further arms cost half a minute or more each

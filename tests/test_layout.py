@@ -60,6 +60,7 @@ ROOMS = (
     "eval.reproduction.report",
     "eval.record",
     "eval.learned",
+    "eval.report",
     "eval.play",  # a session, without a viewer
     "eval.play.browser",
     "eval.cli",

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from ..options import RobotOptions
+from ..page import print_page, write_or_say
 from .evaluate import SuiteOptions
+
+if TYPE_CHECKING:
+    from ...score.compare import Comparison
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +41,7 @@ class Compare(SuiteOptions, RobotOptions):
             self.overwrite,
         )
         content = comparison.to_dict()
+        page = self._page(comparison)
         if self.json:
             self.print_json(content)
             return
@@ -54,3 +60,13 @@ class Compare(SuiteOptions, RobotOptions):
         ]
         print_table(f"{env_id}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
         print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")
+        print_page(page)
+
+    def _page(self, comparison: Comparison) -> Path | None:
+        """The page of both policies, beside their rows."""
+        from ...report.evaluation import write_evaluation_page
+        from ...report.replay import command_of
+
+        found = {self.profile: comparison.evaluation}
+        command = command_of("compare", self, ("a", "b"))
+        return write_or_say(lambda: write_evaluation_page(found, command, comparison.directory))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
@@ -10,6 +11,7 @@ from tyro.conf import arg
 from ....controllers.errors import InvalidValueError
 from ...rollout.names import TABLE_ARMS
 from ..options import PROFILE_TEXT, SUITES_TEXT, EnvOptions, ErrorOptions, RunningOptions
+from ..page import print_page, write_or_say
 
 if TYPE_CHECKING:
     from ...score.evaluate import Evaluation
@@ -58,6 +60,7 @@ class Evaluate(SuiteOptions):
 
         found, shown = self._evaluations()
         (first, *others) = found.values()
+        page = self._page(found, first.directory)
         if self.json:
             objects = {name: self._object(evaluation, shown[name]) for name, evaluation in found.items()}
             self.print_json({"profiles": objects} if others else next(iter(objects.values())))
@@ -70,6 +73,15 @@ class Evaluate(SuiteOptions):
             print(f"profiles: {write_profiles(found, self.directory or first.directory)}")
         for evaluation in found.values():
             print(f"report: {evaluation.directory / REPORT}")
+        print_page(page)
+
+    def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:
+        """The page of all profiles, in the directory that was named or in the first profile's."""
+        from ...report.evaluation import write_evaluation_page
+        from ...report.replay import command_of
+
+        command = command_of("evaluate", self)
+        return write_or_say(lambda: write_evaluation_page(found, command, self.directory or default))
 
     def _object(self, evaluation: Evaluation, shown: Evaluation) -> dict[str, Any]:
         """The contract's object, and beside it the score of a stored ceiling where there is one."""

@@ -56,6 +56,9 @@ def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
     assert main([*argv, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert f"report: {out / 'report.md'}" in text
+    assert text.strip().endswith(f"page: {out / 'report.html'}")
+    page = (out / "report.html").read_text()
+    assert f"push-recovery evaluate --env {toy.ENV_ID} --suite {suite} --policies {policy}" in page
     assert "95 % interval" in text
 
 
@@ -77,8 +80,10 @@ def test_compare_json(suite, tmp_path, capsys):
     assert main([*argv, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert (content["a"], content["b"], content["suite"], content["pairs"]) == (a, b, "head", 6)
+    (tmp_path / "c" / "report.html").unlink()  # --json has written it, too
     assert main(argv) == 0
     assert "McNemar" in capsys.readouterr().out
+    assert f"push-recovery compare {a} {b} --env" in (tmp_path / "c" / "report.html").read_text()
 
 
 def test_list(capsys):

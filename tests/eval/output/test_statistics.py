@@ -119,3 +119,11 @@ def test_wilson_interval_is_the_published_one(k, n, low, high):
 def test_paired_counts_give_their_interval():
     assert PairedCounts(both=1, only_a=1, only_b=7, neither=12).interval == newcombe_interval(1, 1, 7, 12)
     assert PairedCounts(0, 0, 0, 0).interval == (-1.0, 1.0)
+
+
+def test_holm_corrects_in_steps():
+    """Of statsmodels 0.15, multipletests(method="holm")."""
+    assert statistics.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert statistics.holm([0.6, 0.9]) == [1.0, 1.0]
+    assert statistics.holm([0.02]) == [0.02]
+    assert statistics.holm([]) == []

@@ -1,0 +1,1 @@
+"""The report of a command as one page that needs no network."""

@@ -1,0 +1,143 @@
+"""The page of `evaluate` and `compare`: policies on the same pushes, under one profile or several."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from ..rollout.environments import code_digest, make_env
+from ..score.evaluate import Evaluation
+from ..score.kinds import groups_of, kind_cells
+from . import failures, headline, impulse, pairs
+from .direction import direction_figure, mapped_pushes
+from .labels import short_labels
+from .page import manifest, write_page
+from .replay import Command
+from .scenarios import SIGNS, ScenarioLine, scenario_lines
+
+Evaluations = Mapping[str, Evaluation]  # by profile
+Cells = list[tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class ProfilePart:
+    """What the page shows of one profile."""
+
+    name: str
+    verdict: str
+    rates: Cells
+    curves: Cells
+    curve_figures: list[tuple[str, str]]  # label and figure
+    mapped: int  # single pushes on the maps
+    direction_figures: list[tuple[str, str]]
+    pair_cells: Cells
+    pairs: list[pairs.Pair]
+    reason_columns: list[str]
+    reasons: Cells
+    ending_figure: str
+    limit_columns: list[str]
+    limits: Cells
+    kind_columns: list[str]
+    kinds: Cells
+    scenarios: list[ScenarioLine]
+
+
+def write_evaluation_page(evaluations: Evaluations, command: Command, directory: Path) -> Path:
+    """Write report.html into a directory; returns its path.
+
+    Args:
+        evaluations: of the same policies, by profile.
+        command: that led to them.
+        directory: where the page goes.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    first = next(iter(evaluations.values()))
+    labels = short_labels(first.rows)
+    env = make_env(first.env_id)
+    parts = [_part(name, found, labels, env, command) for name, found in evaluations.items()]
+    unwrapped: Any = env.unwrapped
+    mass = float(unwrapped.robot.mass)
+    env.close()
+    content = {
+        "title": f"Push recovery on {first.suite.name}",
+        "env_id": first.env_id,
+        "suite": first.suite,
+        "mass": mass,
+        "labels": labels,
+        "parts": parts,
+        "rate_figure": headline.rate_figure(evaluations, labels),
+        "rate_columns": headline.COLUMNS,
+        "curve_columns": impulse.COLUMNS,
+        "pair_columns": pairs.COLUMNS,
+        "most_shown": pairs.MOST_SHOWN,
+        "explained": failures.explained([r for part in parts for r in part.reason_columns]),
+        "signs": SIGNS,
+        "replay": command.replay("PROFILE", "ID", "POLICY"),
+        "manifest": manifest(command, _hashes(evaluations), _seeds(first)),
+    }
+    return write_page(directory, "evaluation.html", content)
+
+
+def _part(
+    name: str, found: Evaluation, labels: Mapping[str, str], env: gym.Env, command: Command
+) -> ProfilePart:
+    """Everything of one profile."""
+    scenarios = found.suite.scenarios
+    curves = {
+        policy: impulse.curves_of(scenarios, rows, labels[policy]) for policy, rows in found.rows.items()
+    }
+    furthest = max((float(c.impulse.max()) for group in curves.values() for c in group), default=0.0)
+    mapped = mapped_pushes(env, scenarios)
+    by_id = {policy: {row["scenario_id"]: row for row in rows} for policy, rows in found.rows.items()}
+    limit_columns, limits = failures.limit_cells(found, labels)
+    groups = {policy: kind_cells(scenarios, rows) for policy, rows in found.rows.items()}
+    return ProfilePart(
+        name,
+        headline.verdict(found, dict(labels)),
+        headline.rate_cells(found, labels),
+        [cell for group in curves.values() for cell in impulse.curve_cells(group)],
+        [(group[0].policy, impulse.curve_figure(group, furthest)) for group in curves.values() if group],
+        len(mapped),
+        [(labels[p], direction_figure(labels[p], mapped, rows)) for p, rows in by_id.items() if mapped],
+        pairs.pair_cells(found, labels),
+        pairs.pairs_with_best(found, labels, name, command),
+        failures.reasons_of(found),
+        failures.reason_cells(found, labels),
+        failures.ending_figure(found, labels),
+        limit_columns,
+        limits,
+        ["kind of push", *labels.values()],
+        [(group, *(cells[group] for cells in groups.values())) for group in groups_of(scenarios)],
+        scenario_lines(found),
+    )
+
+
+def _hashes(evaluations: Evaluations) -> list[tuple[str, str]]:
+    """Of suites, rows, code and policies."""
+    found = []
+    for one in evaluations.values():
+        found.append((f"suite {one.suite.name} v{one.suite.version}", f"sha256 {one.suite.sha256}"))
+        rows = (one.directory / "outcomes.jsonl").read_bytes()
+        found.append(("its outcomes.jsonl", f"sha256 {hashlib.sha256(rows).hexdigest()}"))
+    first = next(iter(evaluations.values()))
+    found.append(("code of controllers and envs", f"sha256 {code_digest()}"))
+    for policy, rows in first.rows.items():
+        if digest := rows[0].get("policy_sha256"):
+            found.append((f"policy {policy}", f"sha256 {digest}"))
+    return found
+
+
+def _seeds(evaluation: Evaluation) -> str:
+    """Where the randomness of the scenarios comes from."""
+    seeds = [scenario.noise_seed for scenario in evaluation.suite.scenarios]
+    return (
+        "pushes are fixed by the suite's hash; noise of sensors and model errors by the noise_seed of each "
+        f"scenario, {min(seeds)} to {max(seeds)}; nothing else is random"
+    )

@@ -1,0 +1,55 @@
+"""Commands as a user would type them: the one behind a report, and those that replay its episodes."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
+
+PROGRAM = "push-recovery"
+WITHOUT_RESULT = {"workers", "out", "overwrite", "json"}  # options that change no outcome
+OF_PLAY = {"--env", "--preset", "--suite", "--errors"}  # options that decide what a scenario is
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command and those of its options that decide outcomes and are not at their defaults."""
+
+    words: tuple[str, ...]  # its name, and what stands without an option
+    options: tuple[tuple[str, tuple[str, ...]], ...] = ()  # as ("--suite", ("quick",))
+
+    @property
+    def text(self) -> str:
+        """The line for a shell."""
+        said = [word for option, values in self.options for word in (option, *values)]
+        return shlex.join([PROGRAM, *self.words, *said])
+
+    def replay(self, profile: str, scenario_id: str, policy: str) -> str:
+        """The line that draws one scenario under a profile and says what became of it."""
+        kept = [entry for entry in self.options if entry[0] in OF_PLAY]
+        if profile != "exact":
+            kept.append(("--profile", (profile,)))
+        picture = re.sub(r"[^\w+.-]+", "-", f"{scenario_id}-{policy}").strip("-.") + ".png"
+        kept += [("--scenario", (scenario_id,)), ("--policy", (policy,)), ("--out", (picture,))]
+        return Command(("play",), tuple(kept)).text
+
+
+def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
+    """The command that a dataclass of options stands for.
+
+    Args:
+        name: of the command.
+        options: its fields are the options, as in `cli/options.py`.
+        positional: fields whose values stand without an option.
+    """
+    said = []
+    for entry in fields(options):
+        value = getattr(options, entry.name)
+        default = entry.default if entry.default_factory is MISSING else entry.default_factory()
+        if value == default or entry.name in {*positional, *WITHOUT_RESULT}:
+            continue
+        values = tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
+        said.append(("--" + entry.name.replace("_", "-"), values))
+    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(said))

@@ -1,0 +1,75 @@
+"""The page of an evaluation as text: complete, escaped, without anything that is asked for elsewhere."""
+
+import re
+
+import pytest
+from push_recovery.controllers.errors import MissingExtraError
+from push_recovery.eval.cli.page import print_page, write_or_say
+from push_recovery.eval.report import page
+from push_recovery.eval.report.evaluation import write_evaluation_page
+from push_recovery.eval.report.replay import Command
+
+pytest.importorskip("jinja2", reason="needs the extra report")
+COMMAND = Command(("evaluate",), (("--suite", ("quick",)),))
+NAUGHTY = '<script>alert("x")</script>&'
+
+
+@pytest.fixture
+def written(evaluation, tmp_path):
+    found = evaluation({"p": "rrfsff", NAUGHTY: "rfrrff"})
+    return write_evaluation_page({"exact": found, "hardware": found}, COMMAND, tmp_path), found
+
+
+def test_the_page_has_every_part(written):
+    path, found = written
+    text = path.read_text()
+    assert path.name == "report.html"
+    for part in ("measured", "rates", "impulse", "direction", "pairs", "losses", "pushes", "manifest"):
+        assert f'id="{part}"' in text
+    assert found.suite.sha256 in text
+    assert COMMAND.text in text
+    assert all(scenario.id in text for scenario in found.suite.scenarios)
+    assert path.stat().st_size < 3e6
+
+
+def test_nothing_is_asked_for_elsewhere(written):
+    text = written[0].read_text()
+    names = re.findall(r'(?:href|src)="([^"]*)"', text) + re.findall(r"url\(([^)]*)\)", text)
+    assert names
+    assert {name for name in names if not name.startswith(("#", "data:,"))} == set()
+    assert set(re.findall(r'https?://[^"\s<]*', text)) <= {
+        "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+    }  # fmt: skip
+
+
+def test_names_are_text_and_no_code(written):
+    text = written[0].read_text()
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_references_of_all_figures_end_in_themselves(written):
+    text = written[0].read_text()
+    ids = re.findall(r'\bid="([^"]*)"', text)
+    wanted = set(re.findall(r'href="#([^"]*)"', text)) | set(re.findall(r"url\(#([^)]*)\)", text))
+    assert wanted <= set(ids)
+
+
+def test_one_policy_has_no_pairs(evaluation, tmp_path):
+    text = write_evaluation_page({"exact": evaluation({"p": "rrfs"})}, COMMAND, tmp_path).read_text()
+    assert 'id="pairs"' not in text
+    assert "#pairs" not in text
+
+
+def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch, evaluation, tmp_path, capsys):
+    monkeypatch.setattr(page, "find_spec", lambda _: None)
+    found = evaluation({"p": "rrfs"})
+    with pytest.raises(MissingExtraError):
+        write_evaluation_page({"exact": found}, COMMAND, tmp_path)
+    print_page(write_or_say(lambda: write_evaluation_page({"exact": found}, COMMAND, tmp_path)))
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == (
+        "no report.html: jinja2 is not installed; install it with: pip install 'push-recovery[report]'\n"
+    )
+    assert not (tmp_path / "report.html").exists()

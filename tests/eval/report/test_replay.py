@@ -1,0 +1,39 @@
+"""Commands as typed, and that a report's replay is one that `play` understands."""
+
+import shlex
+
+from push_recovery.eval.cli.commands.compare import Compare
+from push_recovery.eval.cli.commands.evaluate import Evaluate
+from push_recovery.eval.cli.parse import parse
+from push_recovery.eval.report.replay import command_of
+
+
+def test_a_command_says_what_decides_outcomes_and_is_no_default():
+    options = Evaluate(policies=("two-stage", "my file.safetensors"), profile=("exact", "hardware"),
+                       workers=7, out="somewhere", json=True)  # fmt: skip
+    command = command_of("evaluate", options)
+    assert command.text == (
+        "push-recovery evaluate --policies two-stage 'my file.safetensors' --profile exact hardware"
+    )
+    assert parse("evaluate", shlex.split(command.text)[2:]).policies == options.policies
+    compared = command_of("compare", Compare(a="x", b="y", suite="hard"), ("a", "b"))
+    assert compared.text == "push-recovery compare x y --suite hard"
+
+
+def test_a_replay_is_the_same_scenario_for_play():
+    errors = '{"mass": 0.1}'
+    options = Evaluate(suite="hard", errors=errors, preset="paper", env="PushRecovery/Pendulum-v0")
+    line = command_of("evaluate", options).replay("hardware", "hard-0007", "runs/a/policy.safetensors")
+    program, name, *words = shlex.split(line)
+    assert (program, name) == ("push-recovery", "play")
+    play = parse("play", words)
+    assert (play.env, play.preset, play.suite, play.errors) == (
+        options.env, options.preset, options.suite, errors
+    )  # fmt: skip
+    assert (play.profile, play.scenario, play.policy) == (
+        "hardware", "hard-0007", "runs/a/policy.safetensors"
+    )  # fmt: skip
+    assert play.out == "hard-0007-runs-a-policy.safetensors.png"
+    assert play._scenario().id == "hard-0007"
+    assert play._scenario().sensing == "onboard"
+    assert "--profile" not in command_of("evaluate", options).replay("exact", "hard-0007", "two-stage")
