@@ -63,6 +63,7 @@ ROOMS = (
     "eval.play.browser",
     "eval.cli",
     "eval.cli.commands",
+    "eval.cli.sharing",
     "training.robots",
     "training.imitation",
     "training",
