@@ -66,6 +66,7 @@ ROOMS = (
     "eval.cli",
     "eval.cli.tools",
     "eval.cli.commands",
+    "eval.cli.sharing",
     "training.robots",
     "training.networks",
     "training.imitation",

@@ -42,6 +42,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
               "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
               "other solvers."),
     "list": (".tools.names", "Names", "List environments, policies and suites."),
+    "suite": (".sharing.suite", "SuiteCommand",
+              "Write a suite of one's own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".tools.warmup", "WarmUp",
                "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
     "play": (".tools.play", "Play",

@@ -12,7 +12,8 @@ ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
     "quick", "standard", "hard", "varied", "hardware", "varied-sealed", "hardware-sealed", "hard-sealed",
-    "quick-1",
+    "quick-1", "shift-duration", "shift-body", "shift-model", "shift-magnitude", "shift-floor",
+    "shift-repeated",
 )  # fmt: skip
 
 

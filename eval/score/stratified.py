@@ -71,6 +71,15 @@ def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.floa
     return points.reshape(-1, factors)
 
 
+def uniform_force(ranges: PushDistribution) -> ForceOf:
+    """Forces whose impulse is uniform in the range of a distribution, all round."""
+
+    def force_of(share: float, _psi: float, _side: str) -> float:
+        return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
+
+    return force_of
+
+
 def stratified_scenario(
     scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
 ) -> Scenario:
@@ -94,3 +103,10 @@ def stratified_scenario(
         settle_time=ranges.settle_time,
         noise_seed=noise_seed,
     )
+
+
+def pelvis_scenarios(name: str, ranges: PushDistribution, blocks: int, seed: int) -> tuple[Scenario, ...]:
+    """256 scenarios a block with one push each from `ranges`, every pair of factors stratified in each."""
+    points, force = stratified_uniforms(blocks, 5, seed), uniform_force(ranges)
+    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force, u, i) for i, u in enumerate(points))
+    return tuple(drawn)

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,11 @@ from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
 from ..rollout.environments import code_digest, env_label
 from ..shipped.names import shipped_digest
-from .stratified import BLOCK, stratified_scenario, stratified_uniforms
+from .shifts import HARD, SHIFTS, shifted_scenarios
+from .stratified import BLOCK, pelvis_scenarios
 from .varied import harder, varied_scenarios
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
-HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
@@ -149,13 +149,7 @@ def _text(value: float | list[float]) -> str:
 
 def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     """1024 pushes from `ranges`, one each, in four blocks of 256."""
-
-    def force_of(share: float, _psi: float, _side: str) -> float:
-        return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
-
-    points = stratified_uniforms(blocks=BLOCKS, factors=5, seed=seed)
-    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force_of, u, i) for i, u in enumerate(points))
-    return Suite(name, VERSION, tuple(drawn))
+    return Suite(name, VERSION, pelvis_scenarios(name, ranges, BLOCKS, seed))
 
 
 @cache
@@ -220,6 +214,12 @@ def hardware_sealed_suite() -> Suite:
     return with_profile(varied_sealed_suite(), HARDWARE)
 
 
+@cache
+def shift_suite(name: str) -> Suite:
+    """256 pushes like those of `hard`, one thing changed of each: see `shifts`."""
+    return Suite(name, VERSION, shifted_scenarios(name, name, 1, SHIFTS[name].seed))
+
+
 SUITES: dict[str, Callable[[], Suite]] = {
     "quick": quick_suite,
     "standard": standard_suite,
@@ -230,6 +230,7 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "hardware-sealed": hardware_sealed_suite,
     "hard-sealed": hard_sealed_suite,
     "quick-1": quick_1_suite,
+    **{name: partial(shift_suite, name) for name in SHIFTS},
 }
 
 

@@ -154,13 +154,13 @@ def _moments(u: Point, count: str, event: GaitEvent, stance: Side) -> list[tuple
     if count == "double":
         later, fraction = divmod(u.second_time * LATEST_SECOND, 1.0)
         index = first + 1 + int(later)
-        moments.append((GaitEvent(index, _side(stance, index), round(fraction, 4)), u.second_direction))
+        moments.append((GaitEvent(index, step_side(stance, index), round(fraction, 4)), u.second_direction))
     elif count == "repeated":
         for index in range(first + REPEAT_STEPS, first + REPEATS * REPEAT_STEPS, REPEAT_STEPS):
-            moments.append((GaitEvent(index, _side(stance, index), event.fraction), u.direction))
+            moments.append((GaitEvent(index, step_side(stance, index), event.fraction), u.direction))
     return moments
 
 
-def _side(stance: Side, index: int) -> Side:
+def step_side(stance: Side, index: int) -> Side:
     """Stance side of the step with this index, where step 0 stands on `stance`."""
     return stance if index % 2 == 0 else other_side(stance)

@@ -1,0 +1,1 @@
+"""Commands for what goes from one group to another: suites, protocols of others, results."""
