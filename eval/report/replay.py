@@ -10,7 +10,9 @@ from typing import Any
 
 PROGRAM = "push-recovery"
 WITHOUT_RESULT = {"workers", "out", "overwrite", "json"}  # options that change no outcome
-OF_PLAY = {"--env", "--preset", "--suite", "--errors"}  # options that decide what a scenario is
+OF_ROBOT = {"--env", "--preset", "--errors"}  # options of `play` that decide what a scenario is, too
+OF_SUITE = OF_ROBOT | {"--suite"}
+OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy"}
 
 
 @dataclass(frozen=True)
@@ -27,13 +29,21 @@ class Command:
         return shlex.join([PROGRAM, *self.words, *said])
 
     def replay(self, profile: str, scenario_id: str, policy: str) -> str:
-        """The line that draws one scenario under a profile and says what became of it."""
-        kept = [entry for entry in self.options if entry[0] in OF_PLAY]
-        if profile != "exact":
-            kept.append(("--profile", (profile,)))
-        picture = re.sub(r"[^\w+.-]+", "-", f"{scenario_id}-{policy}").strip("-.") + ".png"
-        kept += [("--scenario", (scenario_id,)), ("--policy", (policy,)), ("--out", (picture,))]
-        return Command(("play",), tuple(kept)).text
+        """The line that draws one scenario of a suite under a profile and says what became of it."""
+        said = () if profile == "exact" else (("--profile", profile),)
+        return self._play(OF_SUITE, (*said, ("--scenario", scenario_id)), scenario_id, policy)
+
+    def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
+        """The line that draws the frontier's push of a force [N] towards psi [deg]."""
+        said = ("--psi", f"{psi_deg:g}"), ("--force", f"{force:g}")
+        return self._play(OF_PUSH, said, f"{psi_deg:g}deg-{force:g}N", policy)
+
+    def _play(self, kept: set[str], said: Sequence[tuple[str, str]], stem: str, policy: str) -> str:
+        """`play` with some of this command's options, others besides, and a picture's name."""
+        picture = re.sub(r"[^\w+.-]+", "-", f"{stem}-{policy}").strip("-.") + ".png"
+        more = (*said, ("--policy", policy), ("--out", picture))
+        options = [entry for entry in self.options if entry[0] in kept]
+        return Command(("play",), (*options, *((name, (value,)) for name, value in more))).text
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:

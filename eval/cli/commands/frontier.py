@@ -10,6 +10,7 @@ from tyro.conf import arg
 
 from ....envs.scenario.scenario import Command
 from ..options import Count, EnvOptions, PushOptions, RobotOptions, RunningOptions, within
+from ..page import print_page, write_or_say
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,8 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
         from ...frontier.report import frontier_cells, frontier_columns, write_frontier_reports
         from ...frontier.scan import FrontierSettings, default_grid, frontier
         from ...output.tables import print_table
+        from ...report.frontier import write_frontier_page
+        from ...report.replay import command_of
 
         env_id = self.env_id
         settings = FrontierSettings(
@@ -52,6 +55,7 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
         pictures = save_pictures(result)
         title = f"{env_id}: largest force before the first failure [N]"
         report = write_frontier_reports(result, title)
+        page = write_or_say(lambda: write_frontier_page(result, command_of("frontier", self)))
         if self.json:
             self.print_json(content)
             return
@@ -59,3 +63,4 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
         print_table(title, frontier_columns(result), frontier_cells(result))
         print(f"report: {report}")
         print("pictures: " + ", ".join(str(path) for path in pictures))
+        print_page(page)

@@ -1,0 +1,75 @@
+"""The page of a frontier on rows written by hand."""
+
+import shlex
+
+import pytest
+from push_recovery.eval.cli.commands.frontier import Frontier as FrontierOptions
+from push_recovery.eval.cli.parse import parse
+from push_recovery.eval.frontier.closed_form import DirectionLimits
+from push_recovery.eval.frontier.scan import Frontier, FrontierSettings
+from push_recovery.eval.report.frontier import (
+    fall_lines,
+    force_cells,
+    mean_share,
+    verdict,
+    write_frontier_page,
+)
+from push_recovery.eval.report.replay import Command, command_of
+
+pytest.importorskip("jinja2", reason="needs the extra report")
+LABELS = {"p": "P", "q": "Q"}
+FALL = {
+    "force_N": 160.0, "failure_reason": "com_height", "first_limit": "cop", "limits_met": {"cop": 1.0},
+    "limit_shares": {"cop": 0.5, "contact": 0.75},
+}  # fmt: skip
+
+
+def row(psi, survived, falls=()):
+    return {"psi_deg": psi, "survived_N": survived, "largest_survived_N": survived, "falls": list(falls)}
+
+
+@pytest.fixture
+def found(tmp_path):
+    (tmp_path / "outcomes.jsonl").write_text("")
+    return Frontier(
+        FrontierSettings("PushRecovery/Pendulum-v0"),
+        {
+            "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
+            "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
+        },
+        {
+            0.0: DirectionLimits(400.0, 200.0),
+            90.0: DirectionLimits(200.0, 90.0),
+            180.0: DirectionLimits(0.0, 50.0),
+        },
+        tmp_path,
+    )
+
+
+def test_shares_are_of_the_own_box_where_it_has_a_limit(found):
+    assert mean_share(found, "p") == pytest.approx((140 / 400 + 100 / 200) / 2)
+    assert verdict(found, LABELS) == (
+        "Q withstands 45 % of F* in the mean, P 42 %: the first takes the harder push in 1 of 3 directions, "
+        "the second in 1."
+    )
+    first, _, last = force_cells(found)
+    assert first == ("0°, forward", "400", "200", "140 N (35 %)", "120 N (30 %)")
+    assert last == ("180°, backward", "0", "50", "100 N", "100 N")
+
+
+def test_a_fall_is_replayed_by_the_push_that_it_was(found):
+    options = FrontierOptions(policies=("p", "q"), vx=0.2, body="trunk", profile="hardware", grid=20.0)
+    (line,) = fall_lines(found, LABELS, command_of("frontier", options))
+    assert line[:4] == ("P", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
+    play = parse("play", shlex.split(line[4])[2:])
+    assert (play.psi, play.force, play.policy, play.vx, play.body, play.profile) == (
+        0.0, 160.0, "p", 0.2, "trunk", "hardware"
+    )  # fmt: skip
+
+
+def test_the_page_says_what_was_measured(found):
+    path = write_frontier_page(found, Command(("frontier",)))
+    text = path.read_text()
+    assert path == found.directory / "report.html"
+    assert "walks in place" in text
+    assert text.count("<svg") == 2
