@@ -46,6 +46,7 @@ ROOMS = (
     "eval.shipped",
     "eval.rollout",
     "eval.export",
+    "eval.protocols",  # those of others
     "eval.score",
     "eval.frontier",
     "eval.sensitivity",

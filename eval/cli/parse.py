@@ -40,6 +40,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
               "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
               "other solvers."),
     "list": (".commands.names", "Names", "List environments, policies and suites."),
+    "protocol": (".sharing.protocol", "ProtocolCommand",
+                 "Run the push protocols of other groups (kick, tour) beside what they published."),
     "suite": (".sharing.suite", "SuiteCommand",
               "Write a suite of one's own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".commands.warmup", "WarmUp",
