@@ -48,6 +48,7 @@ ROOMS = (
     "eval.export",
     "eval.protocols",  # those of others
     "eval.score",
+    "eval.leaderboard",
     "eval.frontier",
     "eval.sensitivity",
     "eval.ceiling",
