@@ -46,7 +46,9 @@ ROOMS = (
     "eval.shipped",
     "eval.rollout",
     "eval.export",
+    "eval.protocols",  # those of others
     "eval.score",
+    "eval.leaderboard",
     "eval.frontier",
     "eval.sensitivity",
     "eval.ceiling",

@@ -41,6 +41,7 @@ from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import GAIT_CALLS, Arena, PeriodCalls, View, arena_constants, substeps
 from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
+from .plant.kicks import Kicks
 from .posture import posture
 from .robots.biped.robot import biped
 from .robots.compiled_robot import CompiledRobot
@@ -107,6 +108,7 @@ class BipedCore:
         self.pushes = empty_pushes(n, 1)
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
+        self.kicks = Kicks(n)
         self.known = empty_self_model(n)
         self.floors = level_floors(n, self.body.half_sole)
         self.command = np.zeros((n, 3))  # in force
@@ -224,6 +226,7 @@ class BipedCore:
         if pushes is not self.pushes or schedule is not self.schedule:
             self.pushes, self.schedule = pushes, schedule
             self._bind()
+        self.kicks.assign(k, scenario.kicks)
         if self.body.indices.trunk == self.body.indices.pelvis:
             self.pushes.body[k] = BODIES.index("pelvis")
         self.contacts.time[k] = 0.0
@@ -270,6 +273,8 @@ class BipedCore:
                 f"robots {sorted(self._stateless)} have no state yet: reset each of the {self.n} before the "
                 "first step"
             )
+        if self.kicks.waiting:
+            self._kick()
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
@@ -280,6 +285,26 @@ class BipedCore:
                 whole(tables[kind][worker], constants, gaits, actions, steps, CONTROL_STEP, start, stop)
 
         self._threads.run(job, self.n)
+
+    def _kick(self) -> None:
+        """Let the kicks come that are due when the period begins; robots that have fallen rest."""
+        for k in sorted(self.kicks.waiting):
+            for kick in self.kicks.due(k, self.gait.time.item(k)):
+                if self.gait.failure[k] == 0:
+                    self.jump(k, np.array(kick.velocity))
+
+    def jump(self, k: int, velocity: Array) -> None:
+        """Change the velocity of all bodies of robot k by the same, (3,) in world axes [m/s].
+
+        A robot with its own sensors feels it as they do, by an accelerometer that has a range.
+        """
+        self.simulations.jump(k, self.body.indices.dof[:3], velocity)
+        if not self.errors.believes[k]:
+            self.simulations.show(k)
+            return
+        self.true_state(k).qvel[k, :3] += velocity
+        if not self.senses.of(k):
+            believe(self.simulations.handles, k)
 
     def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
         """The same on one thread, physics step by physics step."""

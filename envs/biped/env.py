@@ -30,7 +30,8 @@ from .settings import BIPED, BIPED_LIMITS, biped_settings
 
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
-SIMULATION, TILES = "simulation.state", "simulation.tiles"  # rows of a snapshot that are in no array
+# Rows of a snapshot that are in no array
+SIMULATION, TILES, KICKED = "simulation.state", "simulation.tiles", "kicks.done"
 
 
 @cache
@@ -51,6 +52,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     """
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
+    takes_kicks = True
     core_of: ClassVar[type[BipedCore]] = BipedCore
 
     def __init__(
@@ -85,12 +87,14 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def _beside_arrays(self, k: int) -> Arrays:
         simulations = self.core.simulations
-        return {SIMULATION: simulations.state(k), TILES: tile_places(simulations.models[k]).copy()}
+        tiles = tile_places(simulations.models[k]).copy()
+        return {SIMULATION: simulations.state(k), TILES: tiles, KICKED: np.array(self.core.kicks.done[k])}
 
     def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
         simulations = self.core.simulations
         tile_places(simulations.models[k])[:] = snapshot.rows[TILES]
         simulations.restore(k, snapshot.rows[SIMULATION])
+        self.core.kicks.pass_over(k, snapshot.rows[KICKED].item())
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         core = self.core

@@ -58,6 +58,7 @@ class GaitEpisodes(ABC, Generic[C]):
     has_double_support: ClassVar[bool] = False  # whether the physics knows it
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
     turns: ClassVar[bool] = True  # whether it can be told to turn
+    takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
     name: ClassVar[str]  # of the environment, for errors
     observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
     action_size: ClassVar[int] = GAIT_SIZE
@@ -144,9 +145,14 @@ class GaitEpisodes(ABC, Generic[C]):
         """Put robot k at the beginning of a nominal step of a scenario.
 
         Raises:
-            InvalidValueError: a command to turn for a robot that does not.
+            InvalidValueError: a command to turn for a robot that does not, or a kick for one that takes none.
         """
         self._check_turns(scenario)
+        if scenario.kicks and not self.takes_kicks:
+            raise InvalidValueError(
+                f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
+                f"{scenario.kicks[0]} in scenario {scenario.id!r}"
+            )
         sign = side_sign(SIDES.index(scenario.stance_side))
         gait = self.nominal(scenario.command.vx, sign * scenario.command.vy)
         start = nominal_start(
@@ -161,7 +167,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self.planned[k] = gait.duration
         self._episodes.before[k] = self.core.previous_action[k]
         self._episodes.pushes[k] = len(scenario.pushes)
-        self._episodes.changed[k] = scenario.last_change
+        self._episodes.changed[k] = max(scenario.last_change, scenario.last_kick)
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
         slopes = scenario.errors.slope_forward, scenario.errors.slope_left

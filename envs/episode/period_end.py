@@ -63,7 +63,7 @@ class Episodes(NamedTuple):
     """What the episodes of n robots know of themselves."""
 
     pushes: Ints1  # (n,) how many
-    changed: Floats1  # (n,) when the command changes for the last time [s], 0: never
+    changed: Floats1  # (n,) when the command changes or a kick comes for the last time [s], 0: never
     fixed: Floats1  # (n,) length of the episode [s]; NaN: it ends `settle` after the last event
     settle: Floats1  # (n,) [s]
     uphill: Floats2  # (n, 2) what the slope moves the DCM by, world axes [m]

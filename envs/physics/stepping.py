@@ -88,6 +88,7 @@ class Simulations:
             for fields in (inputs, outputs)
         )
         measured = [field for name in MEASURED for field in found if field.name == name]
+        self._given = len(given)
         self._fields = [*given, *measured, *(field for field in found if field.name not in MEASURED)]
         self.arrays: dict[str, Array] = {field.name: np.zeros((n, *field.shape)) for field in self._fields}
         state = [field for field in measured if field.name in STATE]
@@ -150,7 +151,21 @@ class Simulations:
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_step1(model, data)
-        for field in self._fields:
+        self._show(k, self._fields)
+
+    def jump(self, k: int, dofs: Sequence[int], change: Array) -> None:
+        """Add to velocities of simulation k; what depends on them is current, the arrays stay as they are."""
+        data = self.data[k]
+        data.qvel[list(dofs)] += change
+        mujoco.mj_step1(self.models[k], data)
+
+    def show(self, k: int) -> None:
+        """Copy the outputs as simulation k itself has them."""
+        self._show(k, self._fields[self._given :])
+
+    def _show(self, k: int, fields: Sequence[Field]) -> None:
+        data = self.data[k]
+        for field in fields:
             to, source = self.arrays[field.name][k].reshape(-1), getattr(data, field.name).reshape(-1)
             for run in field.runs:
                 end = run.to + run.entries

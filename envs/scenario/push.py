@@ -1,4 +1,4 @@
-"""Pushes: a constant force on one body for a stated time, from a time or a moment of the gait on."""
+"""Pushes: a constant force on one body for a stated time; and kicks: jumps of the velocity of all bodies."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ FRAMES: tuple[str, ...] = get_args(PushFrame)
 FORCE_MAX = 1e7  # of each component [N]: 0.1 ms of it, which stand for a jump, shift 60 kg by 17 m/s
 DURATION_MAX = 3600.0  # [s]
 OFFSET_MAX = 10.0  # of each component [m]
+JUMP_MAX = 100.0  # of each component of a kick [m/s]
 STEP_MAX = 10**9  # of a gait event
 PENDING = math.inf  # start time of a push whose gait event has not come yet [s]
 
@@ -139,6 +140,37 @@ class Push:
         if isinstance(values["start"], Mapping):
             values["start"] = GaitEvent.from_dict(values["start"])
         return cls(**values)
+
+
+@dataclass(frozen=True)
+class Kick:
+    """A jump of the velocity of the whole robot: an impulse m v through its CoM in no time.
+
+    The velocity of its base changes by `velocity`, in world axes, and no joint's rate does, so that every
+    body has the same jump. It comes at the beginning of the first planning period that begins at `start` or
+    later, after the policy has chosen that period's action.
+    """
+
+    velocity: tuple[float, float, float]  # [m/s]
+    start: float  # since reset [s]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity", require_vector("Kick.velocity [m/s]", self.velocity, JUMP_MAX))
+        object.__setattr__(self, "start", require_number("Kick.start [s]", self.start, 0.0))
+
+    def mirrored(self) -> Kick:
+        """Reflection in the x-z plane."""
+        x, y, z = self.velocity
+        return Kick((x, 0.0 - y, z), self.start)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return {"velocity": list(self.velocity), "start": self.start}
+
+    @classmethod
+    def from_dict(cls, data: object) -> Kick:
+        """Inverse of `to_dict`."""
+        return cls(**require_keys("kick", data, {"velocity", "start"}, set()))
 
 
 def polar_push(

@@ -1,4 +1,8 @@
-"""The pushes of n robots as arrays for compiled loops, and what each has delivered."""
+"""The pushes of n robots as arrays for compiled loops, and what each has delivered.
+
+A kick has a row after those of the pushes, without a force: what counts from the first push on, as limits met
+do, counts from it on.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,8 @@ from .scenario import Scenario
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+MARK = 1e-3  # duration of a kick's row [s]
 
 
 class PushArrays(NamedTuple):
@@ -71,7 +77,8 @@ def empty_pushes(n: int, count: int) -> Pushes:
 
 def assign_pushes(pushes: Pushes, k: int, scenario: Scenario) -> Pushes:
     """Give robot k the pushes of a scenario, in place; returns larger arrays where they do not fit."""
-    new = push_arrays(scenario.pushes, scenario.stance_side)
+    marks = (Push((0.0, 0.0, 0.0), MARK, kick.start) for kick in scenario.kicks)
+    new = push_arrays((*scenario.pushes, *marks), scenario.stance_side)
     n, capacity = pushes.start.shape
     count = new.start.shape[0]
     if count > capacity:

@@ -21,6 +21,7 @@ from .model_errors import EXACT_MODEL, ModelErrors
 from .physics_options import PLAIN_PHYSICS, PhysicsOptions
 from .push import (
     SIDES,
+    Kick,
     Push,
     Side,
     other_side,
@@ -29,7 +30,7 @@ from .push import (
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
 SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
 EXACT_SENSING, ONBOARD = SENSING = ("exact", "onboard")  # see `Scenario.sensing`
-__all__ = ["SETTLE_TIME", "Command", "CommandChange", "Scenario"]
+__all__ = ["SETTLE_TIME", "Command", "CommandChange", "Kick", "Scenario"]
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ class Scenario:
     """One episode, complete: the same scenario and policy give the same outcome bit for bit.
 
     The robot starts at the beginning of a nominal step (for the command) on `stance_side`. The episode ends
-    at `duration` where that is given, otherwise `settle_time` after the last push has ended and the command
-    has changed for the last time (after reset where there is neither).
+    at `duration` where that is given, otherwise `settle_time` after the last push has ended, the last kick
+    has come and the command has changed for the last time (after reset where there is none of them).
     """
 
     id: str
@@ -52,6 +53,7 @@ class Scenario:
     changes: tuple[CommandChange, ...] = ()  # of the command, rising in time
     physics: PhysicsOptions = PLAIN_PHYSICS  # how it is computed
     sensing: str = EXACT_SENSING  # what control acts on: the true state, or what "onboard" sensors tell
+    kicks: tuple[Kick, ...] = ()  # jumps of the velocity
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -78,6 +80,10 @@ class Scenario:
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
         require_choice("sensing", self.sensing, SENSING)
         object.__setattr__(self, "changes", check_changes(self.changes))
+        kicks = tuple(self.kicks) if isinstance(self.kicks, Iterable) else (self.kicks,)
+        if bad := [kick for kick in kicks if not isinstance(kick, Kick)]:
+            raise InvalidValueError(f"Scenario.kicks must be a sequence of Kick, got {shown(bad[0])}")
+        object.__setattr__(self, "kicks", kicks)
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].
@@ -86,13 +92,18 @@ class Scenario:
             last_push_end: latest of start + duration over the pushes [s]; inf while a gait event has not come
                 yet, 0 where there is no push.
         """
-        last = max(last_push_end, self.last_change)
+        last = max(last_push_end, self.last_change, self.last_kick)
         return self.duration if self.duration is not None else last + self.settle_time
 
     @property
     def last_change(self) -> float:
         """Time of the last change of command [s], 0 without one."""
         return self.changes[-1].time if self.changes else 0.0
+
+    @property
+    def last_kick(self) -> float:
+        """Time of the last kick [s], 0 without one."""
+        return max((kick.start for kick in self.kicks), default=0.0)
 
     def side_of_step(self, index: int) -> Side:
         """Stance side of the step with this index; sides alternate."""
@@ -113,10 +124,11 @@ class Scenario:
             changes=tuple(change.mirrored() for change in self.changes),
             physics=self.physics,
             sensing=self.sensing,
+            kicks=tuple(kick.mirrored() for kick in self.kicks),
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field; the last four only where they are not at their default."""
+        """Plain JSON types, every field; the last five only where they are not at their default."""
         values: dict[str, Any] = {
             "id": self.id,
             "pushes": [push.to_dict() for push in self.pushes],
@@ -134,6 +146,8 @@ class Scenario:
             values["physics"] = self.physics.to_dict()
         if self.sensing != EXACT_SENSING:
             values["sensing"] = self.sensing
+        if self.kicks:
+            values["kicks"] = [kick.to_dict() for kick in self.kicks]
         return values
 
     @classmethod
@@ -141,7 +155,7 @@ class Scenario:
         """Inverse of `to_dict`; fields other than the id may be left out."""
         optional = {f.name for f in fields(cls)} - {"id"}
         values = dict(require_keys("scenario", data, {"id"}, optional))
-        for name, kind in (("pushes", Push), ("changes", CommandChange)):
+        for name, kind in (("pushes", Push), ("changes", CommandChange), ("kicks", Kick)):
             if not isinstance(values.get(name, []), list):
                 raise InvalidValueError(f"scenario {name} must be a list, got {values[name]!r}")
             if name in values:

@@ -16,7 +16,7 @@ from ..scenario.push import GaitEvent, Side
 from ..scenario.scenario import Scenario
 from .rows import Rows
 
-SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing")  # of the walk so far
+SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "kicks")  # of the walk so far
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 

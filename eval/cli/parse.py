@@ -42,6 +42,10 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
               "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
               "other solvers."),
     "list": (".tools.names", "Names", "List environments, policies and suites."),
+    "protocol": (".sharing.protocol", "ProtocolCommand",
+                 "Run the push protocols of other groups (kick, tour) beside what they published."),
+    "submit": (".sharing.submit", "Submit",
+               "Check results by running a sample of their rows again, and put them on a leaderboard."),
     "suite": (".sharing.suite", "SuiteCommand",
               "Write a suite of one's own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".tools.warmup", "WarmUp",

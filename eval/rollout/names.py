@@ -13,7 +13,7 @@ TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
     "quick", "standard", "hard", "varied", "hardware", "varied-sealed", "hardware-sealed", "hard-sealed",
     "quick-1", "shift-duration", "shift-body", "shift-model", "shift-magnitude", "shift-floor",
-    "shift-repeated",
+    "shift-repeated", "kick", "kick-coded",
 )  # fmt: skip
 
 

@@ -36,12 +36,17 @@ def rollout(
     """
     policy = as_policy(policy)
     robot = GymRobot(env, watch)
+    begin_policy(policy, scenario)
+    _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
+    return outcome
+
+
+def begin_policy(policy: Policy, scenario: Scenario) -> None:
+    """Let a policy that acts alone begin a scenario, where it has something to begin."""
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
     if hasattr(policy, "begin_scenario"):  # what is replayed by scenario, with hindsight
         policy.begin_scenario(scenario)  # type: ignore[attr-defined]
-    _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
-    return outcome
 
 
 class GymRobot:

@@ -48,6 +48,9 @@ class Outcome:
     first_limit: str | None = None  # of envs/biped/bounds_record.py, met first since the first push began
     limits_met: Mapping[str, float] = field(default_factory=dict)  # bound -> when first [s], in that order
     limit_shares: Mapping[str, float] = field(default_factory=dict)  # bound -> share of the time since then
+    kick: tuple[float, float, float] | None = (
+        None  # first jump of the velocity [m/s]; a row without has no key
+    )
 
     @classmethod
     def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
@@ -72,11 +75,14 @@ class Outcome:
             first_limit=next(iter(bounds.met), None),
             limits_met={name: round(time, 6) for name, time in bounds.met.items()},
             limit_shares={name: round(share, 6) for name, share in bounds.shares.items()},
+            kick=scenario.kicks[0].velocity if scenario.kicks else None,
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
-        return {**asdict(self), "command": list(self.command)}
+        values = {**asdict(self), "command": list(self.command)}
+        kick = values.pop("kick")
+        return values if kick is None else {**values, "kick": list(kick)}
 
 
 def failure_label(row: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from .environments import make_env, own_env
 from .one import rollout
 from .outcome import Outcome
 from .policy_source import Sources, policy_sources
+from .slots import Slots
 from .wrapped_action import ActionRule, action_rule
 
 J = TypeVar("J")
@@ -94,6 +95,11 @@ class Runner:
         if slots is None:
             return (self.run((name, scenario)) for scenario in scenarios)
         return rollout_batch(slots, self.policy(name), scenarios, name, self._place(name).rule)
+
+    def robots(self, name: str) -> Slots | None:
+        """Robots side by side that the policy of a label acts on; None where it acts on one at a time."""
+        episodes = self._slots(name)
+        return None if episodes is None else Slots(episodes, self._place(name).rule)
 
     def chunk(self, name: str) -> int:
         """How many scenarios are worth a job of this policy."""

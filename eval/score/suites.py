@@ -19,6 +19,7 @@ from ...envs.episode.profile import EXACT, HARDWARE, Profile, get_profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
+from ..protocols.kick import every_kick
 from ..rollout.environments import code_digest, env_label
 from ..shipped.names import shipped_digest
 from .shifts import HARD, SHIFTS, shifted_scenarios
@@ -215,6 +216,12 @@ def hardware_sealed_suite() -> Suite:
 
 
 @cache
+def kick_suite(form: str) -> Suite:
+    """1200 jumps of the velocity in place, of a form of `protocols.kick`."""
+    return Suite("kick" if form == "stated" else f"kick-{form}", VERSION, every_kick(form))
+
+
+@cache
 def shift_suite(name: str) -> Suite:
     """256 pushes like those of `hard`, one thing changed of each: see `shifts`."""
     return Suite(name, VERSION, shifted_scenarios(name, name, 1, SHIFTS[name].seed))
@@ -231,6 +238,8 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "hard-sealed": hard_sealed_suite,
     "quick-1": quick_1_suite,
     **{name: partial(shift_suite, name) for name in SHIFTS},
+    "kick": partial(kick_suite, "stated"),
+    "kick-coded": partial(kick_suite, "coded"),
 }
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .envs.residual.wrapper import ResidualAction
     from .envs.scenario.command import CommandChange
     from .envs.scenario.model_errors import ModelErrors
-    from .envs.scenario.push import GaitEvent, Push
+    from .envs.scenario.push import GaitEvent, Kick, Push
     from .envs.scenario.push_distribution import PushDistribution
     from .envs.scenario.scenario import Command, Scenario
     from .eval.api.frontier import frontier
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "ModelErrors", "PlannerConfig", "Push",
-    "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
+    "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "Kick", "ModelErrors", "PlannerConfig",
+    "Push", "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
     "compare", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "record", "register_robot",
     "rollout",
 ]  # fmt: skip
@@ -53,6 +53,7 @@ _MODULES = {
     "Command": "envs.scenario.scenario",
     "CommandChange": "envs.scenario.command",
     "GaitEvent": "envs.scenario.push",
+    "Kick": "envs.scenario.push",
     "ModelErrors": "envs.scenario.model_errors",
     "PlannerConfig": "controllers.settings.planner_config",
     "Push": "envs.scenario.push",

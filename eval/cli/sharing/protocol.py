@@ -1,0 +1,79 @@
+"""`push-recovery protocol kick|tour`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from ....controllers.errors import InvalidValueError
+from ..options import Count, EnvOptions, RunningOptions, within
+
+if TYPE_CHECKING:
+    from ...protocols.run import Protocol
+
+FORM_TEXT = (
+    "Of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or force, "
+    "the same impulse as a force of 0.1 s on the pelvis."
+)
+EPISODES_TEXT = "Episodes of each level of kick (200 at most), or run ids of tour, from 0 on."
+MOST = {"kick": 200, "tour": 5120}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProtocolCommand(EnvOptions, RunningOptions):
+    """Run policies under the push protocol of another group; its published rows stand beside them."""
+
+    protocol: Positional[Literal["kick", "tour"]]
+    """RecoverFormer's jumps of the base's velocity, or the teleop-walking-benchmark's punches on a tour."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
+    """Names (see list), policy files, or MODULE:ATTRIBUTE."""
+    form: Annotated[
+        Literal["stated", "coded", "force"] | None, arg(help=FORM_TEXT, help_behavior_hint="")
+    ] = None
+    episodes: Annotated[
+        Count | None, arg(help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
+    ] = field(default=None, metadata=within(1))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.form is not None and self.protocol != "kick":
+            raise InvalidValueError(f"--form is for kick, not {self.protocol}")
+        if self.episodes is not None and self.episodes > MOST[self.protocol]:
+            raise InvalidValueError(
+                f"--episodes must be at most {MOST[self.protocol]} of {self.protocol}, got {self.episodes}"
+            )
+
+    @property
+    def asked(self) -> Protocol:
+        """The protocol with its scenarios."""
+        from ...protocols.kick import kick_scenarios
+        from ...protocols.run import Protocol
+        from ...protocols.tour import tour_scenario
+
+        if self.protocol == "tour":
+            return Protocol("tour", "mass", tuple(map(tour_scenario, range(self.episodes or 64))))
+        form = self.form or "stated"
+        levels = kick_scenarios(form, self.episodes or MOST["kick"]).values()
+        return Protocol("kick", form, tuple(scenario for level in levels for scenario in level))
+
+    def run(self) -> None:
+        """Run it, print one table or object, write the reports."""
+        from ...output.tables import print_table
+        from ...protocols import report
+        from ...protocols.run import run_protocol
+
+        found = run_protocol(
+            self.asked, self.env_id, self.policies, self.workers, self.directory, self.overwrite
+        )
+        path = report.write_reports(found)
+        if self.json:
+            self.print_json(report.to_dict(found))
+        elif self.protocol == "kick":
+            title = f"{report.kick_title(found)}. {report.STOOD}"
+            print_table(title, report.kick_columns(found, "stood"), report.kick_cells(found, "stood"))
+        else:
+            print_table(report.tour_title(found), report.TOUR_COLUMNS, report.tour_cells(found))
+        if not self.json:
+            print(f"report: {path}")

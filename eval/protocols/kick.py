@@ -1,0 +1,71 @@
+"""RecoverFormer's push table on this project's biped: jumps of the whole robot's velocity, by level.
+
+Source: github.com/ZihuiLiu/RecoverFormer, commit 70eabd2, and its paper, Table I. A "push of F for 0.1 s"
+adds F x 0.1 s / m to the velocity of a Unitree G1's base, which is an impulse through its CoM in no time. The
+jump [m/s] is the level here, so that robots of another mass meet the same. Three forms of the grid:
+
+- "stated", as the paper says: 8 directions in turn, no vertical part;
+- "coded", as the program does: direction uniform, vertical part uniform in -0.1 to 0.2 of the jump;
+- "force", which the paper says too: a force on the pelvis for 0.1 s with the impulse of "stated".
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+from ...envs.biped.settings import BIPED
+from ...envs.scenario.push import Kick, Push
+from ...envs.scenario.scenario import Scenario
+from .streams import uniforms
+
+FORMS = ("stated", "coded", "force")
+FORCES = (50, 100, 150, 200, 250, 300)  # [N], of which each for 0.1 s on the G1 is a level, as published
+BEYOND = (420, 560, 700)  # 1.2, 1.6 and 2.0 m/s: levels of our own, for robots that stand up to all of those
+LEVELS = (*FORCES, *BEYOND)
+G1_MASS, DURATION = 35.0, 0.1  # [kg] as the paper states it, [s]
+DIRECTIONS = 8
+EARLIEST, LATEST = 2.0, 3.0  # of the kick [s]
+END = 10.0  # of an episode [s]
+DOWN, UP = -0.1, 0.2  # least and most of the vertical part, as a share of the jump
+EPISODES = 200  # a level
+SEED = 20261209  # of the draws; a level adds its place
+
+
+def jump_of(force: float) -> float:
+    """The jump of a level, named by its force on the G1 [N], in m/s."""
+    return force * DURATION / G1_MASS
+
+
+@cache
+def kick_scenarios(form: str, episodes: int = EPISODES) -> dict[int, tuple[Scenario, ...]]:
+    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of FORMS."""
+    return {
+        force: tuple(
+            _scenario(form, force, i, *u)
+            for i, u in enumerate(uniforms(SEED + place, EPISODES, 3).tolist()[:episodes])
+        )
+        for place, force in enumerate(LEVELS)
+    }
+
+
+def _scenario(form: str, force: int, index: int, time: float, turn: float, lift: float) -> Scenario:
+    """Episode `index` of a level, from three numbers in [0, 1)."""
+    start = round(EARLIEST + time * (LATEST - EARLIEST), 4)
+    psi = 2.0 * math.pi * (turn if form == "coded" else index % DIRECTIONS / DIRECTIONS)
+    rise = DOWN + lift * (UP - DOWN) if form == "coded" else 0.0
+    jump = jump_of(force)
+    parts = (round(jump * share, 6) + 0.0 for share in (math.cos(psi), math.sin(psi), rise))
+    x, y, z = parts
+    label = f"kick-{form}-{force}-{index:03d}"
+    if form != "force":
+        return Scenario(label, duration=END, noise_seed=index, kicks=(Kick((x, y, z), start),))
+    scale = BIPED.mass / DURATION
+    push = Push((round(scale * x, 3) + 0.0, round(scale * y, 3) + 0.0, 0.0), DURATION, start)
+    return Scenario(label, (push,), duration=END, noise_seed=index)
+
+
+def every_kick(form: str) -> tuple[Scenario, ...]:
+    """The published levels of a form, the weakest first."""
+    levels = kick_scenarios(form)
+    return tuple(scenario for force in FORCES for scenario in levels[force])

@@ -1,0 +1,138 @@
+"""Run policies under a protocol: rows that survive a kill, on any number of processes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from ...controllers.policies.interface import Policy, as_policy
+from ...envs.scenario.scenario import Scenario
+from ..output.progress import progress_bars
+from ..output.rows import RowFile
+from ..rollout.environments import code_digest, env_label, preset_digest
+from ..rollout.loop import run_episodes
+from ..rollout.one import GymRobot, begin_policy
+from ..rollout.policy_source import open_rows, policy_sources
+from ..rollout.workers import Runner, parallel
+from .kick_watcher import KickWatcher
+from .tour_watcher import TourWatcher
+from .watched import Watched, Watcher
+
+FORMAT = 1  # of the rows
+KEY = ("policy", "scenario_id")  # of a row
+SCORED = ("recovered", "survived", "failure_reason", "end_time")
+WATCHERS: Mapping[str, Callable[[], Watcher]] = MappingProxyType({"kick": KickWatcher, "tour": TourWatcher})
+
+Row = dict[str, Any]
+Job = tuple[str, str, tuple[Scenario, ...]]  # protocol, label of a policy, scenarios
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is run: the name says who watches, the scenarios what happens."""
+
+    name: str  # of WATCHERS
+    form: str  # of its scenarios
+    scenarios: tuple[Scenario, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Name, form, and the hash of all scenarios as canonical JSON."""
+        lines = "\n".join(scenario.to_json() for scenario in self.scenarios)
+        digest = hashlib.sha256(lines.encode()).hexdigest()
+        return {"name": self.name, "form": self.form, "sha256": digest, "episodes": len(self.scenarios)}
+
+
+@dataclass(frozen=True)
+class Results:
+    """Rows of policies under one protocol."""
+
+    protocol: Protocol
+    env_id: str
+    rows: dict[str, list[Row]]  # policy -> rows in the scenarios' order
+    directory: Path
+
+
+def run_protocol(
+    protocol: Protocol,
+    env_id: str,
+    policies: Any,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Results:
+    """Run every policy on every scenario of a protocol; rows present in the directory are kept.
+
+    Args:
+        protocol: what happens.
+        env_id: environment, a form of the biped.
+        policies: names, files, MODULE:ATTRIBUTE or objects, or a mapping of labels to them.
+        workers: processes.
+        directory: where outcomes.jsonl and config.json go; by default under runs/.
+        overwrite: start over where the directory holds rows.
+
+    Raises:
+        PushRecoveryError: as `evaluate`, or the robot is no biped.
+    """
+    sources = policy_sources(policies)
+    runner = Runner(env_id, sources)
+    for name in sources:  # names and files fail here, before any work
+        runner.policy(name)
+    sizes = {name: runner.chunk(name) for name in sources}
+    runner.close()
+    config = {"format": FORMAT, "protocol": protocol.summary(), "env": env_id, "code": code_digest()}
+    label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
+    config |= preset_digest(env_id)
+    store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
+    with store:
+        chunks = list(_chunks(protocol, store, sizes))
+        found = chain.from_iterable(parallel(env_id, run_watched, chunks, workers, sources))
+        _keep(protocol, store, digests, found)
+    rows = {name: [store.rows[name, s.id] for s in protocol.scenarios] for name in sources}
+    return Results(protocol, env_id, rows, store.directory)
+
+
+def _keep(
+    protocol: Protocol, store: RowFile, digests: Mapping[str, str | None], found: Iterator[Row]
+) -> None:
+    """Append the rows as they finish, with a bar for each policy."""
+    ids = {scenario.id for scenario in protocol.scenarios}
+    done = {name: sum(key[0] == name and key[1] in ids for key in store.rows) for name in digests}
+    with progress_bars(list(digests), len(ids)) as bars:
+        for name, count in done.items():
+            bars.set(name, count)
+        for row in found:
+            store.append({**row, "policy_sha256": digests[row["policy"]]})
+            done[row["policy"]] += 1
+            bars.set(row["policy"], done[row["policy"]])
+
+
+def _chunks(protocol: Protocol, store: RowFile, sizes: Mapping[str, int]) -> Iterator[Job]:
+    """Jobs of the scenarios that the store lacks."""
+    for name, size in sizes.items():
+        missing = [s for s in protocol.scenarios if (name, s.id) not in store.rows]
+        for i in range(0, len(missing), size):
+            yield protocol.name, name, tuple(missing[i : i + size])
+
+
+def run_watched(runner: Runner, job: Job) -> list[Row]:
+    """The task of `parallel`: rows of one policy, its outcomes and what the watcher tells."""
+    protocol, label, scenarios = job
+    policy, robots, watcher = as_policy(runner.policy(label)), runner.robots(label), WATCHERS[protocol]()
+    if robots is not None:
+        return list(_rows(Watched(robots, robots.episodes, watcher), policy, scenarios, label))
+    rows, env = [], runner.env_of(label)
+    alone = Watched(GymRobot(env), getattr(env.unwrapped, "episodes", None), watcher)
+    for scenario in scenarios:
+        begin_policy(policy, scenario)
+        rows += _rows(alone, policy, (scenario,), label)
+    return rows
+
+
+def _rows(robots: Watched, policy: Policy, scenarios: tuple[Scenario, ...], label: str) -> Iterator[Row]:
+    for _, outcome in run_episodes(robots, policy, scenarios, label):
+        yield {**outcome.to_dict(), **robots.found.pop(outcome.scenario_id)}

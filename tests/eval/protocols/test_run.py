@@ -1,0 +1,115 @@
+"""Protocols end to end on few episodes: rows that hang on no batch, resumed, beside the published ones."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.protocols import run as running
+from push_recovery.eval.protocols.kick import LEVELS, kick_scenarios
+from push_recovery.eval.protocols.report import kick_markdown, level_of, tour_cells, tour_summary
+from push_recovery.eval.protocols.run import Protocol, Results, run_watched
+from push_recovery.eval.protocols.tour import tour_scenario
+from push_recovery.eval.rollout.workers import Runner
+
+BIPED = "PushRecovery/Biped-v0"
+
+
+def test_rows_of_a_kick_do_not_hang_on_the_batch(monkeypatch):
+    scenarios = tuple(level[1] for level in kick_scenarios("stated", 2).values())
+    runner = Runner(BIPED)
+    together = run_watched(runner, ("kick", "two-stage", scenarios))
+    alone = [run_watched(runner, ("kick", "two-stage", (one,)))[0] for one in scenarios]
+    by_id = {row["scenario_id"]: row for row in together}
+    assert [by_id[row["scenario_id"]] for row in alone] == alone
+    monkeypatch.setattr(runner, "robots", lambda name: None)  # through the single environment
+    assert run_watched(runner, ("kick", "two-stage", scenarios[:2])) == alone[:2]
+    runner.close()
+    first = alone[0]
+    assert first["kick"] == list(scenarios[0].kicks[0].velocity)
+    assert first["stood"]
+    assert first["survived"]
+    assert 0.0 <= first["time_to_stable"] < 8.0
+    assert 0.0 < first["peak_tilt_deg"] < 30.0
+
+
+def test_the_robot_of_a_tour_walks_to_its_waypoints(monkeypatch):
+    """Two segments of it without punches: it comes within 15 cm and 15 degrees of where it is told to be."""
+    scenario = replace(tour_scenario(3), pushes=(), duration=9.9)
+    runner = Runner(BIPED)
+    (row,) = run_watched(runner, ("tour", "two-stage", (scenario,)))
+    monkeypatch.setattr(runner, "robots", lambda name: None)
+    assert run_watched(runner, ("tour", "two-stage", (scenario,))) == [row]
+    runner.close()
+    assert row["survived"]
+    assert len(row["position_errors_cm"]) == len(row["heading_errors_deg"]) == 2
+    assert max(row["position_errors_cm"]) < 15.0
+    assert max(row["heading_errors_deg"]) < 15.0
+
+
+def test_a_command_runs_kick_and_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "kick"
+    argv = ["protocol", "kick", "--episodes", "1", "--workers", "1", "--out", str(out)]
+    assert main([*argv, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    levels = told["policies"]["two-stage"]
+    assert list(levels) == ["50", "100", "150", "200", "250", "300", "420", "560", "700"]
+    assert levels["50"]["episodes"] == levels["50"]["stood"] == 1
+    rows = (out / "outcomes.jsonl").read_text().splitlines()
+    assert len(rows) == 9
+    (out / "outcomes.jsonl").write_text("\n".join(rows[:8]) + "\n")
+    assert main(argv) == 0
+    assert sorted((out / "outcomes.jsonl").read_text().splitlines()) == sorted(rows)
+    text = capsys.readouterr().out
+    assert "RecoverFormer, open floor" in text
+    assert f"report: {out / 'report.md'}" in text
+    report = (out / "report.md").read_text()
+    assert "| 0.429 m/s, 150 N on the G1 | 100.0 (20.7-100.0) | 85.0 | 100.0 |" in report
+    assert "| 1.200 m/s, 420 N on the G1 |" in report
+    monkeypatch.setattr(running, "FORMAT", 2)
+    assert main(argv) == 2  # rows of something else are not mixed
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (("kick", "--episodes", "201"), "at most 200"),
+        (("tour", "--form", "coded"), "--form is for kick"),
+        (("kick", "--form", "spoken"), "coded"),
+        (("kick", "--env", "PushRecovery/Pendulum-v0", "--episodes", "1"), "biped"),
+    ],
+)
+def test_bad_input(argv, message, capsys, tmp_path):
+    assert main(["protocol", *argv, "--workers", "1", "--out", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def kick_row(force: int, **told) -> dict:
+    base = {"scenario_id": f"kick-stated-{force}-007", "stood": True, "survived": True, "recovered": False}
+    return {**base, "time_to_stable": 0.5, "peak_tilt_deg": 8.0, **told}
+
+
+def test_the_table_of_kick_counts_by_level(tmp_path):
+    rows = [kick_row(force) for force in LEVELS]
+    rows += [kick_row(50, stood=False, peak_tilt_deg=10.0), kick_row(50, stood=False, peak_tilt_deg=15.0)]
+    assert level_of(rows[3]) == 200
+    protocol = Protocol("kick", "stated", kick_scenarios("stated", 1)[50])
+    page = kick_markdown(Results(protocol, BIPED, {"mine": rows}, tmp_path))
+    assert "| 0.143 m/s, 50 N on the G1 | 33.3 (6.1-79.2) | 100.0 | - |" in page  # Wilson of 1 of 3
+    assert "| 0.286 m/s, 100 N on the G1 | 100.0 (20.7-100.0) | 100.0 | 100.0 |" in page
+    assert "| 0.143 m/s, 50 N on the G1 | 11.00 |" in page
+
+
+def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
+    rows = [
+        {"survived": True, "end_time": 90.0, "position_errors_cm": [10.0, 20.0, 30.0],
+         "heading_errors_deg": [1.0, 2.0, 3.0]},
+        {"survived": False, "end_time": 30.0, "position_errors_cm": [40.0], "heading_errors_deg": [6.0]},
+    ]  # fmt: skip
+    told = tour_summary(rows)
+    assert (told["runs"], told["completed"], told["survival_s"]) == (2, 1, 60.0)
+    assert (told["position_error_cm"], told["heading_error_deg"]) == (25.0, 3.0)
+    protocol = Protocol("tour", "mass", (tour_scenario(0), tour_scenario(1)))
+    cells = tour_cells(Results(protocol, BIPED, {"mine": rows}, tmp_path))
+    assert cells[0] == ("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")
+    assert cells[1][:3] == ("gr00t_wbc h066_p012 (published)", "5120", "80/69 %")
