@@ -59,6 +59,7 @@ ROOMS = (
     "eval.reproduction.sections",
     "eval.reproduction.report",
     "eval.record",
+    "eval.film",
     "eval.play",  # a session, without a viewer
     "eval.play.browser",
     "eval.cli",

@@ -9,7 +9,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ..output.statistics import PairedCounts
 from ..rollout.policy_source import policy_sources
-from .evaluate import evaluate
+from .evaluate import Evaluation, evaluate
 from .suites import Suite
 
 
@@ -22,7 +22,12 @@ class Comparison:
     suite: Suite
     counts: PairedCounts
     survived: tuple[int, int]  # of a, of b
-    directory: Path
+    evaluation: Evaluation  # of both
+
+    @property
+    def directory(self) -> Path:
+        """Of the rows."""
+        return self.evaluation.directory
 
     def to_dict(self) -> dict[str, Any]:
         """The contract's object; rate_difference = rate of a - rate of b."""
@@ -77,5 +82,5 @@ def compare(
         suite,
         PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[second]),
         (evaluation.score(first).survived, evaluation.score(second).survived),
-        evaluation.directory,
+        evaluation,
     )
