@@ -51,7 +51,7 @@ BELOW = (
     "learned (networks).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
     "tables), shipped (what was learned), api (Python functions), bench, tuning, ceiling, export (ONNX),\n"
-    "reproduction, record (time histories), play (a robot to push, and its page)."
+    "reproduction, record (time histories), film (pictures that move), play (a robot to push, and its page)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),

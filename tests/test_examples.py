@@ -31,7 +31,7 @@ def test_links_lead_somewhere(page):
 def test_the_readmes_loop_runs():
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.S)
     loop = next(block for block in blocks if "make_policy" in block)
-    assert re.search(r"to the left: (recovered at|com_height|pelvis_tilt)", run("-c", loop))
+    assert re.fullmatch(r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n", run("-c", loop))
 
 
 def test_the_code_of_the_page_on_play_runs():

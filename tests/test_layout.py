@@ -63,6 +63,7 @@ ROOMS = (
     "eval.record",
     "eval.learned",
     "eval.report",
+    "eval.film",
     "eval.play",  # a session, without a viewer
     "eval.play.browser",
     "eval.cli",

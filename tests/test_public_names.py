@@ -8,7 +8,7 @@ import push_recovery
 NAMES = (
     "make_policy", "load_policy", "evaluate", "compare", "frontier", "rollout", "Scenario", "Push",
     "GaitEvent", "Command", "CommandChange", "ModelErrors", "PushDistribution", "ResidualAction",
-    "ActionHold", "get_suite", "RobotModel", "PlannerConfig", "record", "Kick",
+    "ActionHold", "get_suite", "RobotModel", "PlannerConfig", "record", "describe", "Kick",
 )  # fmt: skip
 
 

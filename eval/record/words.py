@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from ...envs.scenario.push import Push
 from ..rollout.outcome import Outcome
@@ -17,6 +19,35 @@ DIRECTIONS = (
 def direction_words(x: float, y: float) -> str:
     """The nearest of eight directions to a vector, x forward and y to the left."""
     return DIRECTIONS[round(math.atan2(y, x) / (math.pi / 4)) % 8]
+
+
+def describe(info: Mapping[str, Any]) -> str:
+    """An episode in one line: "52.8 N s to the right: recovered after 1.4 s".
+
+    Args:
+        info: of the episode's last step; it tells of the last push, and times are counted from its begin.
+    """
+    push = info.get("push")
+    if push is None:
+        return f"no push: {ending_words(info)}"
+    return f"{told_push(push)}: {ending_words(info)}"
+
+
+def told_push(push: Mapping[str, Any]) -> str:
+    """Impulse and direction of the push that an info tells of."""
+    size = math.hypot(*push["impulse"])
+    return f"{size:.1f} N s {direction_words(*push['impulse'][:2])}"
+
+
+def ending_words(info: Mapping[str, Any]) -> str:
+    """How an episode has ended by its last info: recovered, fell or neither, and how long after the push."""
+    start = (info.get("push") or {}).get("start") or 0.0
+    if info.get("failure_reason"):
+        return f"fell after {info['time'] - start:.1f} s ({info['failure_reason']})"
+    settled = info.get("recovered_at")
+    if settled is None:
+        return f"still up after {info['time'] - start:.1f} s, but does not walk as told"
+    return f"recovered after {max(settled - start, 0.0):.1f} s"
 
 
 def impulse_words(push: Push, mass: float) -> str:

@@ -26,7 +26,7 @@ class Comparison:
 
     @property
     def directory(self) -> Path:
-        """Where the rows are."""
+        """Of the rows."""
         return self.evaluation.directory
 
     def to_dict(self) -> dict[str, Any]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .eval.api.rollout import rollout
     from .eval.api.score import compare, evaluate
     from .eval.record.record import record
+    from .eval.record.words import describe
     from .eval.rollout.load_policy import load_policy, make_policy
     from .eval.score.suites import get_suite
 
@@ -43,8 +44,8 @@ __version__ = "0.1.0"
 __all__ = [
     "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "Kick", "ModelErrors", "PlannerConfig",
     "Push", "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
-    "compare", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "record", "register_robot",
-    "rollout",
+    "compare", "describe", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "record",
+    "register_robot", "rollout",
 ]  # fmt: skip
 
 _MODULES = {
@@ -63,6 +64,7 @@ _MODULES = {
     "RobotModel": "controllers.model.robot",
     "Scenario": "envs.scenario.scenario",
     "compare": "eval.api.score",
+    "describe": "eval.record.words",
     "evaluate": "eval.api.score",
     "frontier": "eval.api.frontier",
     "get_suite": "eval.score.suites",

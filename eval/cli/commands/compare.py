@@ -30,6 +30,7 @@ class Compare(SuiteOptions, RobotOptions):
         from ...output.tables import print_table
         from ...score.compare import compare
 
+        self.check_film()
         env_id = self.env_id
         comparison = compare(
             self.a,
@@ -43,6 +44,7 @@ class Compare(SuiteOptions, RobotOptions):
         content = comparison.to_dict()
         page = self._page(comparison)
         if self.json:
+            self.write_films(comparison.evaluation)
             self.print_json(content)
             return
         low, high = content["ci95"]
@@ -60,6 +62,7 @@ class Compare(SuiteOptions, RobotOptions):
         ]
         print_table(f"{env_id}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
         print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")
+        self.write_films(comparison.evaluation)
         print_page(page)
 
     def _page(self, comparison: Comparison) -> Path | None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
 from ....controllers.errors import InvalidValueError
 from ...rollout.names import TABLE_ARMS
-from ..options import PROFILE_TEXT, SUITES_TEXT, EnvOptions, ErrorOptions, RunningOptions
+from ..options import PROFILE_TEXT, SUITES_TEXT, Count, EnvOptions, ErrorOptions, RunningOptions, within
 from ..page import print_page, write_or_say
 
 if TYPE_CHECKING:
@@ -31,6 +32,30 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     """Of a command that runs policies on a suite."""
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
+    film: Annotated[Literal["discordant"] | None, arg(help_behavior_hint="")] = None
+    """Film pushes that one policy recovers from and another does not, side by side, as GIF and mp4."""
+    films: Count = field(default=4, metadata=within(1))
+    """How many pushes are filmed at most."""
+
+    def check_film(self) -> None:
+        """Raise MissingExtraError before any work where films are asked for and can't be written."""
+        if self.film is not None:
+            from ...film.encode import require_imageio
+
+            require_imageio()
+
+    def write_films(self, evaluation: Evaluation) -> None:
+        """The films asked for, told of on standard error before and by their paths after."""
+        if self.film is None:
+            return
+        from ...film.discordant import FOLDER, disagreements, film_discordant
+
+        found = len(disagreements(evaluation))
+        chosen = min(self.films, found)
+        print(f"the policies disagree on {found} pushes; films of {chosen}, about 20 s each", file=sys.stderr)
+        paths = film_discordant(evaluation, self.films)
+        if paths and not self.json:
+            print(f"films: {evaluation.directory / FOLDER}")
 
     def pushes_under(self, profile: str) -> Suite:
         """The suite, with the model errors and a profile in every scenario."""
@@ -58,11 +83,14 @@ class Evaluate(SuiteOptions):
         from ...score.profiles import profile_cells, profile_columns, write_profiles
         from ...score.report import COLUMNS, evaluation_cells, evaluation_title
 
+        self.check_film()
         found, shown = self._evaluations()
         (first, *others) = found.values()
         page = self._page(found, first.directory)
         if self.json:
             objects = {name: self._object(evaluation, shown[name]) for name, evaluation in found.items()}
+            for evaluation in found.values():
+                self.write_films(evaluation)
             self.print_json({"profiles": objects} if others else next(iter(objects.values())))
             return
         if not others:
@@ -73,6 +101,7 @@ class Evaluate(SuiteOptions):
             print(f"profiles: {write_profiles(found, self.directory or first.directory)}")
         for evaluation in found.values():
             print(f"report: {evaluation.directory / REPORT}")
+            self.write_films(evaluation)
         print_page(page)
 
     def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:

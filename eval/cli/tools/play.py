@@ -30,7 +30,7 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Scenario of the suite (the first one)."""
     out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Film (mp4 or gif) or contact sheet (png) of one push."""
+    """Film (mp4 or gif), contact sheet (png) or page to turn about in 3D (html) of one push."""
     log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """Write the episode as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques, limits met."""
     plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
@@ -48,7 +48,6 @@ class Play(EnvOptions, PushOptions, RobotOptions):
 
     def run(self) -> None:
         """Play until Ctrl-C, or render one episode and say what became of it."""
-        from ...record.words import verdict
         from ..show import Written, show_episode
 
         scenario = self._scenario()
@@ -56,9 +55,9 @@ class Play(EnvOptions, PushOptions, RobotOptions):
         if not any(written):
             self._play(scenario)
             return
-        outcome = show_episode(self.env_id, self.policy, scenario, written)
+        words = show_episode(self.env_id, self.policy, scenario, written)
         paths = "".join(f"; {path}" for path in written if path is not None)
-        print(f"{scenario.id}: {verdict(outcome)}{paths}")
+        print(f"{self.policy}: {words}{paths}")
 
     def _play(self, scenario: Scenario) -> None:
         """A robot that walks as a scenario says, and gets its first push at the press of a key."""

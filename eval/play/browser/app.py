@@ -50,10 +50,7 @@ class App:
         server.gui.set_panel_label("push-recovery play")
         server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
         self._walk = server.scene.add_frame(WALK, show_axes=False)
-        server.scene.add_grid(
-            f"{WALK}/floor", infinite_grid=True, fade_distance=20.0,
-            cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
-        )  # fmt: skip
+        add_floor(server, f"{WALK}/floor")
         self._robots: list[tuple[Any, RobotMeshes, FloorMarks, Any]] = []
         self.aimed = PushArrow(server, f"{WALK}/aimed", AIMED)
         self.given = PushArrow(server, f"{WALK}/given", GIVEN)
@@ -95,7 +92,7 @@ class App:
             for i, (lane, (_, meshes, marks, label)) in enumerate(
                 zip(self.session.lanes, self._robots, strict=True)
             ):
-                pelvis = meshes.draw(lane)
+                pelvis = meshes.draw(lane.episodes.core)
                 marks.draw(overlays_of(lane.episodes), self.panel.visible)
                 label.text, label.position = lane.name, (*pelvis[:2].tolist(), pelvis[2] + 0.75)
                 if i == 0:
@@ -158,6 +155,14 @@ class App:
         self.panel.agree()
         for client in self.server.get_clients().values():
             client.add_notification("Not done", reason, auto_close_seconds=6.0)
+
+
+def add_floor(server: Any, name: str) -> None:
+    """A grid of half metres, without end."""
+    server.scene.add_grid(
+        name, infinite_grid=True, fade_distance=20.0,
+        cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
+    )  # fmt: skip
 
 
 def camera_axes(wxyz: Any) -> Array:

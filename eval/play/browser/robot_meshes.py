@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from ....controllers.errors import MissingExtraError
+from ....envs.biped.core import BipedCore
 from ....envs.biped.robots.compiled_robot import CompiledRobot
 from ....envs.biped.scene import set_posture
 from ...record.sampler import Array
-from ..lane import Lane
 
 SEEN_GROUPS = 3  # of geoms, counted from 0: MuJoCo shows these by default
 Grab = Callable[[Any, str], None]  # of viser's event and "pelvis" or "trunk"
@@ -25,10 +25,10 @@ class RobotMeshes:
         server: of viser.
         root: name of the frame that the robot stands in.
         robot: whose shape it has.
-        grab: called with every event of a drag on a body.
+        grab: called with every event of a drag on a body; None: it can't be dragged.
     """
 
-    def __init__(self, server: Any, root: str, robot: CompiledRobot, grab: Grab):
+    def __init__(self, server: Any, root: str, robot: CompiledRobot, grab: Grab | None = None):
         self._model, self._data = robot.model, mujoco.MjData(robot.model)
         self._pelvis = robot.indices.pelvis
         self._handles: list[tuple[int, Any]] = []
@@ -37,12 +37,13 @@ class RobotMeshes:
             for i, mesh in enumerate(meshes):
                 name = f"{root}/{robot.model.body(body).name}/{i}"
                 handle = server.scene.add_mesh_trimesh(name, mesh)
-                handle.on_drag("left")(_telling(grab, part))
+                if grab is not None:
+                    handle.on_drag("left")(_telling(grab, part))
                 self._handles.append((body, handle))
 
-    def draw(self, lane: Lane) -> Array:
-        """Place all bodies; returns where the pelvis is, (3,) [m]."""
-        set_posture(self._model, self._data, lane.episodes.core)
+    def draw(self, core: BipedCore) -> Array:
+        """Place all bodies as robot 0 has them; returns where the pelvis is, (3,) [m]."""
+        set_posture(self._model, self._data, core)
         for body, handle in self._handles:
             handle.position, handle.wxyz = self._data.xpos[body], self._data.xquat[body]
         return self._data.xpos[self._pelvis].copy()

@@ -12,7 +12,7 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.record.files import LOG_FORMATS, log_bytes
 from push_recovery.eval.record.plot import write_plot
 from push_recovery.eval.record.record import record
-from push_recovery.eval.record.words import direction_words, impulse_words, push_words
+from push_recovery.eval.record.words import describe, direction_words, impulse_words, push_words
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 PUSH = Push((0.0, 150.0, 0.0), 0.1, 0.5)
@@ -81,3 +81,16 @@ def test_words_for_people(episode):
     assert push_words(episode) == "15.0 N s (0.25 N s/kg) to the left"
     assert direction_words(-1.0, -0.9) == "backward and to the right"
     assert direction_words(-1.0, 0.1) == "backward"
+
+
+def test_an_episode_in_one_line_counts_from_its_last_push():
+    push = {"impulse": (0.0, -52.8, 0.0), "start": 1.5}
+    told = {"push": push, "time": 5.0, "failure_reason": None, "recovered_at": 2.9}
+    assert describe(told) == "52.8 N s to the right: recovered after 1.4 s"
+    assert describe({**told, "recovered_at": None}) == (
+        "52.8 N s to the right: still up after 3.5 s, but does not walk as told"
+    )
+    fell = {**told, "recovered_at": None, "failure_reason": "com_height", "time": 2.3}
+    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (com_height)"
+    assert describe({**told, "push": None}) == "no push: recovered after 2.9 s"
+    assert describe({**told, "recovered_at": 1.4}).endswith("recovered after 0.0 s")

@@ -1,0 +1,81 @@
+"""Make the README's table on the suite `hard` again, with the shipped learned policies there are.
+
+Rows that are in runs/ already are kept; the others are evaluated, 1024 pushes for each policy.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from pathlib import Path
+
+from push_recovery.controllers.settings import presets
+from push_recovery.eval.output.tables import markdown_table
+from push_recovery.eval.rollout.names import default_workers
+from push_recovery.eval.score.evaluate import Evaluation
+from push_recovery.eval.score.report import rate_cells
+from push_recovery.eval.shipped.names import shipped_names
+
+from push_recovery import evaluate
+
+PAGE = Path(__file__).parents[1] / "README.md"
+SUITE = "hard"
+ADAPTS = {
+    "raibert": "step place, by the capture-point rule",
+    "fixed-time": "step place",
+    "herdt": "step place, by linear MPC",
+    "stage-1": "step place and time",
+    "stage-1+cop": "and CoP",
+    "stage-1+momentum": "place, time and trunk",
+    "two-stage": "all of it",
+    "residual": "all of it, corrected by a network",
+    "residual-hardware": "the same, trained under `hardware`",
+    "scratch": "a network gives all seven decisions",
+    "joint": "a network gives joint targets",
+    "joint-residual": "a network corrects joint torques",
+}
+LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual")
+COLUMNS = ("policy", "what it may adapt", "recovered", "share (95 % interval)", "survived")
+
+
+def main() -> None:
+    """Evaluate, and write the table between its marks."""
+    policies = [name for name in ADAPTS if name not in LEARNED or name in shipped_names()]
+    found = evaluate(policies, SUITE, workers=default_workers())
+    text = PAGE.read_text(encoding="utf-8")
+    mark = f"<!-- figures: push-recovery evaluate --suite {SUITE} "
+    begin = text.index(mark)
+    end = text.index("<!-- end -->", begin)
+    content = f"{figures(policies, found)}\n\n{table(found)}\n"
+    PAGE.write_text(text[:begin] + content + text[end:], encoding="utf-8")
+    print(f"table: {PAGE}")
+
+
+def figures(policies: list[str], found: Evaluation) -> str:
+    """What made the figures, and what they hang on: tests/test_figures.py finds those that are stale."""
+    git = ["git", "-C", str(PAGE.parent), "rev-parse", "--short=7", "HEAD"]
+    commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()  # noqa: S603
+    preset = Path(presets.__file__).parent / "presets" / "biped.json"
+    digest = hashlib.sha256(preset.read_bytes()).hexdigest()[:12]
+    command = f"push-recovery evaluate --suite {SUITE} --policies {' '.join(policies)}"
+    return (
+        f"<!-- figures: {command}; commit {commit}; suite {SUITE} {found.suite.sha256[:12]}; "
+        f"preset biped {digest} -->"
+    )
+
+
+def table(found: Evaluation) -> str:
+    """A row for each policy; the most recoveries are set in bold."""
+    most = max(found.score(name).recovered for name in found.rows)
+    rows = []
+    for name in found.rows:
+        score = found.score(name)
+        rate, interval = rate_cells(score)
+        cells = [str(score.recovered), f"{rate} ({interval})", str(score.survived)]
+        told = [f"**{cell}**" for cell in cells] if score.recovered == most else cells
+        rows.append((f"`{name}`", ADAPTS[name], *told))
+    return markdown_table(COLUMNS, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Tables of figures say what made them, and are stale where that has changed.
+
+Before such a table stands <!-- figures: COMMAND; commit HASH; suite NAME HASH; preset NAME HASH -->. What the
+outcomes hang on is the pushes and the planner's settings; a refactoring leaves both as they are.
+"""
+
+import hashlib
+import re
+import shlex
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from push_recovery.controllers.settings import presets
+from push_recovery.eval.cli.parse import parse
+from push_recovery.eval.score.suites import get_suite
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FOUND = [
+    (page.relative_to(ROOT), figures)
+    for page in PAGES
+    for figures in re.findall(r"<!-- figures: (.*?) -->", page.read_text(encoding="utf-8"))
+]
+
+
+def preset_hash(name):
+    path = Path(presets.__file__).parent / "presets" / f"{name}.json"
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("page", "figures"), FOUND, ids=[f"{page}-{i}" for i, (page, _) in enumerate(FOUND)])
+def test_figures_are_of_todays_pushes_and_settings(page, figures):
+    command, commit, *others = figures.split("; ")
+    program, name, *words = shlex.split(command)
+    assert program == "push-recovery"
+    options = parse(name, words)
+    assert re.fullmatch(r"commit [0-9a-f]{7,40}", commit)
+    stated = {kind: (of, digest) for kind, of, digest in (part.split() for part in others)}
+    assert set(stated) == {"suite", "preset"}, page
+    suite, digest = stated["suite"]
+    assert suite == options.suite
+    assert get_suite(suite).sha256.startswith(digest), f"{page}: suite {suite} has changed: {command}"
+    preset, digest = stated["preset"]
+    assert preset_hash(preset).startswith(digest), f"{page}: preset {preset} has changed: {command}"
+
+
+def test_every_table_of_figures_of_the_readme_says_what_made_it():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    tables = re.split(r"\n\n(?=\|)", text)
+    for before, table in pairwise(tables):
+        rows = table.split("\n\n")[0].splitlines()[2:]
+        if any(len(re.findall(r"\d+", row)) > 3 for row in rows):
+            assert before.rstrip().endswith("-->"), rows[0]
+            assert "<!-- figures: " in before.rstrip().splitlines()[-1]
+
+
+def test_the_rows_of_the_headline_are_the_policies_of_its_command():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    figures, table = re.findall(r"<!-- figures: (.*?) -->\n\n(.*?)\n\n<!-- end -->", text, flags=re.S)[0]
+    named = figures.split("; ")[0].partition("--policies ")[2].split()
+    assert re.findall(r"^\| `(.+?)` ", table, flags=re.M) == named
+    for row in table.splitlines()[2:]:
+        cells = [cell.strip(" *") for cell in row.split("|")[1:-1]]
+        assert float(cells[3].split()[0]) == pytest.approx(int(cells[2]) / 1024, abs=6e-4)
+        assert int(cells[2]) <= int(cells[4]) <= 1024
