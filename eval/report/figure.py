@@ -58,6 +58,7 @@ def to_svg(figure: Figure, text: str) -> str:
     drawn = re.sub(r"<metadata>.*?</metadata>", "", drawn, flags=re.DOTALL)
     drawn = re.sub(r'(<g) id="[^"]*"', r"\1", drawn)
     drawn = re.sub(r"<!--.*?-->", "", drawn, flags=re.DOTALL)
+    drawn = re.sub(r"\n\s*", "\n", re.sub(r"(\d\.\d\d)\d+", r"\1", drawn))  # a hundredth of a point will do
     box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', drawn)
     width, height = (float(side) for side in box.groups()) if box else (PANEL * POINTS, PANEL * POINTS)
     head = (

@@ -131,6 +131,8 @@ def _figure(
     label: str, rows: Rows, angles: np.ndarray, curves: Mapping[str, Sequence[float]], furthest: float
 ) -> str:
     """Forces of one policy around the robot, between both limits; forward is up."""
+    from matplotlib.ticker import MaxNLocator
+
     with page_style():
         figure, axes = new_panel(3.6, polar=True)
         axes.set_theta_zero_location("N")
@@ -151,7 +153,7 @@ def _figure(
         )
         axes.set_thetagrids(range(0, 360, 45), ("forward", "", "left", "", "backward", "", "right", ""))
         axes.set_ylim(0.0, furthest)
-        axes.locator_params(axis="y", nbins=4)
+        axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, furthest) if 0.0 < tick < furthest])
         axes.set_rlabel_position(22.5)
         axes.grid(color="#cccccc", linewidth=0.5)
         figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)

@@ -15,11 +15,10 @@ SIGNS = {"recovered": "\N{CHECK MARK}", "survived": "\N{WHITE CIRCLE}", "fell": 
 
 @dataclass(frozen=True)
 class ScenarioLine:
-    """A push and one sign for each policy, with the words behind it."""
+    """A push and one sign for each policy, with words behind those of a loss."""
 
     scenario_id: str
     words: str
-    impulse: float  # of its first push [N s]
     signs: tuple[tuple[str, str], ...]
     kind: str  # all, none or some of the policies recover
 
@@ -35,6 +34,6 @@ def scenario_lines(evaluation: Evaluation) -> list[ScenarioLine]:
     for scenario, rows in evaluation.by_scenario():
         recovered = [row["recovered"] for row in rows]
         kind = "all" if all(recovered) else "some" if any(recovered) else "none"
-        signs = tuple((sign_of(row), outcome_words(row)) for row in rows)
-        lines.append(ScenarioLine(scenario.id, scenario_words(scenario), rows[0]["impulse"], signs, kind))
+        signs = tuple((sign_of(row), "" if row["recovered"] else outcome_words(row)) for row in rows)
+        lines.append(ScenarioLine(scenario.id, scenario_words(scenario), signs, kind))
     return lines

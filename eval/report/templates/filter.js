@@ -3,6 +3,10 @@
 const MOST = matchMedia("(max-width: 720px)").matches ? 8 : 30;
 for (const part of document.querySelectorAll(".filtered")) {
   const [words, kind, count, more] = ["input", "select", ".count", "button"].map((name) => part.querySelector(name));
+  const heads = [...part.querySelectorAll("thead th")].map((head) => head.textContent);
+  for (const row of part.querySelectorAll("tbody tr")) {
+    heads.forEach((head, column) => { row.cells[column].dataset.label = head; }); // shown on a phone
+  }
   const rows = [...part.querySelectorAll("tbody tr")].map((row) => ({ row, text: row.textContent.toLowerCase() }));
   let whole = false;
   const show = () => {
