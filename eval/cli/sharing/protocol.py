@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from ....controllers.errors import InvalidValueError
-from ..options import Count, EnvOptions, RunningOptions, within
+from ..options import EnvOptions, RunningOptions, within
 
 if TYPE_CHECKING:
     from ...protocols.run import Protocol
@@ -30,10 +30,11 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
     """Names (see list), policy files, or MODULE:ATTRIBUTE."""
     form: Annotated[
-        Literal["stated", "coded", "force"] | None, arg(help=FORM_TEXT, help_behavior_hint="")
+        Literal["stated", "coded", "force"] | None,
+        arg(metavar="NAME", help=FORM_TEXT, help_behavior_hint="(default: stated)"),
     ] = None
     episodes: Annotated[
-        Count | None, arg(help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
+        int | None, arg(metavar="N", help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
     ] = field(default=None, metadata=within(1))
 
     def __post_init__(self) -> None:

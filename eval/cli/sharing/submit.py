@@ -23,9 +23,9 @@ class Submit(JsonOption):
     """Folder of the leaderboard, a file for each policy on each suite, and the page made of them."""
     sample: Count = field(default=32, metadata=within(1))
     """Rows of each policy that are run again."""
-    seed: Annotated[Count | None, arg(help_behavior_hint="(default: another sample every time)")] = field(
-        default=None, metadata=within(0)
-    )
+    seed: Annotated[
+        int | None, arg(metavar="N", help_behavior_hint="(default: another sample every time)")
+    ] = field(default=None, metadata=within(0))
     """Of the sample."""
     workers: Count = field(default_factory=default_workers, metadata=within(1))
     """Processes; changes no result."""
