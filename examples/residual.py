@@ -1,26 +1,26 @@
-"""Correct a policy's action with one of your own: here a wider step, on top of the two-stage planner."""
+"""Correct the planner with an action of your own, which acts only while the robot is off its course."""
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.residual.wrapper import ResidualAction
-from push_recovery.envs.scenario.push_distribution import PushDistribution
 
-env = gym.make("push_recovery:PushRecovery/Biped-v0")
-biped = env.unwrapped
-planner = make_policy("two-stage", biped.robot, biped.limits, biped.preset)
-# one scale per entry, in action units: a residual of 1 moves the step width by 0.3 of half its range
-env = ResidualAction(env, planner, scale=[0.3, 0.3, 0.2, 0, 0, 0, 0])
+from push_recovery import GaitEvent, Push, ResidualAction, Scenario, describe
 
-rng = np.random.default_rng(0)
-scenarios = [PushDistribution(impulse_max=60.0).sample(rng) for _ in range(20)]
-for name, residual in (("no correction", np.zeros(7)), ("steps 5 cm wider", np.eye(7)[1])):
-    recovered = 0
-    for scenario in scenarios:
-        _, info = env.reset(options={"scenario": scenario})
-        over = False
-        while not over:
-            _, _, terminated, truncated, info = env.step(residual.astype(np.float32))
-            over = terminated or truncated
-        recovered += truncated and info["recovered_at"] is not None
-    print(f"{name}: {recovered} of {len(scenarios)} pushes recovered")
+push = Push(force=(0.0, 900.0, 0.0), duration=0.1, start=GaitEvent(step=4, side="left"))
+scenario = Scenario("left shove", (push,))
+# one scale per entry, in action units; the gate opens while the DCM is 2 to 6 cm off the nominal gait
+env = ResidualAction(
+    gym.make("push_recovery:PushRecovery/Biped-v0"),
+    "two-stage",
+    scale=[0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0],
+    gate=[0.02, 0.06],
+)
+
+SOONER = -np.eye(7, dtype=np.float32)[2]  # entry 2 is the duration of the step
+for name, residual in (("planner alone", 0.0 * SOONER), ("step sooner", SOONER)):
+    _, info = env.reset(options={"scenario": scenario})
+    opened, over = 0.0, False
+    while not over:
+        opened += env.opening * env.unwrapped.dt
+        _, _, terminated, truncated, info = env.step(residual)
+        over = terminated or truncated
+    print(f"{name}: {describe(info)}; the gate was open for {opened:.1f} of {info['time']:.1f} s")
