@@ -49,6 +49,12 @@ REF ?= HEAD
 same: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/same_rows.py $(REF)
 
+# the documentation as a site, in build/docs; any warning and any broken link is an error
+docs: $(VENV)/run.stamp
+	$(PIP) -e '.[docs]'
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "site: build/docs/index.html"
+
 # the README's table on `hard` again; rows that are in runs/ already are kept
 tables: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/tables.py
