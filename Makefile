@@ -13,7 +13,7 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt
 
 $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) torch -e '.[train,view,play,dev]'
+	$(PIP) torch -e '.[train,view,play,docs,dev]'
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, and all of it; further arms cost half a minute or more each
