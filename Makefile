@@ -13,7 +13,7 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt
 
 $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) torch -e '.[train,view,play,report,dev]'
+	$(PIP) torch -e '.[train,view,play,report,docs,dev]'
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, and all of it; further arms cost half a minute or more each
@@ -48,6 +48,12 @@ lint: $(VENV)/dev.stamp
 REF ?= HEAD
 same: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/same_rows.py $(REF)
+
+# the documentation as a site, in build/docs; any warning and any broken link is an error
+docs: $(VENV)/run.stamp
+	$(PIP) -e '.[docs]'
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "site: build/docs/index.html"
 
 # the README's table on `hard` again; rows that are in runs/ already are kept
 tables: $(VENV)/run.stamp

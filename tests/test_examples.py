@@ -35,10 +35,21 @@ def test_the_readmes_loop_runs():
     assert re.fullmatch(r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n", run("-c", loop))
 
 
-def test_the_code_of_the_page_on_play_runs():
-    page = (ROOT / "docs" / "play.md").read_text(encoding="utf-8")
-    out = run("-c", "\n".join(re.findall(r"```python\n(.*?)```", page, flags=re.S)))
-    assert re.fullmatch(r"True 0\.\d+ m\n", out)
+CODE = {  # page -> what its code prints
+    "play": r"True 0\.\d+ m\n",
+    "start": r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n",
+    "your_policy": r"0 [0-3]\n",
+    "your_suite": r"2 [0-9a-f]{12}\n",
+}
+
+
+@pytest.mark.parametrize("name", CODE)
+def test_the_code_of_a_page_runs(name, monkeypatch, tmp_path):
+    page = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert re.fullmatch(
+        CODE[name], run("-c", "\n".join(re.findall(r"```python\n(.*?)```", page, flags=re.S)))
+    )
 
 
 ENDING = r"(recovered after|fell after|still up after) \d+\.\d s.*"
