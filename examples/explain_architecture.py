@@ -50,8 +50,9 @@ BELOW = (
     "settings (presets), solvers, compiled; joints (PD control, proprioception), "
     "learned (networks).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
-    "tables), shipped (what was learned), api (Python functions), bench, tuning, ceiling, export (ONNX),\n"
-    "reproduction, record (time histories), film (pictures that move), play (a robot to push, and its page)."
+    "tables), shipped (what was learned), learned (how, and what it adds), api (Python functions), bench,\n"
+    "tuning, ceiling, export (ONNX), protocols (pushes of others), leaderboard, report (a page),\n"
+    "reproduction, record (time histories), film (pictures that move), play (a robot to push)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),
