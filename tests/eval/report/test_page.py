@@ -55,6 +55,13 @@ def test_references_of_all_figures_end_in_themselves(written):
     assert wanted <= set(ids)
 
 
+def test_a_profile_that_stands_alone_is_named(evaluation, tmp_path):
+    text = write_evaluation_page({"hardware": evaluation({"p": "rrfs"})}, COMMAND, tmp_path).read_text()
+    assert "PushRecovery/Pendulum-v0, profile hardware</h1>" in text
+    text = write_evaluation_page({"exact": evaluation({"p": "rrfs"})}, COMMAND, tmp_path).read_text()
+    assert "PushRecovery/Pendulum-v0</h1>" in text
+
+
 def test_one_policy_has_no_pairs(evaluation, tmp_path):
     text = write_evaluation_page({"exact": evaluation({"p": "rrfs"})}, COMMAND, tmp_path).read_text()
     assert 'id="pairs"' not in text
