@@ -1,7 +1,6 @@
 """Films say what happened: the right push, the right outcome, at the right time, in files of a known size."""
 
 import io
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -136,7 +135,7 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
     suite = tmp_path / "suite.json"
     (first, *_) = standard_suite().scenarios
-    Suite("few", "1", (replace(first, settle_time=1.5),)).save(suite)
+    Suite("few", "1", (first,)).save(suite)
     argv = ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", str(suite), "--workers", "1"]
     out = tmp_path / "out"
     assert main([*argv, "--out", str(out), "--film", "discordant", "--films", "1"]) == 0
