@@ -1,4 +1,4 @@
-# `make run` scores the baseline arms, `make test` runs the tests; each sets up what it needs in .venv.
+# `make run` scores arms and learned policies, `make test` runs the tests; each sets up what it needs in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -16,8 +16,8 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	$(PIP) torch -e '.[train,view,play,report,docs,dev]'
 	touch $@ $(VENV)/run.stamp
 
-# place and time of the step, the trunk with them, and all of it; further arms cost half a minute or more each
-ARMS := stage-1 stage-1+momentum two-stage
+# place and time of the step, the trunk with them, all of it, and all of it corrected by a network
+ARMS := stage-1 stage-1+momentum two-stage residual residual-hardware
 run: $(VENV)/run.stamp
 	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(ARMS)
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import platform
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..eval.output.provenance import source_commit, versions
 from ..eval.rollout.environments import code_digest
 from .curve import CurvePoint
 from .recipes import command_of
@@ -39,28 +36,5 @@ def manifest(
         "curve": [asdict(point) for point in curve],
         "code": code_digest(),  # that of `config.json` beside rows: controllers and envs
         "commit": source_commit(Path(__file__)),
-        "versions": versions(),
+        "versions": versions(PACKAGES),
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, of Python, and of the packages that decide what is learned."""
-    ours = sys.modules[__name__.partition(".")[0]].__version__
-    named = {name: version(name) for name in PACKAGES}
-    return {"push-recovery": ours, "python": platform.python_version(), **named}
-
-
-def source_commit(file: Path) -> str | None:
-    """Commit of the repository that tracks a file, "-dirty" where files differ from it; None without one."""
-    if _git(file.parent, "ls-files", "--error-unmatch", file.name) is None:
-        return None  # in no repository, or in one that is not ours
-    return _git(file.parent, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
-
-
-def _git(folder: Path, *words: str) -> str | None:
-    """What git says in a folder; None where it fails or is not installed."""
-    try:
-        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603, S607
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return done.stdout.strip()

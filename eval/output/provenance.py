@@ -6,19 +6,20 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("mujoco", "numpy", "numba", "scipy", "gymnasium", "osqp", "daqp")  # that outcomes may hang on
 
 
-def versions() -> dict[str, str]:
-    """Versions of this package, of Python and of PACKAGES, as far as they are installed."""
+def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str]:
+    """Versions of this package, of Python and of others, as far as they are installed."""
     found = {
         "push-recovery": sys.modules[__name__.partition(".")[0]].__version__,
-        "Python": platform.python_version(),
+        "python": platform.python_version(),
     }
-    for name in PACKAGES:
+    for name in packages:
         try:
             found[name] = version(name)
         except PackageNotFoundError:

@@ -3,15 +3,12 @@
 import dataclasses
 import json
 import re
-import subprocess
 from importlib.metadata import version
-from pathlib import Path
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.eval.rollout.environments import code_digest
 from push_recovery.eval.shipped.names import NAMES
-from push_recovery.training.manifest import source_commit
 from push_recovery.training.ppo import train
 from push_recovery.training.recipes import RECIPES, command_of, difference, get_recipe
 from push_recovery.training.settings import TrainingSettings
@@ -93,24 +90,3 @@ def test_what_is_no_recipe_is_refused(trained, tmp_path):
     path.write_text(json.dumps({"training": {"settings": {"kind": "scratch"}}}))
     with pytest.raises(InvalidValueError, match="must have the keys"):
         get_recipe(str(path))
-
-
-def git(folder, *words):
-    subprocess.run(["git", "-c", "user.name=x", "-c", "user.email=x", *words], cwd=folder, check=True)  # noqa: S607
-
-
-def test_the_commit_is_that_of_the_repository_that_tracks_the_file(tmp_path):
-    file = tmp_path / "code.py"
-    file.write_text("1")
-    assert source_commit(file) is None
-    git(tmp_path, "init", "-q")
-    assert source_commit(file) is None  # a repository that does not know it, such as one around a venv
-    git(tmp_path, "add", "code.py")
-    git(tmp_path, "commit", "-qm", "x")
-    git(tmp_path, "tag", "-a", "v1", "-m", "x")
-    commit = source_commit(file)
-    assert commit is not None
-    assert re.fullmatch("[0-9a-f]{40}", commit)
-    file.write_text("2")
-    assert source_commit(file) == f"{commit}-dirty"
-    assert source_commit(Path("/nowhere/code.py")) is None
