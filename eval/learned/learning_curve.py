@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MILLION = 1e6
-HALF = 0.5  # where the figure begins if no curve goes below
+MARGIN = 0.05  # below the curves
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ def save_learning_curves(
             )  # fmt: skip
         axes.set_xlabel("learned actions [million]")
         axes.set_ylabel(f"recovered, of {curves[0].pushes} pushes of 80-200 N s")
-        axes.set_ylim(0.0 if min(min(curve.recovered) for curve in curves) < HALF else HALF, 1.02)
+        least = min(min(curve.recovered) for curve in curves)
+        axes.set_ylim(max(math.floor(10.0 * least) / 10.0 - MARGIN, 0.0), 1.02)
         figure.legend(loc="outside lower center", ncols=3, fontsize=8.5)
         return save(figure, directory, stem)
 
