@@ -58,11 +58,11 @@ ARM_STYLES: dict[str, ArmStyle] = {
     "two-stage, no push estimate": ArmStyle("#7a5195", (0, (5, 2)), "<", "without the push estimate"),
     "two-stage, no trunk debt": ArmStyle("#a6522b", (0, (2, 1, 1, 1)), ">", "without the trunk's debt"),
     "two-stage, plain DCM": ArmStyle("#862255", (0, (6, 1, 1, 1)), "X", "without either: the plain DCM"),
-    "residual": ArmStyle("#c2178a", "-", "o", "residual"),
-    "residual-hardware": ArmStyle("#7b1f5c", (0, (6, 2)), "D", "residual, hardware"),
-    "scratch": ArmStyle("#e69f00", (0, (7, 2)), "^", "from scratch"),
-    "joint": ArmStyle("#0b7a55", (0, (3, 1)), "s", "joint targets"),
-    "joint-residual": ArmStyle("#5f5f5f", (0, (5, 1, 1, 1)), "v", "joint residual"),
+    "residual": ArmStyle("#c2178a", (0, (12, 1)), "H", "residual"),
+    "residual-hardware": ArmStyle("#7b1f5c", (0, (6, 3)), "8", "residual, hardware"),
+    "scratch": ArmStyle("#a87500", (0, (3, 2)), "1", "from scratch"),
+    "joint": ArmStyle("#0b7a55", (0, (4, 3)), "2", "joint targets"),
+    "joint-residual": ArmStyle("#5b7083", (0, (5, 1, 2, 1)), "3", "joint residual"),
     "two-stage+double-support": ArmStyle("#4b2a86", (0, (10, 2)), "p", "two-stage, double support"),
 }
 LIMIT_STYLES: dict[str, ArmStyle] = {

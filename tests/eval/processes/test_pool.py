@@ -108,8 +108,9 @@ def test_workers_end_with_the_process_that_started_them(tmp_path, sent):
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
     parent = subprocess.Popen(
-        [sys.executable, str(script), str(Path(__file__).parent)], stdout=subprocess.PIPE, text=True
-    )
+        [sys.executable, str(script), str(Path(__file__).parent)], stdout=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # which nohup ignores
+    )  # fmt: skip
     assert parent.stdout is not None
     assert "(1, None)" in parent.stdout.readline()
     parent.send_signal(sent)
