@@ -12,15 +12,12 @@ turn is made.
 from __future__ import annotations
 
 import argparse
-import math
 
-import numpy as np
 from push_recovery.controllers.model.capturability import capture_margin
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
 from push_recovery.envs.biped.settings import BIPED, BIPED_LIMITS
-from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.frontier.share import pushed_start
 from push_recovery.eval.score.kinds import groups_of
 from push_recovery.eval.score.suites import get_suite
 
@@ -34,15 +31,11 @@ OWNED = {  # foot, flywheel
 
 def margin(push: Push, command: Command, foot: bool, flywheel: bool) -> float:
     """Distance of the pushed DCM from its nearest bound [m]; negative: beyond recovery."""
-    if not isinstance(push.start, GaitEvent):
+    start = pushed_start(BIPED, BIPED_LIMITS, push, command)
+    if start is None:
         raise SystemExit("error: only pushes at a moment of the gait have a limit")
-    swing = -1.0 if push.start.side == "left" else 1.0  # side of the swing foot, left is positive
-    omega, gait = BIPED.omega, nominal_gait(BIPED, BIPED_LIMITS, (command.vx, swing * command.vy))
-    elapsed = push.start.fraction * gait.duration
-    force = np.array([push.force[0], swing * push.force[1]])
-    shift = force * -math.expm1(-omega * push.duration) / (BIPED.mass * omega**2)
-    dcm = np.array(step_start_dcm(gait, BIPED.pelvis_width, omega)) * math.exp(omega * elapsed) + shift
-    return capture_margin(BIPED, BIPED_LIMITS, elapsed, dcm, foot=foot, flywheel=flywheel)
+    dcm = start.dcm + start.shift
+    return capture_margin(BIPED, BIPED_LIMITS, start.elapsed, dcm, foot=foot, flywheel=flywheel)
 
 
 def within(scenario: Scenario, foot: bool, flywheel: bool) -> bool:

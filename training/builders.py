@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -193,9 +194,12 @@ def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNorm
 def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
     """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
-    seen = {"seen": venv.observation_space.shape[0] - critic_size(settings.critic)}  # type: ignore[index]
+    policy, options = "MlpPolicy", {}
+    if settings.critic:
+        inputs: Any = venv.observation_space.shape
+        policy, options = AsymmetricPolicy, {"seen": inputs[0] - critic_size(settings.critic)}
     model = PPO(
-        AsymmetricPolicy if settings.critic else "MlpPolicy",
+        policy,
         venv,
         learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),
         n_steps=settings.n_steps,
@@ -207,7 +211,7 @@ def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Pat
         policy_kwargs={
             "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
             "activation_fn": torch.nn.Tanh,
-            **(seen if settings.critic else {}),
+            **options,
         },
         tensorboard_log=None if out is None else str(out / "tensorboard"),
         seed=seed,

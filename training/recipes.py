@@ -6,9 +6,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
-from ..controllers.files import is_file, read_file
-from ..controllers.json_text import parse_json
+from ..controllers.files import is_file
 from ..controllers.learned.policy_file import policy_paths
+from ..eval.shipped.names import training_note
 from .settings import TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")
@@ -46,12 +46,9 @@ def file_settings(path: Path) -> TrainingSettings:
     Raises:
         InvalidValueError: see `get_recipe`.
     """
+    note = training_note(path)
     try:
-        about = parse_json(f"the policy description {path}", read_file(path))
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
-    try:
-        settings = about["training"]["settings"]
+        settings = note["settings"]
     except (KeyError, TypeError):
         raise InvalidValueError(f"{path} does not say what its policy was trained with") from None
     return TrainingSettings.from_json(settings)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..rollout.policy_source import Sources, policy_sources
-from ..rollout.workers import SLOTS as AT_ONCE
-from ..rollout.workers import Chunk, parallel, run_chunk
+from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .submission import DIGEST, Row, Submission
 
 
@@ -33,7 +31,7 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
     sources = policy_sources(list(submission.rows))
     _check_digests(submission, sources)
     rows = {(name, row["scenario_id"]): row for name, given in submission.rows.items() for row in given}
-    chunks = [chunk for name, scenarios in samples.items() for chunk in _chunks(name, scenarios)]
+    chunks = make_chunks(samples, chunk_sizes(submission.env_id, sources), workers)
     done = dict.fromkeys(samples, 0)
     with progress_bars(list(samples), max(map(len, samples.values()))) as bars:
         for outcomes in parallel(submission.env_id, run_chunk, chunks, workers, sources):
@@ -41,11 +39,6 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
                 _compare(rows[outcome.policy, outcome.scenario_id], outcome.to_dict())
                 done[outcome.policy] += 1
                 bars.set(outcome.policy, done[outcome.policy])
-
-
-def _chunks(name: str, scenarios: Sequence[Scenario]) -> Iterator[Chunk]:
-    for i in range(0, len(scenarios), AT_ONCE):
-        yield name, tuple(scenarios[i : i + AT_ONCE])
 
 
 def _check_digests(submission: Submission, sources: Sources) -> None:

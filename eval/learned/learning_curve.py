@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import read_file
-from ...controllers.json_text import parse_json
 from ...controllers.learned.policy_file import policy_paths
 from ..output.statistics import wilson_interval
 from ..reproduction.figures.style import arm_style, new_figure, print_style, save
-from ..shipped.names import named_file
+from ..shipped.names import named_file, training_note
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,9 +39,8 @@ def learning_curve(policy: str) -> LearningCurve:
         InvalidValueError: the file can't be read, or tells of no training.
     """
     path = policy_paths(named_file(policy))[1]
+    training = training_note(path)
     try:
-        about: Any = parse_json(f"the policy description {path}", read_file(path))
-        training = about["training"]
         points = training["curve"]
         return LearningCurve(
             policy,
@@ -52,11 +49,7 @@ def learning_curve(policy: str) -> LearningCurve:
             tuple(float(point["recovered"]) for point in points),
             int(points[0]["scenarios"]),
         )
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        if isinstance(error, InvalidValueError):
-            raise
+    except (KeyError, TypeError, ValueError, IndexError):
         raise InvalidValueError(f"{path} does not tell how its policy learned") from None
 
 

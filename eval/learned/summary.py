@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...controllers.model.gait_box import GAIT_NAMES
 from ..output.tables import markdown_table
+from ..record.words import sector_of
 from .corrections import STEPS, PushCorrections
 
 Array = NDArray[np.float64]
@@ -31,11 +32,6 @@ class Summary:
     left: Array  # (8,) recovered by neither
     mean: Array  # (STEPS, 8, 7) of the corrections [UNITS]; NaN where there is none
     spread: Array  # (STEPS, 8, 7) standard deviation over pushes
-
-
-def sector_of(psi: float) -> int:
-    """Number of the sector of a direction [deg]."""
-    return round(psi / 45.0) % len(SECTORS)
 
 
 def summarise(found: Sequence[PushCorrections]) -> Summary:

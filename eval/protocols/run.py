@@ -18,7 +18,7 @@ from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.loop import run_episodes
 from ..rollout.one import GymRobot, begin_policy
 from ..rollout.policy_source import open_rows, policy_sources
-from ..rollout.workers import Runner, parallel
+from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
 from .kick_watcher import KickWatcher
 from .tour_watcher import TourWatcher
 from .watched import Watched, Watcher
@@ -79,18 +79,17 @@ def run_protocol(
         PushRecoveryError: as `evaluate`, or the robot is no biped.
     """
     sources = policy_sources(policies)
-    runner = Runner(env_id, sources)
-    for name in sources:  # names and files fail here, before any work
-        runner.policy(name)
-    sizes = {name: runner.chunk(name) for name in sources}
-    runner.close()
+    sizes = chunk_sizes(env_id, sources)
     config = {"format": FORMAT, "protocol": protocol.summary(), "env": env_id, "code": code_digest()}
     label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
     config |= preset_digest(env_id)
     store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     with store:
-        chunks = list(_chunks(protocol, store, sizes))
-        found = chain.from_iterable(parallel(env_id, run_watched, chunks, workers, sources))
+        missing = {
+            name: [s for s in protocol.scenarios if (name, s.id) not in store.rows] for name in sources
+        }
+        jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
+        found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
         _keep(protocol, store, digests, found)
     rows = {name: [store.rows[name, s.id] for s in protocol.scenarios] for name in sources}
     return Results(protocol, env_id, rows, store.directory)
@@ -109,14 +108,6 @@ def _keep(
             store.append({**row, "policy_sha256": digests[row["policy"]]})
             done[row["policy"]] += 1
             bars.set(row["policy"], done[row["policy"]])
-
-
-def _chunks(protocol: Protocol, store: RowFile, sizes: Mapping[str, int]) -> Iterator[Job]:
-    """Jobs of the scenarios that the store lacks."""
-    for name, size in sizes.items():
-        missing = [s for s in protocol.scenarios if (name, s.id) not in store.rows]
-        for i in range(0, len(missing), size):
-            yield protocol.name, name, tuple(missing[i : i + size])
 
 
 def run_watched(runner: Runner, job: Job) -> list[Row]:

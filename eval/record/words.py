@@ -16,9 +16,14 @@ DIRECTIONS = (
 )  # fmt: skip
 
 
+def sector_of(psi_deg: float) -> int:
+    """Number of the nearest of eight directions, counter-clockwise from forward [deg]."""
+    return round(psi_deg / 45.0) % len(DIRECTIONS)
+
+
 def direction_words(x: float, y: float) -> str:
     """The nearest of eight directions to a vector, x forward and y to the left."""
-    return DIRECTIONS[round(math.atan2(y, x) / (math.pi / 4)) % 8]
+    return DIRECTIONS[sector_of(math.degrees(math.atan2(y, x)))]
 
 
 def describe(info: Mapping[str, Any]) -> str:

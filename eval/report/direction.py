@@ -13,10 +13,11 @@ import numpy as np
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import Scenario
 from ..frontier.share import limit_share
+from ..record.words import DIRECTIONS, sector_of
 from .figure import BLUE, GREY, INK, new_panel, page_style, to_svg
 
 Row = Mapping[str, Any]
-SECTORS = 8
+SECTORS = len(DIRECTIONS)
 FAINT = "#b4b4b4"
 SIDES = ("forward", "stance\nside", "backward", "swing\nside")  # counter-clockwise from the top
 
@@ -49,11 +50,6 @@ def stance_direction(push: Push) -> float:
     return -push.direction if right else push.direction
 
 
-def sector_of(psi: float) -> int:
-    """The nearest of SECTORS directions, counter-clockwise from forward."""
-    return round(psi / (2.0 * math.pi / SECTORS)) % SECTORS
-
-
 def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> str:
     """The map of one policy: every push, and at the rim how many of each sector were recovered from.
 
@@ -72,8 +68,10 @@ def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[st
         axes.text(
             math.radians(202.5), 1.0, "F*", fontsize=9.0, ha="center", va="center", backgroundcolor="white"
         )
-        for sector in range(SECTORS):
-            inside = [rows[push.scenario_id]["recovered"] for push in pushes if sector_of(push.psi) == sector]
+        recovered: list[list[bool]] = [[] for _ in DIRECTIONS]
+        for push in pushes:
+            recovered[sector_of(math.degrees(push.psi))].append(rows[push.scenario_id]["recovered"])
+        for sector, inside in enumerate(recovered):
             angle = sector * 2.0 * math.pi / SECTORS
             text = f"{sum(inside)}/{len(inside)}" + (f"\n{SIDES[sector // 2]}" if sector % 2 == 0 else "")
             axes.text(angle, 1.2 * furthest, text, ha="center", va="center", fontsize=8.0)

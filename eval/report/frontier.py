@@ -12,7 +12,7 @@ import numpy as np
 
 from ..frontier.closed_form import OWN, PAPER, limit_curves
 from ..frontier.scan import Frontier
-from ..record.words import DIRECTIONS
+from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import code_digest, make_env
 from ..score.bounds_met import fall_cell
 from .figure import BLUE, GREY, INK, new_panel, page_style, to_svg
@@ -80,7 +80,7 @@ def verdict(found: Frontier, labels: Mapping[str, str]) -> str:
 
 def direction_text(psi_deg: float) -> str:
     """An angle, and the nearest of eight directions in words."""
-    return f"{psi_deg:g}\N{DEGREE SIGN}, {DIRECTIONS[round(psi_deg / 45.0) % 8]}"
+    return f"{psi_deg:g}\N{DEGREE SIGN}, {DIRECTIONS[sector_of(psi_deg)]}"
 
 
 def force_cells(found: Frontier) -> list[tuple[str, ...]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -24,6 +25,7 @@ J = TypeVar("J")
 R = TypeVar("R")
 Job = tuple[str, Scenario]  # policy name or file, scenario
 Chunk = tuple[str, tuple[Scenario, ...]]  # policy name or file, scenarios that may run side by side
+CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are written when all of it is done
 
 
@@ -117,6 +119,29 @@ class Runner:
 def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
     """The task of `parallel` for episodes."""
     return list(runner.run_all(*chunk))
+
+
+def chunk_sizes(env_id: str, sources: Sources) -> dict[str, int]:
+    """How many scenarios are worth a job of each policy.
+
+    Every policy is made for it: names and files fail here, before any work, and caches are warm for workers.
+    """
+    runner = Runner(env_id, sources)
+    sizes = {name: runner.chunk(name) for name in sources}
+    runner.close()
+    return sizes
+
+
+def make_chunks(
+    missing: Mapping[str, Sequence[Scenario]], sizes: Mapping[str, int], workers: int
+) -> list[Chunk]:
+    """Cut the scenarios of every policy into jobs of at most `sizes`, of which every worker gets several."""
+    share = math.ceil(sum(map(len, missing.values())) / (CHUNKS_A_WORKER * max(workers, 1)))
+    chunks: list[Chunk] = []
+    for name, scenarios in missing.items():
+        size = max(1, min(sizes[name], share))
+        chunks += [(name, tuple(scenarios[i : i + size])) for i in range(0, len(scenarios), size)]
+    return chunks
 
 
 def parallel(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -18,14 +17,13 @@ from ..output.rows import RowFile
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score
 from ..rollout.policy_source import Sources, open_rows, policy_sources
-from ..rollout.workers import Chunk, Runner, parallel, run_chunk
+from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .bounds_met import bound_summary
 from .suites import Suite
 
 FORMAT = 2  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
-CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order
 
 
@@ -88,12 +86,7 @@ def evaluate(
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
     sources = policy_sources(policies)
-    runner = Runner(env_id, sources)
-    # names and files fail here, before any work, and caches are warm for the workers
-    for name in sources:
-        runner.policy(name)
-    sizes = {name: runner.chunk(name) for name in sources}
-    runner.close()
+    sizes = chunk_sizes(env_id, sources)
     config = configuration(suite, env_id)
     label = f"{suite.name}-{env_label(env_id)}"
     store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
@@ -134,18 +127,6 @@ def _run_missing(
             bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
             if on_row is not None:
                 on_row(row)
-
-
-def make_chunks(
-    missing: Mapping[str, Sequence[Scenario]], sizes: Mapping[str, int], workers: int
-) -> list[Chunk]:
-    """Cut the scenarios of every policy into jobs of at most `sizes`, of which every worker gets several."""
-    share = math.ceil(sum(map(len, missing.values())) / (CHUNKS_A_WORKER * max(workers, 1)))
-    chunks: list[Chunk] = []
-    for name, scenarios in missing.items():
-        size = max(1, min(sizes[name], share))
-        chunks += [(name, tuple(scenarios[i : i + size])) for i in range(0, len(scenarios), size)]
-    return chunks
 
 
 def write_reports(evaluation: Evaluation, markdown: str) -> Path:

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
+from ...controllers.json_text import parse_json
 from ...controllers.learned.policy_file import policy_paths
 
 FOLDER = Path(__file__).parent / "policies"
@@ -35,6 +37,19 @@ def shipped_digest() -> str:
         for path in policy_paths(FOLDER / name):
             digest.update(hashlib.sha256(read_file(path)).digest())
     return digest.hexdigest()
+
+
+def training_note(path: Path) -> Any:
+    """What stands under `training` in a policy's JSON: how it came about; None where nothing does.
+
+    Raises:
+        InvalidValueError: the file can't be read, or is no JSON.
+    """
+    try:
+        about = parse_json(f"the policy description {path}", read_file(path))
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    return about.get("training") if isinstance(about, dict) else None
 
 
 def named_file(name: str) -> str:

@@ -19,9 +19,9 @@ from push_recovery.eval.learned.summary import (
     SECTORS,
     correction_table,
     outcome_table,
-    sector_of,
     summarise,
 )
+from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.policy_source import acting_in
 

@@ -6,11 +6,11 @@ import pytest
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.frontier.share import limit_share
+from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.report.direction import (
     MappedPush,
     direction_figure,
     mapped_pushes,
-    sector_of,
     stance_direction,
 )
 from push_recovery.eval.rollout.environments import make_env
@@ -27,7 +27,7 @@ def test_pushes_on_a_right_stance_are_mirrored():
 
 def test_a_sector_is_the_nearest_of_eight_directions():
     degrees = {0.0: 0, 22.0: 0, 23.0: 1, 90.0: 2, 179.0: 4, -179.0: 4, -90.0: 6, -23.0: 7, -22.0: 0}
-    assert {psi: sector_of(math.radians(psi)) for psi in degrees} == degrees
+    assert {psi: sector_of(psi) for psi in degrees} == degrees
 
 
 def test_only_single_pushes_with_a_limit_are_mapped():
