@@ -15,9 +15,11 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, Ve
 from ..controllers.errors import InvalidValueError
 from ..controllers.learned.inputs import BASE, GATE, MARGIN, OBSERVATION
 from ..controllers.policies.arms import make_policy
+from ..controllers.policies.interface import Policy
 from ..controllers.policies.residual_rule import ResidualRule
 from ..envs.biped.env import BipedEpisodes
 from ..envs.episode.episodes import GaitEpisodes
+from ..envs.joint.episodes import JointEpisodes, JointResidualEpisodes
 from ..envs.residual.action_hold import ActionHold
 from ..envs.residual.wrapper import ResidualAction
 from ..eval.rollout import environments
@@ -31,7 +33,7 @@ from .robots.critic import critic_size
 from .robots.reward import REWARDS
 from .robots.starts import PushStarts, ResetStarts, Starts
 from .robots.vec_env import TrainingRobots
-from .robots.walks import take_walks
+from .robots.walks import Uncorrected, take_walks
 from .settings import STARTS, TrainingSettings
 
 OBSERVATION_CLIP = 10.0
@@ -114,7 +116,7 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     episodes = own_episodes(settings, env, 1)
     blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
     can = {
-        "starts": STARTS if type(episodes) is BipedEpisodes else ("reset",),
+        "starts": STARTS if planned_for(episodes) else ("reset",),
         "reward": tuple(REWARDS) if episodes is not None else ("environment",),
         "inputs": (OBSERVATION,) if episodes is None or settings.on_joints else blocks,
     }
@@ -135,6 +137,11 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
             f"choose from: {', '.join(can['inputs'])}"
         )
     return settings
+
+
+def planned_for(episodes: GaitEpisodes | None) -> bool:
+    """Whether a planner can walk these robots, and each be put back into its walk."""
+    return isinstance(episodes, BipedEpisodes) and not isinstance(episodes, JointEpisodes)
 
 
 def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
@@ -166,7 +173,9 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
     if settings.starts == "reset":
         return ResetStarts(episodes, settings.drawn_pushes, pushing)
-    walker = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
+    walker: Policy = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
+    if isinstance(episodes, JointResidualEpisodes):  # whose planner is within
+        walker = Uncorrected(episodes.action_size)
     walks = take_walks(episodes, walker, settings.drawn_pushes, settings.walks, walking)
     easy = settings.easy_pushes, settings.easy_share
     return PushStarts(episodes, walks, settings.drawn_pushes, *easy, settings.least_acceptance, pushing)

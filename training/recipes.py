@@ -9,9 +9,11 @@ from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.files import is_file
 from ..controllers.learned.policy_file import policy_paths
 from ..eval.shipped.names import training_note
-from .settings import TrainingSettings
+from .settings import TRAINING_PUSHES, TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")
+# Of networks that have no planner to fall back on: the easy ones, too
+ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`
     "residual": RESIDUAL,
     **{f"residual-seed{seed}": replace(RESIDUAL, seed=seed) for seed in range(1, 5)},
@@ -19,9 +21,12 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
         RESIDUAL, profile="hardware", initial="residual", critic=("push", "sensing"), value_first=100_000,
         learning_rate=2e-4, timesteps=2_000_000,
     ),
-    "scratch": TrainingSettings("scratch"),
-    "joint": TrainingSettings("joint"),
-    "joint-residual": TrainingSettings("joint-residual"),
+    "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
+    "joint": TrainingSettings(
+        "joint", pushes=replace(ALL_PUSHES, first_step=2), policy_layers=(256, 256), log_std=-3.0,
+        gamma=0.995, learning_rate=3e-5, batch_size=4096, value_first=300_000, timesteps=8_000_000,
+    ),
+    "joint-residual": TrainingSettings("joint-residual", log_std=-2.5, gamma=0.995),
 }  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...controllers.learned.inputs import NetworkInputs, input_size
 from ...controllers.policies.residual_rule import Below, ResidualRule
 from ...envs.episode.episodes import GaitEpisodes
+from ...envs.joint.episodes import JointResidualEpisodes
 from .critic import critic_rows, critic_size
 
 Actions = NDArray[np.float32]
@@ -38,6 +39,7 @@ class Actor:
         self._episodes, self._rule, self._critic = episodes, rule, critic
         self._inputs = NetworkInputs(inputs, episodes.robot, episodes.limits)
         self.size = input_size(inputs, episodes.observation_size) + critic_size(critic)
+        self._gate = episodes.gate if isinstance(episodes, JointResidualEpisodes) else None
         n = episodes.n
         self._below = Below(np.zeros((n, 7), np.float32), np.zeros((n, 1), np.float32))
 
@@ -49,8 +51,12 @@ class Actor:
 
     @property
     def quiet(self) -> Mask:
-        """Robots (n,) that no output acts on, as seen last; all of them where there is nothing below."""
-        return self._below.opening[:, 0] <= 0.0
+        """Robots (n,) that no output acts on, since a gate is shut; none where there is no gate."""
+        if self._rule is not None:
+            return self._below.opening[:, 0] <= 0.0
+        if self._gate is not None:
+            return self._gate(self._episodes.core.observation)[:, 0] <= 0.0
+        return np.zeros(self._episodes.n, np.bool_)
 
     def inputs(self) -> NDArray[np.float32]:
         """What the networks see (n, size), as seen last."""

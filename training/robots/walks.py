@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
@@ -14,6 +16,23 @@ from ...envs.snapshot.robot_snapshot import RobotSnapshot
 
 EARLIEST, LATEST = 1.2, 3.6  # of a snapshot since reset: at least three steps, and two of them on [s]
 LONG = 60.0  # of a scenario without pushes, which no walk reaches the end of [s]
+
+
+class Uncorrected:
+    """The policy of robots that walk by themselves: zeros for each of them.
+
+    Args:
+        size: of an action.
+    """
+
+    def __init__(self, size: int):
+        self._size = size
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Zeros (n, size) for observations (n, ...)."""
+        return np.zeros((len(observation), self._size), np.float32), state
 
 
 def take_walks(

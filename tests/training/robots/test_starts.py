@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.joint.episodes import JointResidualEpisodes
 from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.training.robots.starts import PushStarts, ResetStarts, relative
-from push_recovery.training.robots.walks import EARLIEST, LATEST, take_walks
+from push_recovery.training.robots.walks import EARLIEST, LATEST, Uncorrected, take_walks
 
 HARD = PushDistribution(impulse_min=100.0, impulse_max=110.0, settle_time=1.5)
 EASY = PushDistribution(impulse_min=5.0, impulse_max=6.0, push_duration=0.2, settle_time=1.0)
@@ -32,6 +33,16 @@ def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
     assert len({walk.scenario.noise_seed for walk in walks}) == 6
     assert len({walk.scenario.command for walk in walks}) > 3
     assert all(EARLIEST <= walk.time <= LATEST + 0.01 and not walk.scenario.pushes for walk in walks)
+
+
+def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
+    """Row for row of what both robots have: the one planner is outside, the other within."""
+    corrected = JointResidualEpisodes(4)
+    own = take_walks(corrected, Uncorrected(14), HARD, 6, np.random.default_rng(3))
+    for mine, planned in zip(own, walks, strict=True):
+        assert mine.scenario == planned.scenario
+        for name in ("simulation.state", "gait.stance", "gait.heading"):
+            np.testing.assert_array_equal(mine.rows[name], planned.rows[name])
 
 
 def starts(episodes, walks, easy_share, floor=1.0, seed=0):

@@ -8,7 +8,9 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.training.builders import completed, make_env, make_robots
 from push_recovery.training.settings import TrainingSettings
 
-PENDULUM, BIPED, JOINT = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedJoint"))
+PENDULUM, BIPED, JOINT, JOINT_RESIDUAL = (
+    f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedJoint", "BipedJointResidual")
+)
 SETTINGS = TrainingSettings(env_id=BIPED, n_envs=3, walks=3, hold=2)
 
 
@@ -24,6 +26,7 @@ def robots_of(settings, seed=0):
         ("scratch", BIPED, "push", ("observation", "margin")),
         ("residual", PENDULUM, "reset", ("observation", "base", "gate", "margin")),
         ("joint", JOINT, "reset", ("observation",)),
+        ("joint-residual", JOINT_RESIDUAL, "push", ("observation",)),
     ],
 )
 def test_what_is_left_open_is_settled_by_the_environment(kind, env_id, starts, inputs):
@@ -69,6 +72,24 @@ def test_an_untrained_residual_does_what_the_planner_does_and_sees_it():
         assert not dones.any()
         np.testing.assert_allclose(episodes.motion().time - before, 0.02)
     assert (seen[:, 43] > 0.0).any()  # a push opens the gate
+
+
+def test_robots_are_quiet_where_a_gate_keeps_what_is_learned_out():
+    """With no gate something learned always acts, so that an episode goes on after a recovery."""
+    acting = robots_of(TrainingSettings("scratch", n_envs=2, walks=2))
+    acting.reset()
+    assert not acting._actor.quiet.any()
+    robots = robots_of(TrainingSettings("joint-residual", n_envs=4, walks=4, easy_share=0.0))
+    robots.reset()
+    gate, quiet = robots.episodes.gate, []
+    for _ in range(40):
+        np.testing.assert_array_equal(
+            robots._actor.quiet, gate(robots.episodes.core.observation)[:, 0] == 0.0
+        )
+        quiet.append(robots._actor.quiet.copy())
+        robots.step(np.zeros((4, 14), np.float32))
+    assert np.array(quiet[0]).all()  # the push is still to come
+    assert not np.array(quiet).all()
 
 
 def test_an_ended_episode_begins_anew_and_tells_how_it_ended():
