@@ -22,10 +22,8 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
         learning_rate=2e-4, timesteps=2_000_000,
     ),
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
-    "joint": TrainingSettings(
-        "joint", pushes=replace(ALL_PUSHES, first_step=2), policy_layers=(256, 256), log_std=-3.0,
-        gamma=0.995, learning_rate=3e-5, batch_size=4096, value_first=300_000, timesteps=8_000_000,
-    ),
+    # Imitation only: PPO has made it worse (docs/imitation.md)
+    "joint": TrainingSettings("joint", policy_layers=(256, 256), timesteps=0),
     "joint-residual": TrainingSettings("joint-residual", log_std=-2.5, gamma=0.995),
 }  # fmt: skip
 

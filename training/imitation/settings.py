@@ -9,23 +9,23 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_integer, require_kind
 from ...envs.scenario.push_distribution import PushDistribution
 
-SHOWN_PUSHES = PushDistribution(impulse_max=100.0, first_step=1, settle_time=2.0)
+SHOWN_PUSHES = PushDistribution(impulse_max=180.0, first_step=1, settle_time=2.0)
 
 
 @dataclass(frozen=True)
 class ImitationSettings:
-    """One run of DAgger; the defaults give a policy that walks after about six minutes of one core."""
+    """One run of DAgger; the defaults give a policy that walks, in a quarter of an hour of one core."""
 
     teacher: str = "two-stage"  # name of the planner that shows
     seed: int = 0  # of weights, pushes and batches
     robots: int = 128  # side by side
-    rounds: int = 100  # of collecting and fitting
+    rounds: int = 200  # of collecting and fitting
     periods: int = 50  # planning periods of all robots in a round
     batches: int = 100  # gradient steps in a round
     batch_size: int = 1024  # samples of a gradient step, from all rounds so far
     shown_rounds: int = 3  # at first, in which the teacher leads all along
     free_share: float = 0.9  # of later episodes in the end, in which it never leads; grows to that
-    growth: float = 0.03  # of that share in a round, from 0.1
+    growth: float = 0.02  # of that share in a round, from 0.1
     longest_lead: float = 1.5  # in the other episodes the teacher leads for up to this long at first [s]
     unpushed: float = 0.3  # share of episodes without a push
     settle_rounds: int = 12  # at first, over which the observations' mean and variance are taken
