@@ -32,9 +32,10 @@ ADAPTS = {
     "residual-hardware": "the same, trained under `hardware`",
     "scratch": "a network gives all seven decisions",
     "joint": "a network gives joint targets",
-    "joint-residual": "a network corrects joint torques",
+    "joint-residual": "all of it; a network corrects the joint torques",
+    "joint-residual-hardware": "the same, trained under `hardware`",
 }
-LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual")
+LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware")
 COLUMNS = ("policy", "what it may adapt", "recovered", "share (95 % interval)", "survived")
 
 

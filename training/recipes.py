@@ -12,6 +12,7 @@ from ..eval.shipped.names import training_note
 from .settings import TRAINING_PUSHES, TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")
+JOINT_RESIDUAL = TrainingSettings("joint-residual", log_std=-2.5, gamma=0.995)
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`
@@ -24,7 +25,11 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
     # Imitation only: PPO has made it worse (docs/imitation.md)
     "joint": TrainingSettings("joint", policy_layers=(256, 256), timesteps=0),
-    "joint-residual": TrainingSettings("joint-residual", log_std=-2.5, gamma=0.995),
+    "joint-residual": JOINT_RESIDUAL,
+    "joint-residual-hardware": replace(
+        JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),
+        value_first=100_000, learning_rate=2e-4, timesteps=2_000_000,
+    ),
 }  # fmt: skip
 
 

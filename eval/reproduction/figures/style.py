@@ -63,6 +63,7 @@ ARM_STYLES: dict[str, ArmStyle] = {
     "scratch": ArmStyle("#a87500", (0, (3, 2)), "1", "from scratch"),
     "joint": ArmStyle("#0b7a55", (0, (4, 3)), "2", "joint targets"),
     "joint-residual": ArmStyle("#5b7083", (0, (5, 1, 2, 1)), "3", "joint residual"),
+    "joint-residual-hardware": ArmStyle("#33475a", (0, (8, 2, 2, 2)), "4", "joint residual, hardware"),
     "two-stage+double-support": ArmStyle("#4b2a86", (0, (10, 2)), "p", "two-stage, double support"),
 }
 LIMIT_STYLES: dict[str, ArmStyle] = {
