@@ -205,3 +205,12 @@ def test_a_second_writer_of_a_board_is_refused(given, tmp_path, capsys):
         assert main(["submit", str(out), "--suite", suite, "--board", str(board), "--workers", "1"]) == 2
         assert [path.name for path in board.iterdir()] == [LOCK]
     assert "error: another run (process " in capsys.readouterr().err
+
+
+def test_the_page_of_the_documentation_is_made_of_its_entries():
+    board = Path(__file__).parents[3] / "docs" / "leaderboard"
+    assert (board / "README.md").read_text() == board_page(read_board(board))
+
+
+def test_an_empty_board_says_so(tmp_path):
+    assert "No results yet" in board_page(read_board(tmp_path))
