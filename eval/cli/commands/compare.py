@@ -67,7 +67,7 @@ class Compare(SuiteOptions, RobotOptions):
 
     def _page(self, comparison: Comparison) -> Path | None:
         """The page of both policies, beside their rows."""
-        from ...report.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import write_evaluation_page
         from ...report.replay import command_of
 
         found = {self.profile: comparison.evaluation}

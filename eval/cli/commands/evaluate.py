@@ -106,7 +106,7 @@ class Evaluate(SuiteOptions):
 
     def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:
         """The page of all profiles, in the directory that was named or in the first profile's."""
-        from ...report.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import write_evaluation_page
         from ...report.replay import command_of
 
         command = command_of("evaluate", self)

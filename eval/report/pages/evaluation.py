@@ -10,15 +10,15 @@ from typing import Any
 
 import gymnasium as gym
 
-from ..rollout.environments import code_digest, make_env
-from ..score.evaluate import Evaluation
-from ..score.kinds import groups_of, kind_cells
-from . import failures, headline, impulse, pairs
-from .direction import direction_figure, mapped_pushes
-from .labels import short_labels
-from .page import manifest, write_page
-from .replay import Command
-from .scenarios import SIGNS, ScenarioLine, scenario_lines
+from ...rollout.environments import code_digest, make_env
+from ...score.evaluate import Evaluation
+from ...score.kinds import groups_of, kind_cells
+from ..labels import short_labels
+from ..page import manifest, write_page
+from ..parts import failures, headline, impulse, pairs
+from ..parts.direction import direction_figure, mapped_pushes
+from ..parts.scenarios import SIGNS, ScenarioLine, scenario_lines
+from ..replay import Command
 
 Evaluations = Mapping[str, Evaluation]  # by profile
 Cells = list[tuple[str, ...]]
