@@ -15,9 +15,11 @@ from ...score.evaluate import Evaluation
 from ...score.kinds import groups_of, kind_cells
 from ..labels import short_labels
 from ..page import manifest, write_page
-from ..parts import failures, headline, impulse, pairs
+from ..parts import failures, headline, impulse, pairs, training_seeds
 from ..parts.direction import direction_figure, mapped_pushes
 from ..parts.scenarios import SIGNS, ScenarioLine, scenario_lines
+from ..parts.survival import SurvivalPart, survival_part
+from ..parts.training_seeds import SeedPart, seed_part
 from ..replay import Command
 
 Evaluations = Mapping[str, Evaluation]  # by profile
@@ -45,6 +47,8 @@ class ProfilePart:
     kind_columns: list[str]
     kinds: Cells
     scenarios: list[ScenarioLine]
+    seeds: SeedPart | None
+    survival: SurvivalPart | None
 
 
 def write_evaluation_page(evaluations: Evaluations, command: Command, directory: Path) -> Path:
@@ -77,6 +81,8 @@ def write_evaluation_page(evaluations: Evaluations, command: Command, directory:
         "curve_columns": impulse.COLUMNS,
         "pair_columns": pairs.COLUMNS,
         "most_shown": pairs.MOST_SHOWN,
+        "seed_columns": training_seeds.COLUMNS,
+        "against_columns": training_seeds.AGAINST,
         "explained": failures.explained([r for part in parts for r in part.reason_columns]),
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),
@@ -116,6 +122,8 @@ def _part(
         ["kind of push", *labels.values()],
         [(group, *(cells[group] for cells in groups.values())) for group in groups_of(scenarios)],
         scenario_lines(found),
+        seed_part(found, labels),
+        survival_part(found, labels),
     )
 
 
