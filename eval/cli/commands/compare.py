@@ -67,9 +67,9 @@ class Compare(SuiteOptions, RobotOptions):
 
     def _page(self, comparison: Comparison) -> Path | None:
         """The page of both policies, beside their rows."""
-        from ...report.pages.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import with_pictures
         from ...report.replay import command_of
 
         found = {self.profile: comparison.evaluation}
         command = command_of("compare", self, ("a", "b"))
-        return write_or_say(lambda: write_evaluation_page(found, command, comparison.directory))
+        return write_or_say(lambda: with_pictures(found, command, comparison.directory))

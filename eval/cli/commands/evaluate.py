@@ -106,11 +106,11 @@ class Evaluate(SuiteOptions):
 
     def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:
         """The page of all profiles, in the directory that was named or in the first profile's."""
-        from ...report.pages.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import with_pictures
         from ...report.replay import command_of
 
         command = command_of("evaluate", self)
-        return write_or_say(lambda: write_evaluation_page(found, command, self.directory or default))
+        return write_or_say(lambda: with_pictures(found, command, self.directory or default))
 
     def _object(self, evaluation: Evaluation, shown: Evaluation) -> dict[str, Any]:
         """The contract's object, and beside it the score of a stored ceiling where there is one."""

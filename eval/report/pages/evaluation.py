@@ -10,13 +10,15 @@ from typing import Any
 
 import gymnasium as gym
 
+from ...film.strip import STRIP
 from ...rollout.environments import code_digest, make_env
 from ...score.evaluate import Evaluation
 from ...score.kinds import groups_of, kind_cells
 from ..labels import short_labels
-from ..page import manifest, write_page
+from ..page import manifest, require_report, write_page
 from ..parts import failures, headline, impulse, pairs, training_seeds
 from ..parts.direction import direction_figure, mapped_pushes
+from ..parts.pictures import PicturePart, picture_part
 from ..parts.scenarios import SIGNS, ScenarioLine, scenario_lines
 from ..parts.survival import SurvivalPart, survival_part
 from ..parts.training_seeds import SeedPart, seed_part
@@ -24,6 +26,7 @@ from ..replay import Command
 
 Evaluations = Mapping[str, Evaluation]  # by profile
 Cells = list[tuple[str, ...]]
+NONE = PicturePart()
 
 
 @dataclass(frozen=True)
@@ -51,13 +54,16 @@ class ProfilePart:
     survival: SurvivalPart | None
 
 
-def write_evaluation_page(evaluations: Evaluations, command: Command, directory: Path) -> Path:
+def write_evaluation_page(
+    evaluations: Evaluations, command: Command, directory: Path, pictures: PicturePart = NONE
+) -> Path:
     """Write report.html into a directory; returns its path.
 
     Args:
         evaluations: of the same policies, by profile.
         command: that led to them.
         directory: where the page goes.
+        pictures: of pushes that set two policies apart.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -79,6 +85,8 @@ def write_evaluation_page(evaluations: Evaluations, command: Command, directory:
         "rate_figure": headline.rate_figure(evaluations, labels),
         "rate_columns": headline.COLUMNS,
         "curve_columns": impulse.COLUMNS,
+        "pictures": pictures,
+        "moments": f"{STRIP[0]:g} s to {STRIP[-1]:g} s",
         "pair_columns": pairs.COLUMNS,
         "most_shown": pairs.MOST_SHOWN,
         "seed_columns": training_seeds.COLUMNS,
@@ -89,6 +97,14 @@ def write_evaluation_page(evaluations: Evaluations, command: Command, directory:
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),
     }
     return write_page(directory, "evaluation.html", content)
+
+
+def with_pictures(evaluations: Evaluations, command: Command, directory: Path) -> Path:
+    """`write_evaluation_page` with pictures of the first profile, which take seconds; see there."""
+    require_report()
+    first = next(iter(evaluations.values()))
+    pictures = picture_part(first, short_labels(first.rows))
+    return write_evaluation_page(evaluations, command, directory, pictures)
 
 
 def _part(

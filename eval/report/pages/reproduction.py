@@ -38,7 +38,7 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
         "verdict": verdict(told),
         "claim_columns": COLUMNS,
         "claims": [tuple(cell.translate(CODE) for cell in claim) for claim in told],
-        "pictures": pictures(found.pictures),
+        "pictures": pictures(found.pictures, found.directory),
         "tables": [
             (title.translate(CODE), columns, [tuple(cell.translate(CODE) for cell in row) for row in cells])
             for title, columns, cells in found.tables
@@ -59,9 +59,14 @@ def verdict(told: Sequence[Claim]) -> str:
     )
 
 
-def pictures(paths: Sequence[Path]) -> list[tuple[str, str]]:
-    """Caption and content of each picture that the paper's figures stand for, in its order."""
-    by_name = {path.name: path for path in paths}
+def pictures(paths: Sequence[Path], directory: Path) -> list[tuple[str, str]]:
+    """Caption and content of each picture that the paper's figures stand for, in its order.
+
+    Args:
+        paths: of all pictures; those in folders below are variants.
+        directory: of the reproduction.
+    """
+    by_name = {path.name: path for path in paths if path.parent == directory}
     found = []
     for name, caption in SHOWN:
         if name in by_name:

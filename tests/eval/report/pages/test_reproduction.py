@@ -19,7 +19,9 @@ def test_the_headline_counts_the_verdicts():
 def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
     for name in ("fig7_limits.png", "fig3_paths.png", "fig5_motion.gif", "fig7_limits.svg", "other.png"):
         (tmp_path / name).write_bytes(name.encode())
-    found = pictures(sorted(tmp_path.iterdir()))
+    (tmp_path / "scaled-weights").mkdir()
+    (tmp_path / "scaled-weights" / "fig3_paths.png").write_bytes(b"of other weights")
+    found = pictures(sorted(tmp_path.rglob("*.*")), tmp_path)
     content = [re.fullmatch(r"data:image/(png|gif);base64,(.*)", data) for _, data in found]
     assert [base64.b64decode(match[2]).decode() for match in content if match] == [
         "fig3_paths.png", "fig5_motion.gif", "fig7_limits.png"
