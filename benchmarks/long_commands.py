@@ -26,6 +26,7 @@ RECIPES["residual"] = replace(
     evaluate_every=512, evaluation_scenarios=8)
 raise SystemExit(main())
 """
+ROLLOUT = 256  # timesteps; a run that was interrupted within one ends less than one later
 MODULE = ("-m", "push_recovery")
 ROWS = ("**/outcomes.jsonl",)
 
@@ -69,11 +70,12 @@ class LongCommand:
         return [sys.executable, *self.program, *words, *number, *where]
 
     def content(self, out: Path) -> object:
-        """What must be equal; of training its last point and what it leaves."""
+        """What must be equal; of training the whole rollouts at its end, and what it leaves."""
         if self.trains:
             curve = next(out.rglob("curve.csv"))
-            last = curve.read_text().splitlines()[-1].split(",")[0]
-            return last, sorted(path.name for folder in {out, curve.parent} for path in folder.iterdir())
+            last = int(curve.read_text().splitlines()[-1].split(",")[0])
+            folders = {out, curve.parent}
+            return last // ROLLOUT, sorted(path.name for folder in folders for path in folder.iterdir())
         lines = {
             str(path.relative_to(out)): sorted(path.read_text().splitlines())
             for pattern in self.kept
