@@ -29,12 +29,14 @@ class Compare(SuiteOptions, RobotOptions):
         """Compare two policies, print the table or the object."""
         from ...output.tables import print_table
         from ...score.compare import compare
+        from ..archives import trusted
 
         self.check_film()
         env_id = self.env_id
+        a, b = trusted((self.a, self.b), self.trust)
         comparison = compare(
-            self.a,
-            self.b,
+            a,
+            b,
             self.pushes_under(self.profile),
             env_id,
             self.workers,
