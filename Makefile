@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run policies tables docs test test-newest test-oldest lint format same mutants clean
+.PHONY: run policies tables leaderboard docs test test-newest test-oldest lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -58,6 +58,10 @@ docs: $(VENV)/run.stamp
 # the README's table on `hard` again; rows that are in runs/ already are kept
 tables: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/tables.py
+
+# arms and shipped policies on the leaderboard of the documentation; rows that are in runs/ already are kept
+leaderboard: $(VENV)/run.stamp
+	$(BIN)/python benchmarks/leaderboard.py
 
 # small faults one by one: do the tests notice? It takes hours; a run that is ended goes on where it was
 mutants: $(VENV)/dev.stamp

@@ -1,14 +1,16 @@
-"""Long commands, killed and interrupted at random moments and run again: do they end with the same rows?
+"""Long commands, killed, interrupted and doubled at random moments: do they end with the same rows?
 
-python benchmarks/kills.py [--commands evaluate tune ...] [--kills 20] [--interrupts 10] [--seed 0]
+python benchmarks/kills.py [--commands evaluate tune ...] [--kills 9] [--interrupts 5] [--writers 1]
 
-Each command runs once undisturbed, which gives the rows to compare with and the time over which the moments
-are drawn. Then it is killed (SIGKILL, of the command alone) and started again, in one directory until it ends
-there, then in the next; the rows of every directory must be those of the first. Then Ctrl-C comes twice, as a
-terminal sends it, to every process: the command must be out within 3 s, with exit code 130 (or that of its
-own end), with one line and no traceback, leave no process, and end with the same rows when it is run again. A
-training run that goes on meets other pushes, so of it only the end is compared. `early` counts the Ctrl-C
-that came before Python had loaded anything of this project. Exit code 1 where something fails.
+Each command of `long_commands.py` runs once undisturbed, which gives the rows to compare with and the time
+over which the moments are drawn. Then it is killed (SIGKILL, of the command alone) and started again, in
+one directory until it ends there, then in the next; the rows of every directory must be those of the first.
+Then Ctrl-C comes twice, as a terminal sends it, to every process: the command must be out within 3 s, with
+exit code 130 (or that of its own end), with one line and no traceback, leave no process, and end with the
+same rows when it is run again. Last a second one is started in the directory of one that is writing: it
+must be refused in one line, and the first must end with the same rows. A training run that goes on meets
+other pushes, so of it only the end is compared. `early` counts the Ctrl-C that came before Python had
+loaded anything of this project. Exit code 1 where something fails.
 """
 
 from __future__ import annotations
@@ -28,26 +30,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from push_recovery.eval.score.suites import Suite, standard_suite
+from long_commands import COMMANDS, prepare
+from push_recovery.eval.processes.writer import LOCK
 
-PENDULUM = ("--env", "PushRecovery/Pendulum-v0")
-BUDGET = ("--trials", "8", "--scenarios", "16", "--held-out", "16")
-TRAINING = (
-    "--timesteps", "2048", "--n-envs", "4", "--n-steps", "64", "--checkpoint-every", "256",
-    "--evaluate-every", "512", "--evaluation-scenarios", "8",
-)  # fmt: skip
-COMMANDS = {
-    "evaluate": ("evaluate", *PENDULUM, "--suite", "SUITE", "--policies", "stage-1", "two-stage"),
-    "frontier": ("frontier", *PENDULUM, "--policies", "stage-1", "two-stage", "--directions", "6"),
-    "reproduce": ("reproduce", "limits"),
-    "tune": ("tune", *PENDULUM, "--policies", "stage-1", *BUDGET),
-    "sensitivity": ("sensitivity", "--sample", "6", "--variations", "step-1ms", "--policies", "stage-1"),
-    "train": ("train", "scratch", *PENDULUM, *TRAINING),
-}  # fmt: skip
 OUT_WITHIN = 3.0  # of the first Ctrl-C [s]
 BETWEEN = 0.5  # two of them at most [s]
 OURS = re.compile(r"push-recovery|src/push_recovery|(eval|training|envs|controllers)/\w")
 ENDED = (0, 130)  # exit codes of a command that ended by itself, or was interrupted
+REFUSED = 2  # exit code
 
 
 @dataclass
@@ -57,9 +47,16 @@ class Found:
     kills: int = 0
     interrupts: int = 0
     early: int = 0  # of these: before Python had loaded anything
+    writers: int = 0  # second ones
     compared: int = 0  # directories whose rows were compared
     slowest: float = 0.0  # from the first Ctrl-C to the end of the command [s]
     faults: list[str] = field(default_factory=list)
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Of the table."""
+        counts = (self.kills, self.interrupts, self.early, self.writers, self.compared)
+        return (*map(str, counts), f"{self.slowest:.1f}", str(len(self.faults)))
 
 
 class Trial:
@@ -73,11 +70,9 @@ class Trial:
     """
 
     def __init__(self, name: str, place: Path, workers: int, draw: random.Random):
-        suite = place / "suite.json"
-        Suite("head", "1", standard_suite().scenarios[:64]).save(suite)
-        self._words = [str(suite) if word == "SUITE" else word for word in COMMANDS[name]]
-        self._words += [] if name == "train" else ["--workers", str(workers)]
-        self._trains, self._place, self._draw = name == "train", place, draw
+        prepare(place)
+        self._command, self._workers = COMMANDS[name], workers
+        self._place, self._draw = place, draw
         self._number, self.found = 0, Found()
         began = time.monotonic()
         self._whole = self._fresh()
@@ -131,16 +126,38 @@ class Trial:
             self.found.faults.append(f"Ctrl-C: code {process.returncode} after {took:.1f} s: {said[-2000:]}")
         self._check_group(process, "Ctrl-C")
 
+    def write_twice(self, times: int) -> None:
+        """Start a second one in the directory of the first, which stands still meanwhile, so many times."""
+        for _ in range(times):
+            out = self._fresh()
+            first = self._stopped_while_writing(out)
+            second = self._start(out)
+            said = second.communicate()[1]
+            os.kill(first.pid, signal.SIGCONT)
+            self.found.writers += 1
+            if second.returncode != REFUSED or "another run" not in said or len(said.splitlines()) > 1:
+                self.found.faults.append(f"a second writer: code {second.returncode}: {said[-2000:]}")
+            self._end(first)
+            self._compared(out)
+
+    def _stopped_while_writing(self, out: Path) -> subprocess.Popen[str]:
+        """The command, stopped while it has the lock of a directory."""
+        while True:
+            process = self._start(out)
+            while process.poll() is None:
+                if any(out.rglob(LOCK)):
+                    os.kill(process.pid, signal.SIGSTOP)
+                    if any(out.rglob(LOCK)):
+                        return process
+                    os.kill(process.pid, signal.SIGCONT)
+                time.sleep(0.005)
+            self._end(process)
+            shutil.rmtree(out)  # it was too quick
+
     def _start(self, out: Path) -> subprocess.Popen[str]:
-        """The command in a process group of its own; a run of training goes on where it has a checkpoint."""
-        where = ["--out", str(out)]
-        if self._trains and any((out / "checkpoints").glob("[0-9]*")):
-            where = ["--resume", str(out)]
-        words = [*self._words, *where]
-        if where[0] == "--resume":  # all else is that of the run
-            words = ["train", "scratch", *where]
+        """The command in a process group of its own."""
         return subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "push_recovery", *words],
+            self._command.line(self._place, out, self._workers),
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
 
@@ -175,23 +192,12 @@ class Trial:
 
     def _compared(self, out: Path) -> Path:
         """Compare a directory with that of the run that nothing disturbed; returns the next one."""
-        if _content(out, self._trains) != _content(self._whole, self._trains):
+        if self._command.content(out) != self._command.content(self._whole):
             self.found.faults.append(f"other rows than undisturbed: {out}")
         else:
             shutil.rmtree(out)
         self.found.compared += 1
         return self._fresh()
-
-
-def _content(out: Path, trains: bool) -> object:
-    """What must be equal: rows, and the preset of a search; of training its last point and what it leaves."""
-    if trains:
-        last = (out / "curve.csv").read_text().splitlines()[-1].split(",")[0]
-        return last, sorted(path.name for path in out.iterdir())
-    presets = [path.read_text() for path in sorted(out.rglob("preset.json"))]
-    rows = [sorted(path.read_text().splitlines()) for path in sorted(out.rglob("outcomes.jsonl"))]
-    left = [path.name for path in out.rglob("*") if path.name.startswith("candidate")]
-    return rows, presets, left
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -200,24 +206,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--commands", nargs="+", choices=COMMANDS, default=list(COMMANDS), metavar="NAME")
-    parser.add_argument("--kills", type=int, default=20, help="of each command")
-    parser.add_argument("--interrupts", type=int, default=10, help="of each command, two Ctrl-C each")
+    parser.add_argument("--kills", type=int, default=9, help="of each command")
+    parser.add_argument("--interrupts", type=int, default=5, help="of each command, two Ctrl-C each")
+    parser.add_argument("--writers", type=int, default=1, help="of each command that are refused")
     parser.add_argument("--workers", type=int, default=2, help="of each command")
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     options = parser.parse_args(argv)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # children would inherit that it is ignored
     place = Path(tempfile.mkdtemp(prefix="kills-"))
     faults = 0
-    print("| command | kills | two Ctrl-C | early | directories compared | slowest end [s] | faults |")
-    print("|---|---|---|---|---|---|---|", flush=True)
+    print("| command | kills | two Ctrl-C | early | second writers | compared | slowest end [s] | faults |")
+    print("|---|---|---|---|---|---|---|---|", flush=True)
     for name in options.commands:
-        (place / name).mkdir(parents=True, exist_ok=True)
         trial = Trial(name, place / name, options.workers, random.Random(f"{options.seed} {name}"))  # noqa: S311
         trial.kill(options.kills)
         trial.interrupt(options.interrupts)
+        trial.write_twice(options.writers)
         found = trial.found
-        counts = (found.kills, found.interrupts, found.early, found.compared, f"{found.slowest:.1f}")
-        print("|", " | ".join(map(str, (f"`{name}`", *counts, len(found.faults)))), "|", flush=True)
+        print("|", " | ".join((f"`{name}`", *found.cells)), "|", flush=True)
         for fault in found.faults:
             print(json.dumps(fault), file=sys.stderr)
         faults += len(found.faults)

@@ -62,8 +62,10 @@ ROOMS = (
     "eval.reproduction.report",
     "eval.record",
     "eval.learned",
-    "eval.report",
     "eval.film",
+    "eval.report",
+    "eval.report.parts",
+    "eval.report.pages",
     "eval.play",  # a session, without a viewer
     "eval.play.browser",
     "eval.cli",

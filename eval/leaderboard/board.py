@@ -86,6 +86,8 @@ def board_page(entries: Sequence[Entry]) -> str:
         )
         table = markdown_table(COLUMNS, [_cells(entry) for entry in ranked])
         parts.append(f"\n## {name}, {env}\n\nSuite SHA-256 `{digest}`.\n\n{table}")
+    if not entries:
+        return f"{parts[0]}\nNo results yet.\n"
     parts.append(
         "\nRecovered counts; intervals are Wilson's, 95 %. Checked: rows that were run again, bit for bit, "
         "when the entry was made. Rows of different code are not of one robot: compare those of equal code.\n"

@@ -60,6 +60,8 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
         default = entry.default if entry.default_factory is MISSING else entry.default_factory()
         if value == default or entry.name in {*positional, *WITHOUT_RESULT}:
             continue
-        values = tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
+        values = (
+            () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
+        )
         said.append(("--" + entry.name.replace("_", "-"), values))
     return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(said))

@@ -125,9 +125,9 @@ def _refuse_archive(name: str) -> None:
     """Say what to do about files that hold code."""
     if name.endswith(".zip"):
         raise InvalidValueError(
-            f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: load it "
-            "yourself and score the model, push_recovery.evaluate(policies={'mine': PPO.load(...)}), or name "
-            "a function that does so, MODULE:FUNCTION"
+            f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: where you "
+            "trust it, evaluate and compare take --trust; or load it yourself and score the model, "
+            "push_recovery.evaluate(policies={'mine': PPO.load(...)})"
         )
     if name.endswith(".py"):
         raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")

@@ -29,12 +29,14 @@ class Compare(SuiteOptions, RobotOptions):
         """Compare two policies, print the table or the object."""
         from ...output.tables import print_table
         from ...score.compare import compare
+        from ..archives import trusted
 
         self.check_film()
         env_id = self.env_id
+        a, b = trusted((self.a, self.b), self.trust)
         comparison = compare(
-            self.a,
-            self.b,
+            a,
+            b,
             self.pushes_under(self.profile),
             env_id,
             self.workers,
@@ -67,9 +69,9 @@ class Compare(SuiteOptions, RobotOptions):
 
     def _page(self, comparison: Comparison) -> Path | None:
         """The page of both policies, beside their rows."""
-        from ...report.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import with_pictures
         from ...report.replay import command_of
 
         found = {self.profile: comparison.evaluation}
         command = command_of("compare", self, ("a", "b"))
-        return write_or_say(lambda: write_evaluation_page(found, command, comparison.directory))
+        return write_or_say(lambda: with_pictures(found, command, comparison.directory))

@@ -11,7 +11,7 @@ from tyro.conf import arg
 
 from ....controllers.errors import InvalidValueError
 from ...rollout.names import TABLE_ARMS
-from ..options import PROFILE_TEXT, SUITES_TEXT, Count, EnvOptions, ErrorOptions, RunningOptions, within
+from ..options import PROFILE_TEXT, SUITES_TEXT, Count, EnvOptions, ErrorOptions, Flag, RunningOptions, within
 from ..page import print_page, write_or_say
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     """Of a command that runs policies on a suite."""
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
+    trust: Flag = False
+    """Take archives of Stable-Baselines3 (FILE.zip) as policies: loading one runs the code that is in it, as
+    you (docs/reliability.md)."""
     film: Annotated[Literal["discordant"] | None, arg(help_behavior_hint="")] = None
     """Film pushes that one policy recovers from and another does not, side by side, as GIF and mp4."""
     films: Count = field(default=4, metadata=within(1))
@@ -106,11 +109,11 @@ class Evaluate(SuiteOptions):
 
     def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:
         """The page of all profiles, in the directory that was named or in the first profile's."""
-        from ...report.evaluation import write_evaluation_page
+        from ...report.pages.evaluation import with_pictures
         from ...report.replay import command_of
 
         command = command_of("evaluate", self)
-        return write_or_say(lambda: write_evaluation_page(found, command, self.directory or default))
+        return write_or_say(lambda: with_pictures(found, command, self.directory or default))
 
     def _object(self, evaluation: Evaluation, shown: Evaluation) -> dict[str, Any]:
         """The contract's object, and beside it the score of a stored ceiling where there is one."""
@@ -125,13 +128,14 @@ class Evaluate(SuiteOptions):
         from ...ceiling.stored import with_ceiling
         from ...score.evaluate import evaluate, write_reports
         from ...score.report import evaluation_markdown
+        from ..archives import trusted
 
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
-        found, shown = {}, {}
+        policies, found, shown = trusted(self.policies, self.trust), {}, {}
         for name, suite in suites.items():
             several = self.directory is not None and len(suites) > 1
             place = self.directory / name if several and self.directory else self.directory
-            found[name] = evaluate(suite, self.env_id, self.policies, self.workers, place, self.overwrite)
+            found[name] = evaluate(suite, self.env_id, policies, self.workers, place, self.overwrite)
             shown[name] = with_ceiling(found[name], self.workers, self.overwrite)
             write_reports(found[name], evaluation_markdown(shown[name]))
         return found, shown

@@ -33,7 +33,7 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
         from ...frontier.report import frontier_cells, frontier_columns, write_frontier_reports
         from ...frontier.scan import FrontierSettings, default_grid, frontier
         from ...output.tables import print_table
-        from ...report.frontier import write_frontier_page
+        from ...report.pages.frontier import write_frontier_page
         from ...report.replay import command_of
 
         env_id = self.env_id

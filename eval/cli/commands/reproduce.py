@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from ....controllers.errors import InvalidValueError, shown
 from ..options import Count, RunningOptions, within
+from ..page import print_page, write_or_say
 
 Section = Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]
 
@@ -33,10 +34,15 @@ class Reproduce(RunningOptions):
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
         from ...output.tables import print_table
+        from ...report.pages.reproduction import write_reproduction_page
+        from ...report.replay import command_of
         from ...reproduction.report.run import RESULT, TABLES, reproduce
 
         page = None if self.page is None else Path(self.page)
         found = reproduce(self.section, self.directions, self.workers, self.directory, self.overwrite, page)
+        report = write_or_say(
+            lambda: write_reproduction_page(found, command_of("reproduce", self, ("section",)))
+        )
         if self.json:
             self.print_json(found.content)
             return
@@ -44,3 +50,4 @@ class Reproduce(RunningOptions):
             print_table(*table)
         for path in (found.directory / RESULT, found.directory / TABLES, *found.pictures):
             print(path)
+        print_page(report)

@@ -31,19 +31,21 @@ class Submit(JsonOption):
     """Processes; changes no result."""
 
     def run(self) -> None:
-        """Check, add the entries, write the page."""
+        """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""
         from ...leaderboard.again import run_again, sample_of
         from ...leaderboard.board import PAGE, add_entry, entry_of
         from ...leaderboard.submission import read_submission
         from ...output.place import require_place
+        from ...processes.writer import Writer
 
         board = Path(self.board)
         submission = read_submission(Path(self.directory), self.suite)
         require_place(board / PAGE)
-        samples = sample_of(submission, self.sample, self.seed)
-        run_again(submission, samples, self.workers)
-        entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
-        files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
+        with Writer(board):
+            samples = sample_of(submission, self.sample, self.seed)
+            run_again(submission, samples, self.workers)
+            entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
+            files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
         if self.json:
             self.print_json({"entries": entries, "files": files, "page": str(board / PAGE)})
             return

@@ -11,6 +11,7 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.leaderboard.again import run_again, sample_of
 from push_recovery.eval.leaderboard.board import add_entry, board_page, entry_of, read_board
 from push_recovery.eval.leaderboard.submission import read_submission
+from push_recovery.eval.processes.writer import LOCK, Writer
 from push_recovery.eval.score.evaluate import evaluate, write_reports
 from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
 
@@ -195,3 +196,21 @@ def test_what_is_no_directory_of_results(tmp_path, capsys):
     (tmp_path / "config.json").write_text('{"format": 1}')
     assert main(["submit", str(tmp_path)]) == 2
     assert "no results of evaluate" in capsys.readouterr().err
+
+
+def test_a_second_writer_of_a_board_is_refused(given, tmp_path, capsys):
+    out, suite, _ = given
+    board = tmp_path / "board"
+    with Writer(board):
+        assert main(["submit", str(out), "--suite", suite, "--board", str(board), "--workers", "1"]) == 2
+        assert [path.name for path in board.iterdir()] == [LOCK]
+    assert "error: another run (process " in capsys.readouterr().err
+
+
+def test_the_page_of_the_documentation_is_made_of_its_entries():
+    board = Path(__file__).parents[3] / "docs" / "leaderboard"
+    assert (board / "README.md").read_text() == board_page(read_board(board))
+
+
+def test_an_empty_board_says_so(tmp_path):
+    assert "No results yet" in board_page(read_board(tmp_path))

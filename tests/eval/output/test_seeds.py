@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.output.seeds import (
+    bootstrap_band,
     bootstrap_interval,
     interquartile_mean,
     performance_profile,
     probability_of_improvement,
+    stratum_rates,
 )
 from scipy import stats
 
@@ -63,6 +65,38 @@ def test_scenarios_are_drawn_together_for_both_arms():
     base = np.random.default_rng(7).normal(size=(1, 50))
     interval = bootstrap_interval(gain, [base + 0.25, base], np.random.default_rng(8), draws=50)
     assert interval == pytest.approx((0.25, 0.25))
+
+
+def test_each_scenario_is_drawn_from_its_own_stratum():
+    """Strata far apart, 30 scenarios in one and 10 in the other: only what differs within them counts."""
+    rng = np.random.default_rng(10)
+    strata = rng.permutation(np.repeat([0, 1], [30, 10]))
+    scores = np.where(strata == 0, 0.0, 100.0) + rng.normal(scale=np.where(strata == 0, 1.0, 3.0))
+    sizes, variances = (30, 10), [np.var(scores[strata == k]) for k in (0, 1)]
+    deviation = np.sqrt(sum((n / 40) ** 2 * v / n for n, v in zip(sizes, variances, strict=True)))
+    low, high = bootstrap_interval(mean, [scores[None]], np.random.default_rng(11), draws=4000, strata=strata)
+    assert high - low == pytest.approx(2 * 1.96 * deviation, rel=0.06)
+    alone = bootstrap_interval(mean, [scores[None]], np.random.default_rng(11), draws=400)
+    assert alone[1] - alone[0] > 5 * (high - low)
+
+
+def test_rates_of_strata():
+    rates = stratum_rates([[1.0, 0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0]], [0, 2, 0, 1, 2])
+    np.testing.assert_allclose(rates, [[1.0, 1.0, 0.0], [0.5, 0.0, 0.0]])
+
+
+def test_a_band_is_an_interval_at_every_threshold():
+    scores = [np.random.default_rng(12).normal(size=(4, 25))]
+    at = [-1.0, 0.0, 0.5]
+    band = bootstrap_band(
+        lambda drawn: performance_profile(drawn, at), scores, np.random.default_rng(1), draws=300
+    )
+    assert band.shape == (2, 3)
+    for k, threshold in enumerate(at):
+        alone = bootstrap_interval(
+            lambda drawn, t=threshold: float(np.mean(drawn > t)), scores, np.random.default_rng(1), draws=300
+        )
+        np.testing.assert_allclose(band[:, k], alone)
 
 
 def test_draws_and_level_are_the_callers():

@@ -1,6 +1,7 @@
 """Evaluations whose rows are written by hand."""
 
 import json
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -28,7 +29,9 @@ def row(policy: str, scenario, letter: str) -> dict:
     return {
         "scenario_id": scenario.id, "policy": policy, "recovered": letter == "r", "survived": letter != "f",
         "failure_reason": "com_height" if letter == "f" else None, "end_time": 3.25,
-        "impulse": scenario.pushes[0].impulse_magnitude, "first_limit": "cop" if letter == "f" else None,
+        "impulse": scenario.pushes[0].impulse_magnitude,
+        "psi_deg": math.degrees(scenario.pushes[0].direction),
+        "first_limit": "cop" if letter == "f" else None,
         "limit_shares": {"cop": 0.5} if letter == "f" else {}, "policy_sha256": None,
     }  # fmt: skip
 

@@ -16,6 +16,9 @@ def test_a_command_says_what_decides_outcomes_and_is_no_default():
         "push-recovery evaluate --policies two-stage 'my file.safetensors' --profile exact hardware"
     )
     assert parse("evaluate", shlex.split(command.text)[2:]).policies == options.policies
+    trusting = command_of("evaluate", Evaluate(policies=("model.zip",), trust=True))
+    assert trusting.text == "push-recovery evaluate --trust --policies model.zip"
+    assert parse("evaluate", shlex.split(trusting.text)[2:]).trust
     compared = command_of("compare", Compare(a="x", b="y", suite="hard"), ("a", "b"))
     assert compared.text == "push-recovery compare x y --suite hard"
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...envs.scenario.scenario import Scenario
-from ..output.logistic import LogisticFit, fit_logistic
-from ..output.statistics import wilson_interval
-from ..score.kinds import KINDS
-from .figure import BLUE, GREY, INK, ORANGE, new_panel, page_style, to_svg
+from ....envs.scenario.scenario import Scenario
+from ...output.logistic import LogisticFit, fit_logistic
+from ...output.statistics import wilson_interval
+from ...score.kinds import KINDS
+from ..figure import BLUE, GREY, INK, ORANGE, new_panel, page_style, to_svg
 
 Row = Mapping[str, Any]
 Array = NDArray[np.float64]

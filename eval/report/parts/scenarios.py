@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..score.evaluate import Evaluation
-from .labels import outcome_words, scenario_words
+from ...score.evaluate import Evaluation
+from ..labels import outcome_words, scenario_words
 
 Row = Mapping[str, Any]
 SIGNS = {"recovered": "\N{CHECK MARK}", "survived": "\N{WHITE CIRCLE}", "fell": "\N{MULTIPLICATION X}"}

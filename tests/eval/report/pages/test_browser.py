@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from push_recovery.eval.report.evaluation import write_evaluation_page
+from push_recovery.eval.report.pages.evaluation import write_evaluation_page
 from push_recovery.eval.report.replay import Command
 
 pytest.importorskip("jinja2", reason="needs the extra report")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ...controllers.whole_body.bounds_met import BOUNDS
-from ..score.bounds_met import bound_summary
-from ..score.evaluate import Evaluation
-from .figure import BLUE, GREY, INK, PALE, beside_axis, new_panel, page_style, to_svg
-from .labels import LIMITS, REASONS
+from ....controllers.whole_body.bounds_met import BOUNDS
+from ...score.bounds_met import bound_summary
+from ...score.evaluate import Evaluation
+from ..figure import BLUE, GREY, INK, PALE, beside_axis, new_panel, page_style, to_svg
+from ..labels import LIMITS, REASONS
 
 RECOVERED = "recovered"
 LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn

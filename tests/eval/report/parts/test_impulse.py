@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.eval.output.logistic import LogisticFit, fit_logistic
-from push_recovery.eval.report.impulse import Curve, binned, curve_cells, curve_figure, curves_of
+from push_recovery.eval.report.parts.impulse import Curve, binned, curve_cells, curve_figure, curves_of
 from push_recovery.eval.score.suites import quick_suite
 
 IMPULSE = np.linspace(50.0, 200.0, 40)

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
-from ..output.statistics import PairedCounts, holm
-from ..score.evaluate import Evaluation
+from ...output.statistics import PairedCounts, holm
+from ...score.evaluate import Evaluation
+from ..labels import outcome_words, scenario_words
+from ..replay import Command
 from .headline import p_words, points, ranked, sureness
-from .labels import outcome_words, scenario_words
-from .replay import Command
 
 COLUMNS = ("A and B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
 MOST_SHOWN = 20  # pushes of one list

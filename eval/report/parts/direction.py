@@ -10,11 +10,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from ...envs.scenario.push import GaitEvent, Push
-from ...envs.scenario.scenario import Scenario
-from ..frontier.share import limit_share
-from ..record.words import DIRECTIONS, sector_of
-from .figure import BLUE, GREY, INK, new_panel, page_style, to_svg
+from ....envs.scenario.push import GaitEvent, Push
+from ....envs.scenario.scenario import Scenario
+from ...frontier.share import limit_share
+from ...record.words import DIRECTIONS, sector_of
+from ..figure import BLUE, GREY, INK, new_panel, page_style, to_svg
 
 Row = Mapping[str, Any]
 SECTORS = len(DIRECTIONS)

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from ..frontier.closed_form import OWN, PAPER, limit_curves
-from ..frontier.scan import Frontier
-from ..record.words import DIRECTIONS, sector_of
-from ..rollout.environments import code_digest, make_env
-from ..score.bounds_met import fall_cell
-from .figure import BLUE, GREY, INK, new_panel, page_style, to_svg
-from .labels import short_labels
-from .page import manifest, write_page
-from .replay import Command
+from ...frontier.closed_form import OWN, PAPER, limit_curves
+from ...frontier.scan import Frontier
+from ...record.words import DIRECTIONS, sector_of
+from ...rollout.environments import code_digest, make_env
+from ...score.bounds_met import fall_cell
+from ..figure import BLUE, GREY, INK, new_panel, page_style, to_svg
+from ..labels import short_labels
+from ..page import manifest, write_page
+from ..replay import Command
 
 FALL_COLUMNS = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")
 CURVE_STEP = 3.0  # between the points of a limit's curve [deg]

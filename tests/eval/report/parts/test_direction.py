@@ -7,7 +7,7 @@ from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.frontier.share import limit_share
 from push_recovery.eval.record.words import sector_of
-from push_recovery.eval.report.direction import (
+from push_recovery.eval.report.parts.direction import (
     MappedPush,
     direction_figure,
     mapped_pushes,

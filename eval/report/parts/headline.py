@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..output.statistics import PairedCounts, wilson_interval
-from ..score.evaluate import Evaluation
-from .figure import BLUE, GREY, ORANGE, beside_axis, new_panel, page_style, to_svg
+from ...output.statistics import PairedCounts, wilson_interval
+from ...score.evaluate import Evaluation
+from ..figure import BLUE, GREY, ORANGE, beside_axis, new_panel, page_style, to_svg
 
 Evaluations = Mapping[str, Evaluation]  # by profile
 COLUMNS = ("policy", "recovered", "95 % interval", "survived", "95 % interval")

@@ -7,7 +7,7 @@ from push_recovery.eval.cli.commands.frontier import Frontier as FrontierOptions
 from push_recovery.eval.cli.parse import parse
 from push_recovery.eval.frontier.closed_form import DirectionLimits
 from push_recovery.eval.frontier.scan import Frontier, FrontierSettings
-from push_recovery.eval.report.frontier import (
+from push_recovery.eval.report.pages.frontier import (
     fall_lines,
     force_cells,
     mean_share,

@@ -10,18 +10,23 @@ from typing import Any
 
 import gymnasium as gym
 
-from ..rollout.environments import code_digest, make_env
-from ..score.evaluate import Evaluation
-from ..score.kinds import groups_of, kind_cells
-from . import failures, headline, impulse, pairs
-from .direction import direction_figure, mapped_pushes
-from .labels import short_labels
-from .page import manifest, write_page
-from .replay import Command
-from .scenarios import SIGNS, ScenarioLine, scenario_lines
+from ...film.strip import STRIP
+from ...rollout.environments import code_digest, make_env
+from ...score.evaluate import Evaluation
+from ...score.kinds import groups_of, kind_cells
+from ..labels import short_labels
+from ..page import manifest, require_report, write_page
+from ..parts import failures, headline, impulse, pairs, training_seeds
+from ..parts.direction import direction_figure, mapped_pushes
+from ..parts.pictures import PicturePart, picture_part
+from ..parts.scenarios import SIGNS, ScenarioLine, scenario_lines
+from ..parts.survival import SurvivalPart, survival_part
+from ..parts.training_seeds import SeedPart, seed_part
+from ..replay import Command
 
 Evaluations = Mapping[str, Evaluation]  # by profile
 Cells = list[tuple[str, ...]]
+NONE = PicturePart()
 
 
 @dataclass(frozen=True)
@@ -45,15 +50,20 @@ class ProfilePart:
     kind_columns: list[str]
     kinds: Cells
     scenarios: list[ScenarioLine]
+    seeds: SeedPart | None
+    survival: SurvivalPart | None
 
 
-def write_evaluation_page(evaluations: Evaluations, command: Command, directory: Path) -> Path:
+def write_evaluation_page(
+    evaluations: Evaluations, command: Command, directory: Path, pictures: PicturePart = NONE
+) -> Path:
     """Write report.html into a directory; returns its path.
 
     Args:
         evaluations: of the same policies, by profile.
         command: that led to them.
         directory: where the page goes.
+        pictures: of pushes that set two policies apart.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -75,14 +85,26 @@ def write_evaluation_page(evaluations: Evaluations, command: Command, directory:
         "rate_figure": headline.rate_figure(evaluations, labels),
         "rate_columns": headline.COLUMNS,
         "curve_columns": impulse.COLUMNS,
+        "pictures": pictures,
+        "moments": f"{STRIP[0]:g} s to {STRIP[-1]:g} s",
         "pair_columns": pairs.COLUMNS,
         "most_shown": pairs.MOST_SHOWN,
+        "seed_columns": training_seeds.COLUMNS,
+        "against_columns": training_seeds.AGAINST,
         "explained": failures.explained([r for part in parts for r in part.reason_columns]),
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),
     }
     return write_page(directory, "evaluation.html", content)
+
+
+def with_pictures(evaluations: Evaluations, command: Command, directory: Path) -> Path:
+    """`write_evaluation_page` with pictures of the first profile, which take seconds; see there."""
+    require_report()
+    first = next(iter(evaluations.values()))
+    pictures = picture_part(first, short_labels(first.rows))
+    return write_evaluation_page(evaluations, command, directory, pictures)
 
 
 def _part(
@@ -116,6 +138,8 @@ def _part(
         ["kind of push", *labels.values()],
         [(group, *(cells[group] for cells in groups.values())) for group in groups_of(scenarios)],
         scenario_lines(found),
+        seed_part(found, labels),
+        survival_part(found, labels),
     )
 
 
