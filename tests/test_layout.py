@@ -36,6 +36,7 @@ ROOMS = (
     "envs.biped.robots",
     "envs.biped.robots.biped",
     "envs.biped.robots.variants",
+    "envs.biped.robots.adapted",
     "envs.biped.plant",  # body and floor as they are
     "envs.biped",
     "envs.residual",
