@@ -46,6 +46,7 @@ ROOMS = (
     "eval.output",
     "eval.shipped",
     "eval.rollout",
+    "eval.robots",
     "eval.export",
     "eval.protocols",  # those of others
     "eval.score",
