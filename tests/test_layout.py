@@ -36,6 +36,7 @@ ROOMS = (
     "envs.biped.robots",
     "envs.biped.robots.biped",
     "envs.biped.robots.variants",
+    "envs.biped.robots.adapted",
     "envs.biped.plant",  # body and floor as they are
     "envs.biped",
     "envs.residual",
@@ -45,6 +46,7 @@ ROOMS = (
     "eval.output",
     "eval.shipped",
     "eval.rollout",
+    "eval.robots",
     "eval.export",
     "eval.protocols",  # those of others
     "eval.score",

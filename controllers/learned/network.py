@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError
+from ..made_for import differences
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import as_doubles
 from ..model.robot import RobotModel
@@ -110,13 +112,13 @@ class NetworkPolicy:
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
         for name, mine, theirs in (
-            ("robot", self.description.robot, robot),
-            ("limits", self.description.limits, limits),
+            ("another robot", self.description.robot, robot),
+            ("other limits", self.description.limits, limits),
         ):
             if mine != theirs:
                 raise InvalidValueError(
-                    f"the policy was made for {name} {mine} ({self.description.env_id}); "
-                    f"the environment has {theirs}"
+                    f"the policy was made for {name} than the environment's ({self.description.env_id}): "
+                    f"{differences(asdict(mine), asdict(theirs))}"
                 )
 
     def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:

@@ -26,6 +26,7 @@ from .period import COMMON, NO_STATE, SENSED, Arena
 from .plant.floor import tile_places
 from .robots.compiled_robot import compiled_robot
 from .robots.description import RobotDescription, robot_description
+from .robots.preset_of import check_preset
 from .settings import BIPED, BIPED_LIMITS, biped_settings
 
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
@@ -71,6 +72,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         body = compiled_robot(self.description)
         preset = self.description.preset if preset is None else preset
         settings = biped_settings(preset, arm).of_robot(body.robot)
+        check_preset(preset, body.robot, settings.limits)
         super().__init__(n, body.robot, settings.limits, preset, control_hz, arm)
         self.core = self.core_of(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset, arm))

@@ -17,6 +17,7 @@ from .scene import add_markers, set_posture
 WIDTH, HEIGHT = 640, 480
 DISTANCE, AZIMUTH, ELEVATION = 2.6, 145.0, -14.0  # of the camera: [m], [deg], [deg]
 LOOK_HEIGHT = 0.72  # of the point it looks at [m]
+MOST_SHAPES = 300  # in a scene, markers included
 
 
 class BipedView:
@@ -50,10 +51,10 @@ class BipedView:
 
 class _Image:
     def __init__(self, robot: CompiledRobot) -> None:
-        self._model, self._pelvis = robot.model, robot.indices.pelvis
+        self._model, self._pelvis = robot.picture, robot.indices.pelvis
         self._data = mujoco.MjData(self._model)
         self._canvas = Canvas(self._model, WIDTH, HEIGHT)
-        self._scene = mujoco.MjvScene(self._model, maxgeom=200)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=MOST_SHAPES)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag.value] = 0
         self._option = mujoco.MjvOption()
@@ -80,7 +81,7 @@ class _Window:
     def __init__(self, robot: CompiledRobot) -> None:
         from mujoco import viewer
 
-        self._model, self._pelvis = robot.model, robot.indices.pelvis
+        self._model, self._pelvis = robot.picture, robot.indices.pelvis
         self._data = mujoco.MjData(self._model)
         self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
         _aim(self._viewer.cam)

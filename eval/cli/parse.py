@@ -46,6 +46,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
                  "Run the push protocols of other groups (kick, tour) beside what they published."),
     "submit": (".sharing.submit", "Submit",
                "Check results by running a sample of their rows again, and put them on a leaderboard."),
+    "robot": (".sharing.robot", "RobotCommand",
+              "Make a robot of one's own from a model: robot new FILE.xml guesses its parts, for review."),
     "suite": (".sharing.suite", "SuiteCommand",
               "Write a suite of one's own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".tools.warmup", "WarmUp",

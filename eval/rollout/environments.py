@@ -21,6 +21,7 @@ from .load_policy import is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 from .user_object import import_from_here
 
+ROBOT_FILE = ".robot.json"
 ON_JOINTS = ("PushRecovery/BipedJoint-v0", "PushRecovery/BipedJointResidual-v0")  # forms of DEFAULT_ENV
 
 
@@ -31,11 +32,12 @@ def env_ids() -> list[str]:
 
 @dataclass(frozen=True)
 class EnvName:
-    """ID or MODULE:ID, with a preset of its own in ID@PRESET; the one place that takes them apart."""
+    """ID, MODULE:ID or a robot file, with a preset of its own in ID@PRESET; takes them apart here alone."""
 
     module: str  # that registers the id; empty for this project's
     id: str
     preset: str  # by name or file; empty: the environment's own
+    robot: str = ""  # robot file; empty: the id's own robot
 
     @classmethod
     def parse(cls, text: str) -> EnvName:
@@ -49,11 +51,14 @@ class EnvName:
         module, colon, env_id = name.rpartition(":")
         if at and not preset:
             raise InvalidValueError(f"environment {text!r:.200} names no preset after its @")
+        if name.endswith(ROBOT_FILE):
+            return cls("", DEFAULT_ENV, preset, name)
         if not colon and name not in env_ids():
             raise UnknownNameError("environment", text, env_ids())
         if colon and not (env_id and all(part.isidentifier() for part in module.split("."))):
             raise InvalidValueError(
-                f"environment {text!r:.200} must be one of {', '.join(env_ids())}, or MODULE:ID"
+                f"environment {text!r:.200} must be one of {', '.join(env_ids())}, MODULE:ID or a robot file "
+                f"NAME{ROBOT_FILE}"
             )
         return cls(module, env_id, preset)
 
@@ -70,7 +75,7 @@ class EnvName:
     @property
     def label(self) -> str:
         """The environment's own part, for the name of a directory."""
-        return self.id.rpartition("/")[2]
+        return Path(self.robot).name.removesuffix(ROBOT_FILE) or self.id.rpartition("/")[2]
 
 
 def make_env(env_id: str, **kwargs: Any) -> gym.Env:
@@ -83,6 +88,8 @@ def make_env(env_id: str, **kwargs: Any) -> gym.Env:
     name = EnvName.parse(env_id)
     if name.preset:
         kwargs = {"preset": name.preset, **kwargs}
+    if name.robot:
+        kwargs = {"robot": name.robot, **kwargs}
     if name.runs_code:
         import_from_here(name.module)
     try:
@@ -108,7 +115,9 @@ def own_form(policy: Any, env_id: str) -> str | None:
     Robot, pushes and judgement are the same there, so its rows stand beside those of `env_id`.
     """
     name = EnvName.parse(env_id)
-    if not (isinstance(policy, str) and name.id == DEFAULT_ENV and is_policy_file(policy)):
+    if not (
+        isinstance(policy, str) and name == EnvName("", DEFAULT_ENV, name.preset) and is_policy_file(policy)
+    ):
         return None
     form = read_policy(policy)[2].env_id
     if form not in ON_JOINTS:
@@ -138,11 +147,10 @@ def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
 
 
 def preset_digest(env_id: str) -> dict[str, str]:
-    """SHA-256 of the preset file that an ID@FILE.json names, for a configuration; nothing without one."""
-    preset = EnvName.parse(env_id).preset
-    if not is_preset_file(preset):
-        return {}
-    return {"preset_sha256": hashlib.sha256(read_file(preset)).hexdigest()}
+    """SHA-256 of the files that a name of an environment names, for a configuration; nothing without one."""
+    name = EnvName.parse(env_id)
+    files = {"preset_sha256": name.preset if is_preset_file(name.preset) else "", "robot_sha256": name.robot}
+    return {key: hashlib.sha256(read_file(path)).hexdigest() for key, path in files.items() if path}
 
 
 def env_label(env_id: str) -> str:

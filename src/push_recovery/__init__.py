@@ -93,23 +93,18 @@ register(
     entry_point="push_recovery.envs.pendulum.env:PendulumEnv",
     vector_entry_point="push_recovery.envs.pendulum.env:make_pendulum_vector",
 )
-register(
-    id="PushRecovery/Biped-v0",
-    entry_point="push_recovery.envs.biped.env:BipedEnv",
-    vector_entry_point="push_recovery.envs.biped.env:make_biped_vector",
-)
-register(
-    id="PushRecovery/BipedResidual-v0",
-    entry_point="push_recovery.envs.residual.wrapper:make_biped_residual",
-    vector_entry_point="push_recovery.envs.residual.vector_env:make_biped_residual_vector",
-)
-register(
-    id="PushRecovery/BipedJoint-v0",
-    entry_point="push_recovery.envs.joint.env:BipedJointEnv",
-    vector_entry_point="push_recovery.envs.joint.env:make_biped_joint_vector",
-)
-register(
-    id="PushRecovery/BipedJointResidual-v0",
-    entry_point="push_recovery.envs.joint.env:BipedJointResidualEnv",
-    vector_entry_point="push_recovery.envs.joint.env:make_biped_joint_residual_vector",
-)
+_FORMS = {  # of a robot's environment: what follows its name -> one robot, n robots
+    "": ("biped.env:BipedEnv", "biped.env:make_biped_vector"),
+    "Residual": ("residual.wrapper:make_biped_residual", "residual.vector_env:make_biped_residual_vector"),
+    "Joint": ("joint.env:BipedJointEnv", "joint.env:make_biped_joint_vector"),
+    "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
+}
+_ROBOTS = {"Biped": {}, "G1": {"robot": "g1"}, "T1": {"robot": "t1"}}
+for _name, _robot in _ROBOTS.items():  # the models of all but the first come with the extra `robots`
+    for _form, (_single, _vector) in _FORMS.items():
+        register(
+            id=f"PushRecovery/{_name}{_form}-v0",
+            entry_point=f"push_recovery.envs.{_single}",
+            vector_entry_point=f"push_recovery.envs.{_vector}",
+            kwargs=_robot,
+        )

@@ -51,6 +51,12 @@ class CompiledRobot:
         return model
 
     @cached_property
+    def picture(self) -> mujoco.MjModel:
+        """The model that is drawn: the same joints, and shapes that the physics leaves out."""
+        looks = self.description.looks
+        return self.model if looks is None else self.compiled(looks())
+
+    @cached_property
     def robot(self) -> RobotModel:
         """What the planner knows of it."""
         if self.description.model is not None:

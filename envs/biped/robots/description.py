@@ -8,12 +8,17 @@ from importlib import import_module
 
 import mujoco
 
-from ....controllers.errors import InvalidValueError, UnknownNameError
+from ....controllers.errors import InvalidValueError
 from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.validation import require_number
 
-SHIPPED = {"biped": f"{__package__}.biped.robot:ROBOT"}  # name -> module:attribute
+SHIPPED = {  # name -> module:attribute
+    "biped": f"{__package__}.biped.robot:ROBOT",
+    "g1": f"{__package__}.adapted.shipped:G1",
+    "t1": f"{__package__}.adapted.shipped:T1",
+}
+ADAPTED = f"{__package__}.adapted.adapt"  # reads robot files; no kernel depends on it
 
 
 @dataclass(frozen=True)
@@ -31,13 +36,14 @@ class RobotDescription:
     com_height: float  # at which it walks [m]
     preset: str = "biped"  # settings of planner, gait machine and whole-body control, by name or file
     model: RobotModel | None = None  # what the planner knows of it; None: read from the compiled model
+    looks: Callable[[], mujoco.MjSpec] | None = None  # the same robot for the eye; None: as in the physics
 
     def __post_init__(self) -> None:
         require_number("RobotDescription.com_height [m]", self.com_height, 0.0, open_low=True)
 
 
 def robot_description(robot: str | RobotDescription) -> RobotDescription:
-    """The robot of a name that is shipped, or of a `module:attribute`; an object is returned as it is.
+    """The robot of a name that is shipped, a robot file or a `module:attribute`; an object stays as it is.
 
     Raises:
         UnknownNameError: no such name.
@@ -48,7 +54,7 @@ def robot_description(robot: str | RobotDescription) -> RobotDescription:
     place = SHIPPED.get(robot, robot) if isinstance(robot, str) else ""
     module, _, attribute = place.partition(":")
     if not (module and attribute):
-        raise UnknownNameError("robot", robot, [*SHIPPED, "MODULE:ATTRIBUTE"])
+        return import_module(ADAPTED).robot_of_file(robot, SHIPPED)
     try:
         found = getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:

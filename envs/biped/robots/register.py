@@ -8,18 +8,18 @@ from gymnasium.envs.registration import register
 from ....controllers.errors import InvalidValueError
 from .description import robot_description
 
-PACKAGE = __package__.rsplit(".envs.", 1)[0] if __package__ else ""
+FORMS = "", "Residual", "Joint", "JointResidual"  # of an environment: what follows the robot's name
 
 
-def register_robot(name: str, robot: str) -> tuple[str, str]:
-    """Register `PushRecovery/NAME-v0` and `PushRecovery/NAMEResidual-v0`; returns both ids.
+def register_robot(name: str, robot: str) -> tuple[str, ...]:
+    """Register `PushRecovery/NAME-v0`, its forms Residual, Joint and JointResidual; returns their ids.
 
     The ids are known to this process. A module that calls this at its top is named in front of the id where
     others shall find it, as in `push-recovery evaluate --env my_robot:PushRecovery/Mine-v0`.
 
     Args:
         name: letters and digits, as `Mine`.
-        robot: `module:attribute` of its `RobotDescription`.
+        robot: `module:attribute` of its `RobotDescription`, or a robot file.
 
     Raises:
         UnknownNameError, InvalidValueError: there is no description there.
@@ -28,18 +28,16 @@ def register_robot(name: str, robot: str) -> tuple[str, str]:
     if not (isinstance(name, str) and name.isascii() and name.isalnum()):
         raise InvalidValueError(f"the name of a robot has letters and digits only, got {name!r}")
     robot_description(robot)
-    ids = f"PushRecovery/{name}-v0", f"PushRecovery/{name}Residual-v0"
+    ids = tuple(f"PushRecovery/{name}{form}-v0" for form in FORMS)
     for env_id in ids:
         if env_id in gym.registry:
             raise InvalidValueError(f"{env_id} is registered already; choose another name")
-    rooms = ("biped.env:BipedEnv", "biped.env:make_biped_vector"), (
-        "residual.wrapper:make_biped_residual", "residual.vector_env:make_biped_residual_vector",
-    )  # fmt: skip
-    for env_id, (single, vector) in zip(ids, rooms, strict=True):
+    for env_id, form in zip(ids, FORMS, strict=True):
+        biped = gym.spec(f"push_recovery:PushRecovery/Biped{form}-v0")
         register(
             env_id,
-            f"{PACKAGE}.envs.{single}",
-            vector_entry_point=f"{PACKAGE}.envs.{vector}",
+            biped.entry_point,
+            vector_entry_point=biped.vector_entry_point,
             kwargs={"robot": robot},
         )
     return ids

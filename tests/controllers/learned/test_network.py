@@ -170,9 +170,11 @@ def test_bad_observations_are_refused(observation):
 def test_another_robot_or_limits_are_refused():
     p = policy()
     p.check_made_for(RobotModel(), GaitLimits())
-    with pytest.raises(InvalidValueError, match="made for robot"):
+    with pytest.raises(InvalidValueError, match=r"made for another robot .*: mass 60 there and 70 here$"):
         p.check_made_for(RobotModel(mass=70.0), GaitLimits())
-    with pytest.raises(InvalidValueError, match="made for limits"):
+    with pytest.raises(
+        InvalidValueError, match=r"made for other limits .*: length_max 0\.5 there and 0\.35 here$"
+    ):
         p.check_made_for(RobotModel(), GaitLimits(length_max=0.35))
 
 

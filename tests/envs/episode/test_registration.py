@@ -17,13 +17,15 @@ from push_recovery.envs.scenario.scenario import Scenario
 
 import push_recovery  # noqa: F401
 
+FORMS = "", "Residual", "Joint", "JointResidual"
 PUSHED = Scenario("pushed", (Push((300.0, 0.0, 0.0), 0.1, 0.0),))
-IDS = sorted(name for name in gym.registry if name.startswith("PushRecovery/"))
+REGISTERED = sorted(name for name in gym.registry if name.startswith("PushRecovery/"))
+IDS = [name for name in REGISTERED if "robot" not in gym.spec(name).kwargs]  # others: biped/robots/adapted
 
 
 def test_the_promised_ids_are_there():
-    names = "Pendulum", "Biped", "BipedResidual", "BipedJoint", "BipedJointResidual"
-    assert {f"PushRecovery/{name}-v0" for name in names} <= set(IDS)
+    forms = [f"{name}{form}" for name in ("Biped", "G1", "T1") for form in FORMS]
+    assert {f"PushRecovery/{name}-v0" for name in ("Pendulum", *forms)} <= set(REGISTERED)
 
 
 @pytest.mark.filterwarnings(

@@ -18,7 +18,8 @@ def ids():
 
 
 def test_the_ids_make_that_robot_alone_and_side_by_side(ids):
-    assert ids == ("PushRecovery/NoWaistRoll-v0", "PushRecovery/NoWaistRollResidual-v0")
+    forms = "", "Residual", "Joint", "JointResidual"
+    assert ids == tuple(f"PushRecovery/NoWaistRoll{form}-v0" for form in forms)
     for env_id in ids:
         env, robots = gym.make(env_id), gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")
         assert env.unwrapped.core.body.model.nu == 13  # of the biped's 14 motors
