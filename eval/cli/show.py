@@ -122,7 +122,7 @@ def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable
         return replay, replay.page
     camera = Camera(planning_period(env))
     if suffix == ".png":
-        return camera, lambda: strip(camera)
+        return camera, lambda: strip(Shot(policy, camera))
     return camera, lambda: episode_film(Shot(policy, camera), suffix)
 
 
