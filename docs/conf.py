@@ -15,6 +15,7 @@ html_theme_options = {"footer_icons": []}
 html_show_sphinx = False
 
 myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]  # code hosts draw such a block as an equation, too
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
