@@ -13,8 +13,11 @@ html_theme = "furo"
 html_title = "push-recovery"
 html_theme_options = {"footer_icons": []}
 html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 
 myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]  # code hosts draw such a block as an equation, too
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"

@@ -15,6 +15,8 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.learned.network import NetworkPolicy
 from ..controllers.learned.policy_file import policy_paths
+from ..eval.output.progress import progress_bars
+from ..eval.output.work import Work, about
 from ..eval.processes.writer import Writer
 from ..eval.rollout.environments import EnvName
 from ..eval.shipped.names import named_file
@@ -31,6 +33,7 @@ from .settings import TrainingSettings
 
 POLICY = "policy"  # file of the result, without its suffixes
 TAUGHT = "taught"  # file of what a teacher has shown, without its suffixes
+ROUND = 4.5  # seconds of one core that a round of showing takes, about
 Report = Callable[[int, float | None], None]
 
 
@@ -80,8 +83,7 @@ class Run:
         elif settings.initial is not None:
             start_from(initial_policy(settings, own), self.model, self.venv)
         elif settings.taught:
-            shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
-            start_from(imitate_once(shown, out / TAUGHT), self.model, self.venv)
+            start_from(taught_policy(settings, out / TAUGHT), self.model, self.venv)
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
 
     @property
@@ -175,6 +177,19 @@ def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolic
     for what, (given, asked) in theirs.items():
         if given != asked:
             raise InvalidValueError(f"the run begins as {name}, whose {what} is {given!r}, not {asked!r}")
+    return policy
+
+
+def taught_policy(settings: TrainingSettings, path: Path) -> NetworkPolicy:
+    """What the planner shows before PPO begins, with a bar; it takes as long as a run of its own."""
+    shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
+    seconds = 0.0 if all(file.exists() for file in policy_paths(path)) else ROUND * shown.rounds
+    work = Work("imitation of the planner, before PPO", about(seconds), path)
+    with progress_bars(["imitation"], shown.rounds, work) as bars:
+        policy = imitate_once(
+            shown, path, lambda told: bars.set("imitation", told.number + 1, f"loss {told.loss:.4f}")
+        )
+        bars.set("imitation", shown.rounds)
     return policy
 
 

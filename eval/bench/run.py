@@ -13,6 +13,8 @@ import numpy as np
 from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
+from ..output.progress import progress_bars
+from ..output.work import Work
 from ..rollout.environments import make_env
 from ..rollout.load_policy import load_policy
 from ..rollout.one import planning_period
@@ -88,23 +90,33 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
         seconds: simulated time of the closed loop [s]; with less than FULL the slow parts are left out: more
             than 64 robots, Humanoid-v5, other solvers, the start of a process.
     """
-    from ...envs.biped.env import BipedEnv
-
     env, quick = make_env(env_id), seconds < FULL
+    work = Work(f"timings of {env_id}", "a minute or less" if quick else "some minutes")
     try:
-        rtf, walk = closed_loop(env, seconds)
-        content: dict[str, Any] = {"env": env_id, "single_env_rtf": rtf, "threads": 1}
-        policy = load_policy("two-stage", env)
-        if isinstance(policy, TwoStagePolicy):
-            if isinstance(env.unwrapped, BipedEnv):
-                content |= biped_timings(policy, quick)
-            observations = pushed_observations(env, policy, walk)
-            content |= planner_timings(policy, observations[:CALLS])
-            content |= batch_planner_timings(policy, observations)
-            if not quick:
-                from .solvers import solver_timings
-
-                content |= solver_timings(policy, observations)
+        with progress_bars(["bench"], 1, work, moving=False) as bars:  # which would take time of their own
+            content = _measured(env, env_id, seconds)
+            bars.set("bench", 1)
         return content if quick else {**content, "start_s": start_time(env_id)}
     finally:
         env.close()
+
+
+def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
+    """All but the start of a process."""
+    from ...envs.biped.env import BipedEnv
+
+    quick = seconds < FULL
+    rtf, walk = closed_loop(env, seconds)
+    content: dict[str, Any] = {"env": env_id, "single_env_rtf": rtf, "threads": 1}
+    policy = load_policy("two-stage", env)
+    if isinstance(policy, TwoStagePolicy):
+        if isinstance(env.unwrapped, BipedEnv):
+            content |= biped_timings(policy, quick)
+        observations = pushed_observations(env, policy, walk)
+        content |= planner_timings(policy, observations[:CALLS])
+        content |= batch_planner_timings(policy, observations)
+        if not quick:
+            from .solvers import solver_timings
+
+            content |= solver_timings(policy, observations)
+    return content

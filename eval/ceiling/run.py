@@ -10,6 +10,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
+from ..output.work import Work, about, episode_seconds
 from ..rollout.environments import make_env
 from ..rollout.outcome import Score
 from ..rollout.workers import parallel
@@ -135,9 +136,11 @@ def _search_missing(
         scenario for scenario, rows in evaluation.by_scenario() if not any(row["recovered"] for row in rows)
     ]
     jobs = [(settings, scenario) for scenario in lost if (scenario.id,) not in store.rows]
-    with progress_bars([CEILING], len(lost)) as bars:
-        done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
-        bars.set(CEILING, len(done))
+    most = settings.budget * episode_seconds(evaluation.env_id, (scenario for _, scenario in jobs), workers)
+    what = f"up to {settings.budget} attempts at each of the {len(lost)} pushes that all lose"
+    done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
+    work = Work(what, about(most) + (" at most" if jobs else ""), store.directory)
+    with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:
         for row in parallel(evaluation.env_id, search_row, jobs, workers):
             store.append(row)
             done.append(row)

@@ -10,6 +10,7 @@ import gymnasium as gym
 
 from ...controllers.errors import UnknownNameError
 from ...controllers.files import write_atomically
+from ...controllers.policies.interface import Policy
 from ...envs.scenario.scenario import Scenario
 from ..film.camera import Camera
 from ..film.captions import Shot
@@ -17,6 +18,8 @@ from ..film.encode import require_imageio
 from ..film.film import episode_film
 from ..film.strip import strip
 from ..output.place import require_place
+from ..output.progress import progress_bars
+from ..output.work import Work, about
 from ..record.files import LOG_FORMATS, write_log
 from ..record.plot import PLOT_FORMATS, write_plot
 from ..record.record import record_episode
@@ -25,6 +28,7 @@ from ..rollout.loop import Watch
 from ..rollout.one import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 
+FILMED, WATCHED = 20.0, 5.0  # seconds that an episode takes, about
 FORMATS = (".mp4", ".gif", ".png", ".html")
 
 
@@ -81,19 +85,30 @@ def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written)
     suffix = written.check()
     drawn = None if suffix in {"", ".html"} else "rgb_array"
     with acting_in(env_id, policy, render_mode=drawn) as (env, acting, _):
-        watch, finish = _eye(suffix, policy, env)
-        spectator = _Spectator(watch)
-        if written.log is None and written.plot is None:
-            rollout(env, acting, scenario, policy, spectator)
-        else:
-            found = record_episode(env, acting, scenario, policy, spectator)
-            if written.log is not None:
-                write_log(found, written.log)
-            if written.plot is not None:
-                write_plot(found, written.plot)
-        if written.out is not None:
-            write_atomically(written.out, finish())
+        work = Work(f"one episode of {policy}", about(WATCHED if written.out is None else FILMED))
+        with progress_bars([policy], 1, work) as bars:
+            spectator = _write(env, acting, policy, scenario, written, suffix)
+            bars.set(policy, 1)
     return describe(spectator.info)
+
+
+def _write(
+    env: gym.Env, acting: Policy, name: str, scenario: Scenario, written: Written, suffix: str
+) -> _Spectator:
+    """Run a scenario and write what has been asked for; returns who has watched it."""
+    watch, finish = _eye(suffix, name, env)
+    spectator = _Spectator(watch)
+    if written.log is None and written.plot is None:
+        rollout(env, acting, scenario, name, spectator)
+    else:
+        found = record_episode(env, acting, scenario, name, spectator)
+        if written.log is not None:
+            write_log(found, written.log)
+        if written.plot is not None:
+            write_plot(found, written.plot)
+    if written.out is not None:
+        write_atomically(written.out, finish())
+    return spectator
 
 
 def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable[[], bytes]]:
@@ -107,7 +122,7 @@ def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable
         return replay, replay.page
     camera = Camera(planning_period(env))
     if suffix == ".png":
-        return camera, lambda: strip(camera)
+        return camera, lambda: strip(Shot(policy, camera))
     return camera, lambda: episode_film(Shot(policy, camera), suffix)
 
 

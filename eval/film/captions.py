@@ -73,44 +73,44 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     width, height = PANEL
     sheet = Image.new("RGB", (len(shots) * (width + GAP) - GAP, HEAD + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((sheet.width / 2, 2), shots[0].push, INK, _font(19, True), anchor="ma")
+    draw.text((sheet.width / 2, 2), shots[0].push, INK, font(19, True), anchor="ma")
     for column, shot in enumerate(shots):
         left = column * (width + GAP)
         frame = Image.fromarray(middle(shot.camera.frames[shot.camera.frame_at(after)], PANEL))
         sheet.paste(frame.resize(PANEL, Image.Resampling.LANCZOS), (left, HEAD))
         _title(draw, left + width / 2, shot, after)
-    _legend(draw, sheet.size, f"{after:+.2f} s{'' if speed == 1.0 else f', {speed:g} of real speed'}")
+    draw_legend(draw, sheet.size, f"{after:+.2f} s{'' if speed == 1.0 else f', {speed:g} of real speed'}")
     return np.asarray(sheet)
 
 
 def _title(draw: ImageDraw, centre: float, shot: Shot, after: float) -> None:
-    draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, _font(18, False), anchor="ma")
+    draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
     if after >= shot.decided:
         words = shot.ending.partition(" (")[0]
         colour = BAD if shot.fell else GOOD
-        draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, _font(18, True), anchor="ma")
+        draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
 
 
-def _legend(draw: ImageDraw, size: tuple[int, int], clock: str) -> None:
-    """The colours of the markers, and the time."""
-    font, middle_line = _font(13, False), size[1] - FOOT / 2
+def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
+    """The colours of the markers in the last line of a picture, and words at its right end."""
+    letters, middle_line = font(13, False), size[1] - FOOT / 2
     left: float = 8
     for name, colour in LEGEND.items():
         draw.rectangle((left, middle_line - 5, left + 10, middle_line + 5), colour)
-        draw.text((left + 14, middle_line), name, INK, font, anchor="lm")
-        left += 24 + font.getlength(name)
-    draw.text((size[0] - 8, middle_line), clock, INK, font, anchor="rm")
+        draw.text((left + 14, middle_line), name, INK, letters, anchor="lm")
+        left += 24 + letters.getlength(name)
+    draw.text((size[0] - 8, middle_line), words, INK, letters, anchor="rm")
 
 
 def _fitting(draw: ImageDraw, text: str) -> str:
     """A text that is not wider than a picture: of the path of a file the end is what tells it apart."""
-    while draw.textlength(text, _font(18, True)) > PANEL[0] - 8:
+    while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
         text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
     return text
 
 
 @cache
-def _font(size: int, bold: bool) -> FreeTypeFont:
+def font(size: int, bold: bool) -> FreeTypeFont:
     """DejaVu Sans, which comes with matplotlib."""
     import matplotlib
     from PIL import ImageFont

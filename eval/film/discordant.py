@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import progress_bars
+from ..output.progress import progress_bars, say
+from ..output.work import Work, about
 from ..score.evaluate import Evaluation
 from .film import RATE, SLOW, shoot, write_pair
 
 FOLDER = "films"  # below the results
+SECONDS = 20.0  # that a film takes, about
 
 
 class Disagreement(NamedTuple):
@@ -50,12 +52,15 @@ def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
     Raises:
         PushRecoveryError: nothing can be drawn here.
     """
-    chosen = disagreements(evaluation)[:count]
+    found = disagreements(evaluation)
+    chosen, folder, paths = found[:count], evaluation.directory / FOLDER, []
+    what = f"films of {len(chosen)} of the {len(found)} pushes on which the policies disagree"
     if not chosen:
+        say(Work(what, about(0.0)))
         return []
-    folder, paths = evaluation.directory / FOLDER, []
     folder.mkdir(parents=True, exist_ok=True)
-    with progress_bars([FOLDER], len(chosen)) as bars:
+    work = Work(what, about(SECONDS * len(chosen)), folder)
+    with progress_bars([FOLDER], len(chosen), work) as bars:
         for done, (index, scenario, policies) in enumerate(chosen):
             shots = [shoot(evaluation.env_id, policy, scenario, RATE / SLOW) for policy in policies]
             paths += write_pair(shots, folder / film_name(index, scenario.id))

@@ -7,25 +7,31 @@ import io
 import numpy as np
 
 from .camera import Camera, middle
+from .captions import FOOT, GAP, INK, LINE, PAPER, Shot, draw_legend, font
 
 STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments, after the push began [s]
-PANEL = (11, 12)  # width to height of one picture
+PANEL = (228, 250)  # width, height of one picture [pixels]
 
 
-def strip(camera: Camera) -> bytes:
-    """The push and what follows: six frames side by side with their times after its begin, as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def strip(shot: Shot) -> bytes:
+    """The push and what follows: six frames side by side with their times after its begin, as PNG.
 
-    width, height = 2.3, 2.3 * PANEL[1] / PANEL[0]  # of a panel [inch]
-    figure = Figure(figsize=(width * len(STRIP), height + 0.25), dpi=100)
-    for column, index in enumerate(moments(camera)):
-        axes = figure.add_axes((column / len(STRIP), 0.0, 0.995 / len(STRIP), height / (height + 0.25)))
-        axes.imshow(middle(camera.frames[index], PANEL), aspect="auto")
-        axes.set_title(f"{camera.times[index] - camera.push_start:+.2f} s", fontsize=10, pad=3)
-        axes.set_axis_off()
+    Below them stand what the markers mean, the push, and what became of it.
+    """
+    from PIL import Image, ImageDraw
+
+    width, height = PANEL
+    sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for column, index in enumerate(moments(shot.camera)):
+        left = column * (width + GAP)
+        frame = Image.fromarray(middle(shot.camera.frames[index], PANEL))
+        sheet.paste(frame.resize(PANEL, Image.Resampling.LANCZOS), (left, LINE))
+        time = f"{shot.camera.times[index] - shot.camera.push_start:+.2f} s"
+        draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
+    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer)
+    sheet.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

@@ -15,6 +15,7 @@ from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import progress_bars
+from ..output.work import Work, about, robot_seconds
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import open_rows, policy_sources
@@ -27,6 +28,7 @@ FORMAT = 2  # of the rows
 KEY = ("policy", "psi_deg")  # of a row
 FOUND = ("survived_N", "largest_survived_N", "failed_N", "falls")  # fields that a report is made of
 IN_PLACE = Command()
+SIMULATED = 500.0  # seconds of a robot that one direction of a policy takes, about: eighty forces
 
 
 @dataclass(frozen=True)
@@ -161,8 +163,10 @@ def frontier(
     jobs = [
         ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
     ]
-    with store, progress_bars(list(sources), len(angles)) as bars:
-        count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
+    length = about(robot_seconds(settings.env_id, len(jobs) * SIMULATED, workers))
+    work = Work(f"{directions} directions for {', '.join(sources)}", length, store.directory)
+    count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
+    with store, progress_bars(list(sources), len(angles), work, count) as bars:
         for row in parallel(settings.env_id, scan, jobs, workers, sources):
             store.append({**row, "policy_sha256": digests[row["policy"]]})
             count[row["policy"]] += 1

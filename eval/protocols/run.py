@@ -14,6 +14,7 @@ from ...controllers.policies.interface import Policy, as_policy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
+from ..output.work import Work, about, episode_seconds
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.loop import run_episodes
 from ..rollout.one import GymRobot, begin_policy
@@ -90,20 +91,24 @@ def run_protocol(
         }
         jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
         found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
-        _keep(protocol, store, digests, found)
+        seconds = sum(episode_seconds(env_id, lacking, workers) for lacking in missing.values())
+        _keep(protocol, store, digests, found, about(seconds))
     rows = {name: [store.rows[name, s.id] for s in protocol.scenarios] for name in sources}
     return Results(protocol, env_id, rows, store.directory)
 
 
 def _keep(
-    protocol: Protocol, store: RowFile, digests: Mapping[str, str | None], found: Iterator[Row]
+    protocol: Protocol,
+    store: RowFile,
+    digests: Mapping[str, str | None],
+    found: Iterator[Row],
+    how_long: str,
 ) -> None:
     """Append the rows as they finish, with a bar for each policy."""
     ids = {scenario.id for scenario in protocol.scenarios}
     done = {name: sum(key[0] == name and key[1] in ids for key in store.rows) for name in digests}
-    with progress_bars(list(digests), len(ids)) as bars:
-        for name, count in done.items():
-            bars.set(name, count)
+    work = Work(f"{protocol.name}: {len(ids)} episodes of {', '.join(digests)}", how_long, store.directory)
+    with progress_bars(list(digests), len(ids), work, done) as bars:
         for row in found:
             store.append({**row, "policy_sha256": digests[row["policy"]]})
             done[row["policy"]] += 1

@@ -13,10 +13,12 @@ from typing import Any, ClassVar, Protocol
 from ...controllers.errors import InvalidValueError
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
+from ..output.work import Work, about
 from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
 
 ENV_ID = "PushRecovery/Pendulum-v0"
+SECONDS = 0.6  # of a core that a job takes, about
 DECIDING = ("rollout", "frontier", "reproduction", "reproduction/pendulum", "reproduction/sections")  # rooms
 
 Row = dict[str, Any]
@@ -91,9 +93,10 @@ def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
                 "--overwrite to start over"
             )
     missing = [job for name, job in wanted.items() if (name,) not in store.rows]
-    with progress_bars(["reproduce"], len(wanted)) as bars:
-        done = len(wanted) - len(missing)
-        bars.set("reproduce", done)
+    done = len(wanted) - len(missing)
+    length = about(SECONDS * len(missing) / max(workers, 1))
+    work = Work(f"{len(wanted)} results of the paper", length, store.directory)
+    with progress_bars(["reproduce"], len(wanted), work, {"reproduce": done}) as bars:
         for row in parallel(ENV_ID, run_job, missing, workers):
             store.append(row)
             done += 1

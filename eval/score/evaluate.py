@@ -14,6 +14,7 @@ from ...controllers.files import write_text
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
+from ..output.work import Work, about, episode_seconds
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score
 from ..rollout.policy_source import Sources, open_rows, policy_sources
@@ -116,9 +117,10 @@ def _run_missing(
         name: [row for key, row in store.rows.items() if key[0] == name and key[1] in ids]
         for name in policies
     }
-    with progress_bars(policies, len(suite.scenarios)) as bars:
-        for name in policies:
-            bars.set(name, len(done[name]))
+    length = about(sum(episode_seconds(env_id, lacking, workers) for lacking in missing.values()))
+    work = Work(f"{suite.name}: {_counted(policies, suite)}", length, store.directory)
+    begun = {name: len(rows) for name, rows in done.items()}
+    with progress_bars(policies, len(suite.scenarios), work, begun) as bars:
         for outcome in chain.from_iterable(parallel(env_id, run_chunk, chunks, workers, sources)):
             row = {**outcome.to_dict(), "policy_sha256": digests[outcome.policy]}
             store.append(row)
@@ -127,6 +129,11 @@ def _run_missing(
             bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
             if on_row is not None:
                 on_row(row)
+
+
+def _counted(policies: list[str], suite: Suite) -> str:
+    whose = policies[0] if len(policies) == 1 else f"each of {len(policies)} policies"
+    return f"{len(suite.scenarios)} episodes of {whose}"
 
 
 def write_reports(evaluation: Evaluation, markdown: str) -> Path:

@@ -1,5 +1,6 @@
 """Training on the joints: the kinds, their environments, and a short run to a policy that is scored."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -53,13 +54,16 @@ def test_what_belongs_to_gait_residuals_is_refused():
         TrainingSettings(kind="joint-residual", policy="stage-1")
 
 
-def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypatch):
+def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypatch, capsys):
     """Two rounds with six robots: the first policy is the taught one, and going on shows nothing again."""
     few = {"robots": 6, "rounds": 2, "periods": 10, "batches": 4, "last_batches": 4, "batch_size": 32}
     monkeypatch.setattr(ppo, "ImitationSettings", lambda **given: ImitationSettings(**given, **few))
     settings = replace(SHORT, timesteps=0)
     assert settings.taught
     result = train(settings, tmp_path / "run")
+    said = capsys.readouterr().err
+    assert re.search(r"^imitation of the planner, before PPO: .*; output in .*taught$", said, flags=re.M)
+    assert re.search(r"^2/2 in ", said, flags=re.M)
     taught, begun = (NetworkPolicy.load(path) for path in (tmp_path / "run" / "taught", result.policy))
     for mine, shown in zip(begun.network.weights, taught.network.weights, strict=True):
         np.testing.assert_array_equal(mine, shown)

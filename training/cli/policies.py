@@ -16,7 +16,7 @@ from ...eval.cli.options import Directory, Options
 from ..recipes import RECIPES, difference, file_settings
 from ..settings import TrainingSettings
 from .extras import require_training
-from .train import with_progress
+from .train import with_progress, work_of
 
 if TYPE_CHECKING:
     from ..ppo import Report
@@ -47,8 +47,12 @@ class Policies(Options):
             require_choice("recipe", name, tuple(RECIPES))
         for name in self.names:
             if not is_complete(folder, name):
-                steps = RECIPES[name].timesteps
-                with_progress(name, steps, lambda report, name=name: train_recipe(name, folder, report))
+                settings = RECIPES[name]
+                with_progress(
+                    work_of(settings, folder / name),
+                    settings,
+                    lambda report, name=name: train_recipe(name, folder, report),
+                )
             print(policy_paths(folder / name)[1])
 
 

@@ -14,6 +14,7 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
 from ...eval.cli.options import Directory, Options, within
 from ...eval.output.progress import Bars, progress_bars
+from ...eval.output.work import Work, about
 from ..recipes import get_recipe
 from ..settings import TrainingSettings
 from .extras import require_training
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULTS = TrainingSettings()
 T = TypeVar("T")
+PERIODS = 4000.0  # of all robots together in a second, about, of two shared cores
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,7 @@ class Train(Options):
         settings = replace(settings, scale=self._residual_scale(settings))
         name = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
         out = Path("runs") / name if self.out is None else Path(self.out)
-        return with_progress("training", settings.timesteps, lambda report: train(settings, out, report))
+        return with_progress(work_of(settings, out), settings, lambda report: train(settings, out, report))
 
     def _go_on(self, path: Path) -> TrainingResult:
         from ..checkpoint import load_checkpoint
@@ -96,7 +98,7 @@ class Train(Options):
                 )
         named = None if self.env is None else ours.env_id  # only what the user names may import a module
         return with_progress(
-            "training", ours.timesteps, lambda report: resume(path, ours.timesteps, report, named)
+            work_of(ours, path), ours, lambda report: resume(path, ours.timesteps, report, named)
         )
 
     def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
@@ -131,18 +133,28 @@ def _require_known(env_id: str, recipe: str) -> None:
         )
 
 
-def with_progress(name: str, timesteps: int, work: Callable[[Report], T]) -> T:
-    """`work(report)` with a bar of this name on standard error, which appears at the first report."""
+def work_of(settings: TrainingSettings, out: Path) -> Work:
+    """What a run is about to do."""
+    what = f"{settings.kind} on {settings.env_id}, {settings.timesteps} actions in all"
+    return Work(what, about(settings.timesteps * settings.periods / PERIODS), out)
+
+
+def with_progress(work: Work, settings: TrainingSettings, train: Callable[[Report], T]) -> T:
+    """`train(report)` with a bar on standard error, which appears at the first report.
+
+    By then all that the user has given is checked, so that an error remains the only line.
+    """
+    name, timesteps = "training", settings.timesteps
     with ExitStack() as stack:
         bars: list[Bars] = []
 
         def report(done: int, recovered: float | None) -> None:
             if not bars:
-                bars.append(stack.enter_context(progress_bars([name], timesteps)))
+                bars.append(stack.enter_context(progress_bars([name], timesteps, work, {name: done})))
             note = "" if recovered is None else f"{100 * recovered:.0f} % recovered"
             bars[0].set(name, min(done, timesteps), note)
 
-        return work(report)
+        return train(report)
 
 
 def _tell(result: TrainingResult) -> None:

@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from ..options import SUITES_TEXT, Directory, EnvOptions, RobotOptions, within
 
 FOLDER = Path("runs/corrections")
+ALONE = 2.0  # what a robot costs alone, of its cost among others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,15 +33,18 @@ class Corrections(EnvOptions, RobotOptions):
         from ...learned.corrections_plot import save_corrections
         from ...learned.summary import STEP_NAMES, correction_table, outcome_table, summarise
         from ...output.progress import progress_bars
+        from ...output.work import Work, about, episode_seconds
         from ...rollout.policy_source import acting_in
         from ...score.suites import get_suite, on_robots
         from ...sensitivity.run import sample_of
 
         suite = sample_of(on_robots(get_suite(self.suite), self.model_errors, self.profile), self.sample)
-        found = []
+        directory, found = FOLDER if self.out is None else Path(self.out), []
+        what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
+        length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))
         with (
             acting_in(self.env_id, self.policy) as (env, policy, name),
-            progress_bars([name], self.sample) as bars,
+            progress_bars([name], self.sample, Work(what, length, directory)) as bars,
         ):
             for one in collect(env, policy, suite.scenarios):
                 found.append(one)
@@ -50,7 +54,6 @@ class Corrections(EnvOptions, RobotOptions):
         for step, title in enumerate(STEP_NAMES):
             parts += [f"## During {title}: mean (standard deviation)", correction_table(summary, step)]
         text = "\n\n".join(part.strip() for part in parts) + "\n"
-        directory = FOLDER if self.out is None else Path(self.out)
         directory.mkdir(parents=True, exist_ok=True)
         write_text(directory / "report.md", text)
         print(text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -48,14 +47,11 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
             require_imageio()
 
     def write_films(self, evaluation: Evaluation) -> None:
-        """The films asked for, told of on standard error before and by their paths after."""
+        """The films asked for, and where they are."""
         if self.film is None:
             return
-        from ...film.discordant import FOLDER, disagreements, film_discordant
+        from ...film.discordant import FOLDER, film_discordant
 
-        found = len(disagreements(evaluation))
-        chosen = min(self.films, found)
-        print(f"the policies disagree on {found} pushes; films of {chosen}, about 20 s each", file=sys.stderr)
         paths = film_discordant(evaluation, self.films)
         if paths and not self.json:
             print(f"films: {evaluation.directory / FOLDER}")

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from ...tuning.settings import TuningSettings
     from ...tuning.trials import Row
 
+EPISODE = 6.5  # [s]
+RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
 ERRORS = "Model errors of every second robot, half of these with the mass error negated (docs/tuning.md)."
 
 
@@ -60,11 +62,15 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
         from ...output.progress import progress_bars
+        from ...output.work import Work, about, robot_seconds
         from ...tuning.arms import check_arms, tune_arms
         from ...tuning.report import print_arms, summary
 
         each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
-        with progress_bars(list(each), self.trials) as bars:
+        simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
+        what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
+        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), self.directory)
+        with progress_bars(list(each), self.trials, work) as bars:
 
             def show(row: Row, best: Row, policy: str) -> None:
                 bars.set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")

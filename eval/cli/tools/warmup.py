@@ -16,8 +16,12 @@ class WarmUp(JsonOption):
         from ....controllers.compiled.cache_place import cache_root
         from ...bench.warmup import names, warm_up
         from ...output.progress import progress_bars
+        from ...output.work import Work
 
-        with progress_bars(("kernels",), len(names())) as bars:
+        work = Work(
+            "all kernels", "about 2 minutes where they are to be compiled, else seconds", cache_root()
+        )
+        with progress_bars(("kernels",), len(names()), work) as bars:
             for done, name in enumerate(warm_up()):
                 bars.set("kernels", done, name)
             bars.set("kernels", len(names()))

@@ -274,3 +274,26 @@ runpy.run_module("push_recovery", run_name="__main__")
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert "interrupted" in done.stderr
+
+
+def said(capsys):
+    """Lines on standard error, without the one that tells of a compilation."""
+    return [line for line in capsys.readouterr().err.splitlines() if "compiling kernels" not in line]
+
+
+def test_evaluate_says_first_what_it_does_and_where_its_output_goes(suite, policy, tmp_path, capsys):
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
+    argv += ["--out", str(tmp_path / "out"), "--json"]
+    what = f"head: 6 episodes of {policy}"
+    assert main(argv) == 0
+    first, *_, last = said(capsys)
+    assert first == f"{what}: a few seconds; output in {tmp_path / 'out'}"
+    assert last.startswith("6/6 in 0:")
+    assert main(argv) == 0
+    assert said(capsys)[0] == f"{what}: nothing is left to run; output in {tmp_path / 'out'}"
+
+
+def test_play_says_first_what_it_writes(policy, tmp_path, capsys):
+    argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20"]
+    assert main([*argv, "--out", str(tmp_path / "push.png")]) == 0
+    assert said(capsys)[0] == f"one episode of {policy}: about 20 seconds"

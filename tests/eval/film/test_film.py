@@ -12,6 +12,8 @@ from push_recovery.eval.film.captions import BAD, GOOD, HEAD, LEGEND, LINE, PANE
 from push_recovery.eval.film.discordant import disagreements, film_name
 from push_recovery.eval.film.encode import gif_bytes, mp4_bytes
 from push_recovery.eval.film.film import BEFORE, LINGER, LONGEST, side_by_side
+from push_recovery.eval.film.strip import PANEL as MOMENT
+from push_recovery.eval.film.strip import STRIP, strip
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, standard_suite
 
@@ -53,6 +55,16 @@ def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
         picture = compose([fell, stood], after, 0.5)
         found = has(picture[line, :width], BAD), has(picture[line, width:], GOOD)
         assert found == told, after
+
+
+def test_a_contact_sheet_has_six_moments_and_tells_its_markers():
+    sheet = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, recovered_at=2.2)))))
+    assert sheet.shape[1] >= len(STRIP) * MOMENT[0]
+    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(STRIP) * MOMENT[0]
+    below = sheet[MOMENT[1] + LINE :]
+    assert all(has(below, colour) for colour in LEGEND.values())
+    fell = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, failure_reason="com_height")))))
+    assert (fell[MOMENT[1] + LINE :] != below).any()  # words of another ending
 
 
 def test_each_policy_has_its_own_picture_and_the_markers_are_told():
@@ -141,7 +153,7 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     assert main([*argv, "--out", str(out), "--film", "discordant", "--films", "1"]) == 0
     told = capsys.readouterr()
     assert f"films: {out / 'films'}" in told.out
-    assert "the policies disagree on" in told.err
+    assert "films of 1 of the 1 pushes on which the policies disagree: about 20 seconds" in told.err
     gif, mp4 = sorted((out / "films").iterdir())
     assert gif.stat().st_size < 1_000_000
     assert (gif.suffix, mp4.suffix, gif.stem) == (".gif", ".mp4", mp4.stem)
