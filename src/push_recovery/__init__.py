@@ -99,7 +99,7 @@ _FORMS = {  # of a robot's environment: what follows its name -> one robot, n ro
     "Joint": ("joint.env:BipedJointEnv", "joint.env:make_biped_joint_vector"),
     "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
 }
-_ROBOTS = {"Biped": {}, "G1": {"robot": "g1"}, "T1": {"robot": "t1"}}
+_ROBOTS = {"Biped": {}, "G1": {"robot": "g1"}, "T1": {"robot": "t1"}, "JVRC1": {"robot": "jvrc1"}}
 for _name, _robot in _ROBOTS.items():  # the models of all but the first come with the extra `robots`
     for _form, (_single, _vector) in _FORMS.items():
         register(

@@ -17,6 +17,7 @@ SHIPPED = {  # name -> module:attribute
     "biped": f"{__package__}.biped.robot:ROBOT",
     "g1": f"{__package__}.adapted.shipped:G1",
     "t1": f"{__package__}.adapted.shipped:T1",
+    "jvrc1": f"{__package__}.adapted.shipped:JVRC1",
 }
 ADAPTED = f"{__package__}.adapted.adapt"  # reads robot files; no kernel depends on it
 

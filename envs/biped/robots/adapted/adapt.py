@@ -33,6 +33,7 @@ class AdaptedSpec:
             PushRecoveryError: its model cannot be had, or is not what the file says.
         """
         robot, spec = self.robot, read_model(self.robot.model)
+        spec.compiler.discardvisual = False  # as it is for a URDF, whose floor would go
         torques = largest_torques(spec)
         shapes = self.visual and can_be_shown(spec)
         drop_shapes(spec, shapes, dict(robot.fixed))

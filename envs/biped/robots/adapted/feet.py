@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .robot_file import SIDES, RobotFile, Sole
 
@@ -88,7 +89,7 @@ def _conjugate(quat: np.ndarray) -> np.ndarray:
     return quat * [1.0, -1.0, -1.0, -1.0]
 
 
-def _turned_back(turn: Sequence[float], vector: Sequence[float]) -> np.ndarray:
+def _turned_back(turn: ArrayLike, vector: ArrayLike) -> np.ndarray:
     """A vector of a body in the axes that `turn` makes of the body's."""
     turned = np.empty(3)
     quat = np.array(turn) / np.linalg.norm(turn)

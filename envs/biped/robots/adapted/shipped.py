@@ -17,3 +17,4 @@ def shipped_robot(name: str) -> RobotDescription:
 
 G1 = shipped_robot("g1")  # Unitree G1
 T1 = shipped_robot("t1")  # Booster T1
+JVRC1 = shipped_robot("jvrc1")  # JVRC-1

@@ -1,4 +1,4 @@
-"""G1 and T1: what their packages say they are, as environments, and that they walk."""
+"""G1, T1 and JVRC-1: what their packages say they are, as environments, and that they walk."""
 
 from importlib.util import find_spec
 
@@ -22,8 +22,9 @@ pytestmark = pytest.mark.skipif(
 ABOUT = {
     "g1": (33.341, (True, True), 14, 9),
     "t1": (31.614, (False, False), 12, 9),
+    "jvrc1": (62.4, (True, True), 14, 9),
 }
-NAMES = {"g1": "G1", "t1": "T1"}
+NAMES = {"g1": "G1", "t1": "T1", "jvrc1": "JVRC1"}
 
 
 @pytest.mark.parametrize("name", ABOUT)
