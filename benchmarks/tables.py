@@ -30,10 +30,10 @@ ADAPTS = {
     "two-stage": "all of it",
     "residual": "all of it, corrected by a network",
     "residual-hardware": "the same, trained under `hardware`",
-    "scratch": "a network gives all seven decisions",
-    "joint": "a network gives joint targets",
     "joint-residual": "all of it; a network corrects the joint torques",
     "joint-residual-hardware": "the same, trained under `hardware`",
+    "scratch": "a network gives all seven decisions",
+    "joint": "a network gives joint targets",
 }
 LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware")
 COLUMNS = ("policy", "what it may adapt", "recovered", "share (95 % interval)", "survived")
