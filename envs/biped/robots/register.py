@@ -33,7 +33,7 @@ def register_robot(name: str, robot: str) -> tuple[str, ...]:
         if env_id in gym.registry:
             raise InvalidValueError(f"{env_id} is registered already; choose another name")
     for env_id, form in zip(ids, FORMS, strict=True):
-        biped = gym.spec(f"push_recovery:PushRecovery/Biped{form}-v0")
+        biped = gym.spec(f"PushRecovery/Biped{form}-v0")
         register(
             env_id,
             biped.entry_point,
