@@ -51,8 +51,8 @@ BELOW = (
     "learned (networks).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
     "tables), shipped (what was learned), learned (how, and what it adds), api (Python functions), bench,\n"
-    "tuning, ceiling, export (ONNX), protocols (pushes of others), leaderboard, report (a page),\n"
-    "reproduction, record (time histories), film (pictures that move), play (a robot to push)."
+    "tuning, ceiling, robots (made of models), export (ONNX), protocols (pushes of others), leaderboard,\n"
+    "report (a page), reproduction, record (time histories), film (pictures that move), play (a robot to push)."
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),

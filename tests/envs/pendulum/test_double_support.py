@@ -195,6 +195,7 @@ def test_what_the_hull_can_save_is_not_called_lost():
 
 def test_the_biped_has_no_double_support():
     with pytest.raises(
-        InvalidValueError, match=r"preset 'double-support' .* choose from: biped, default, paper"
+        InvalidValueError,
+        match=r"preset 'double-support' .* choose from: biped, default, g1, jvrc1, paper, t1",
     ):
         BipedEnv(preset="double-support")
