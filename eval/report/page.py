@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.util import find_spec
@@ -11,6 +12,7 @@ from typing import Any
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
 from ..output.provenance import machine_kind, source_commit, versions
+from ..rollout.environments import code_digest
 from .replay import Command
 
 PAGE = "report.html"
@@ -46,6 +48,17 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Pa
     path = directory / PAGE
     write_text(path, env.get_template(template).render(content))
     return path
+
+
+def rows_hash(directory: Path) -> str:
+    """Of the rows in a directory of results."""
+    rows = (directory / "outcomes.jsonl").read_bytes()
+    return f"sha256 {hashlib.sha256(rows).hexdigest()}"
+
+
+def code_hash() -> tuple[str, str]:
+    """Of the code that all rows come from, as a line of the manifest."""
+    return "code of controllers and envs", f"sha256 {code_digest()}"
 
 
 def manifest(command: Command, hashes: Sequence[tuple[str, str]], seeds: str) -> list[tuple[str, str]]:

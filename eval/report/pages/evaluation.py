@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,11 @@ from typing import Any
 import gymnasium as gym
 
 from ...film.strip import STRIP
-from ...rollout.environments import code_digest, make_env
+from ...rollout.environments import make_env
 from ...score.evaluate import Evaluation
 from ...score.kinds import groups_of, kind_cells
 from ..labels import short_labels
-from ..page import manifest, require_report, write_page
+from ..page import code_hash, manifest, require_report, rows_hash, write_page
 from ..parts import failures, headline, impulse, pairs, training_seeds
 from ..parts.direction import direction_figure, mapped_pushes
 from ..parts.pictures import PicturePart, picture_part
@@ -148,10 +147,9 @@ def _hashes(evaluations: Evaluations) -> list[tuple[str, str]]:
     found = []
     for one in evaluations.values():
         found.append((f"suite {one.suite.name} v{one.suite.version}", f"sha256 {one.suite.sha256}"))
-        rows = (one.directory / "outcomes.jsonl").read_bytes()
-        found.append(("its outcomes.jsonl", f"sha256 {hashlib.sha256(rows).hexdigest()}"))
+        found.append(("its outcomes.jsonl", rows_hash(one.directory)))
     first = next(iter(evaluations.values()))
-    found.append(("code of controllers and envs", f"sha256 {code_digest()}"))
+    found.append(code_hash())
     for policy, rows in first.rows.items():
         if digest := rows[0].get("policy_sha256"):
             found.append((f"policy {policy}", f"sha256 {digest}"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,11 +12,11 @@ import numpy as np
 from ...frontier.closed_form import OWN, PAPER, limit_curves
 from ...frontier.scan import Frontier
 from ...record.words import DIRECTIONS, sector_of
-from ...rollout.environments import code_digest, make_env
+from ...rollout.environments import make_env
 from ...score.bounds_met import fall_cell
 from ..figure import BLUE, GREY, INK, new_panel, page_style, to_svg
 from ..labels import short_labels
-from ..page import manifest, write_page
+from ..page import code_hash, manifest, rows_hash, write_page
 from ..replay import Command
 
 FALL_COLUMNS = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")
@@ -33,11 +32,7 @@ def write_frontier_page(found: Frontier, command: Command) -> Path:
     """
     labels = short_labels(found.rows)
     settings = found.settings
-    rows = (found.directory / "outcomes.jsonl").read_bytes()
-    hashes = [
-        ("outcomes.jsonl", f"sha256 {hashlib.sha256(rows).hexdigest()}"),
-        ("code of controllers and envs", f"sha256 {code_digest()}"),
-    ]
+    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
     content = {
         "title": "Largest push by direction",
         "settings": settings,

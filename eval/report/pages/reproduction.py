@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,8 +10,7 @@ from pathlib import Path
 from ...reproduction.report.claims import DIFFERS, REPRODUCED, UNTOLD, Claim, claims
 from ...reproduction.report.page import SHOWN
 from ...reproduction.report.run import Reproduction
-from ...rollout.environments import code_digest
-from ..page import manifest, write_page
+from ..page import code_hash, manifest, rows_hash, write_page
 from ..replay import Command
 
 COLUMNS = ("claim", "paper", "here", "verdict")
@@ -28,11 +26,7 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
         MissingExtraError: jinja2 is not installed.
     """
     told = list(claims(found.content)) if found.content.keys() >= NEEDED else []
-    rows = (found.directory / "outcomes.jsonl").read_bytes()
-    hashes = [
-        ("outcomes.jsonl", f"sha256 {hashlib.sha256(rows).hexdigest()}"),
-        ("code of controllers and envs", f"sha256 {code_digest()}"),
-    ]
+    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
     content = {
         "title": "The paper's results, measured again",
         "verdict": verdict(told),
