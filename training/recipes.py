@@ -8,11 +8,14 @@ from pathlib import Path
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.files import is_file
 from ..controllers.learned.policy_file import policy_paths
+from ..envs.scenario.command import FASTEST_TURN
 from ..eval.shipped.names import training_note
 from .settings import TRAINING_PUSHES, TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")
-JOINT_RESIDUAL = TrainingSettings("joint-residual", log_std=-2.5, gamma=0.995)
+# What corrects torques has to know how to turn by itself
+TURNING = replace(TRAINING_PUSHES, turn=FASTEST_TURN)
+JOINT_RESIDUAL = TrainingSettings("joint-residual", pushes=TURNING, log_std=-2.5, gamma=0.995)
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_integer, require_keys, require_number
-from .command import Command
+from .command import FASTEST_TURN, Command
 from .error_ranges import ErrorRanges
 from .model_errors import EXACT_MODEL
 from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, polar_push
@@ -26,7 +26,8 @@ class PushDistribution:
     """Scenarios with one push each, drawn from a Generator; used by `reset` without a scenario.
 
     Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
-    equal probability and a uniform speed up to its maximum. Model errors come from `errors`.
+    equal probability and a uniform speed up to its maximum. Where `turn` is not 0, half of the robots turn
+    besides, at a uniform rate to either side. Model errors come from `errors`.
     """
 
     impulse_min: float = 5.0  # [N s]
@@ -39,6 +40,7 @@ class PushDistribution:
     forward_speed: float = 0.5  # [m/s]
     backward_speed: float = 0.25  # [m/s]
     sideways_speed: float = 0.2  # [m/s], to either side
+    turn: float = 0.0  # fastest, of the half of the robots that turns [rad/s]
     settle_time: float = SETTLE_TIME  # [s]
     errors: ErrorRanges | None = None  # of the robot, drawn anew for every scenario
 
@@ -63,6 +65,7 @@ class PushDistribution:
         require_integer("PushDistribution.first_step", self.first_step, high=STEP_MAX)
         for name in ("forward_speed", "backward_speed", "sideways_speed"):
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
+        require_number("PushDistribution.turn [rad/s]", self.turn, 0.0, FASTEST_TURN)
         require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
 
     def command(self, kind: int, speed: float, to_left: bool) -> Command:
@@ -75,8 +78,12 @@ class PushDistribution:
             return Command(vy=(speed if to_left else -speed) * self.sideways_speed)
         return Command()
 
+    def turning(self, share: float, side: float) -> float:
+        """Rate at which a robot turns [rad/s], of two uniform draws: 0 in the lower half of the first one."""
+        return (2.0 * side - 1.0) * self.turn if share >= 0.5 else 0.0
+
     def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
-        """Draw one scenario; always the same number of draws, so that episodes stay comparable."""
+        """Draw one scenario; of one distribution all take equally many draws, so that episodes compare."""
         u = rng.random(8)
         noise_seed = int(rng.integers(2**31))
         errors = EXACT_MODEL if self.errors is None else self.errors.sample(rng)
@@ -84,12 +91,15 @@ class PushDistribution:
         direction = self.direction_min + u[1] * (self.direction_max - self.direction_min)
         event = GaitEvent(self.first_step, "left" if u[2] < 0.5 else "right", float(u[3] * self.phase_max))
         kind = min(int(u[4] * len(COMMAND_KINDS)), len(COMMAND_KINDS) - 1)
+        command = self.command(kind, float(u[5]), bool(u[6] < 0.5))
+        if self.turn:
+            command = replace(command, turn=self.turning(*rng.random(2).tolist()))
         return Scenario(
             id=scenario_id or f"random-{noise_seed:08x}",
             pushes=(
                 polar_push(float(impulse / self.push_duration), float(direction), self.push_duration, event),
             ),
-            command=self.command(kind, float(u[5]), bool(u[6] < 0.5)),
+            command=command,
             stance_side="left" if u[7] < 0.5 else "right",
             settle_time=self.settle_time,
             noise_seed=noise_seed,

@@ -1,5 +1,7 @@
 """Random pushes: drawn from the generator alone, within their bounds, and of sizes that a push may have."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
@@ -48,6 +50,24 @@ def test_commands_by_hand():
     assert pairs == [(0, 0), (0, 0), (0.3, 0), (0.3, 0), (-0.2, 0), (-0.2, 0), (0, 0.1), (0, -0.1)]
 
 
+def test_half_of_the_robots_turn_where_they_are_to():
+    """To either side at up to the rate asked for; what is drawn besides is what it was without turning."""
+    turning = [PushDistribution(turn=0.4).sample(np.random.default_rng(seed)) for seed in range(600)]
+    straight = [PushDistribution().sample(np.random.default_rng(seed)) for seed in range(600)]
+    for one, other in zip(turning, straight, strict=True):
+        assert replace(one, command=replace(one.command, turn=0.0)) == other
+    rates = np.array([scenario.command.turn for scenario in turning])
+    assert 0.45 < np.mean(rates == 0.0) < 0.55
+    assert -0.4 <= rates.min() < -0.38
+    assert 0.38 < rates.max() <= 0.4
+    assert abs(np.mean(rates)) < 0.02
+
+
+@pytest.mark.parametrize(("share", "side", "rate"), [(0.49, 1.0, 0.0), (0.5, 1.0, 0.6), (1.0, 0.0, -0.6)])
+def test_turning_by_hand(share, side, rate):
+    assert PushDistribution(turn=0.6).turning(share, side) == rate
+
+
 def test_distribution_round_trip_and_bounds():
     distribution = PushDistribution(impulse_max=40.0)
     assert PushDistribution.from_dict(distribution.to_dict()) == distribution
@@ -65,7 +85,7 @@ def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
 
 
 @pytest.mark.parametrize(
-    "values", [{"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}]
+    "values", [{"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}, {"turn": 0.7}]
 )
 def test_a_distribution_refuses_what_it_could_not_draw(values):
     with pytest.raises(InvalidValueError, match=rf"PushDistribution\.{next(iter(values))}"):
