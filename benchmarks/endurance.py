@@ -28,7 +28,7 @@ from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.interface import Policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.profile import get_profile
-from push_recovery.envs.scenario.push import BODIES, Push, polar_push
+from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 from push_recovery.eval.frontier.grid import BEYOND, Scanned, directions_deg, multiples, scan_upwards
 from push_recovery.eval.frontier.scan import FrontierSettings
@@ -41,6 +41,7 @@ PHASE = 0.6  # a push comes up to this much later: longer than a step [s]
 PUSH_DURATION = 0.1  # [s]
 SLOWEST, FASTEST, SIDEWAYS = -0.25, 0.5, 0.2  # [m/s]
 TURN = 0.3  # [rad/s]
+PUSHED = ("pelvis", "trunk")  # bodies
 SIDE_BY_SIDE = 8  # forces of a scan
 Tables = dict[str, NDArray[np.float64]]  # by body, (directions, 2): psi [deg], force [N]
 Row = dict[str, Any]
@@ -76,7 +77,7 @@ def measured_frontiers(options: argparse.Namespace) -> list[Row]:
     if not path.exists():
         episodes = BipedEpisodes(SIDE_BY_SIDE, threads=options.threads, sensing=options.sensing)
         policy = make_policy(options.policy, episodes.robot, episodes.limits, episodes.preset)
-        found = [largest_survived(options, policy, episodes, body) for body in BODIES]
+        found = [largest_survived(options, policy, episodes, body) for body in PUSHED]
         write_text(path, json.dumps(found, indent=1) + "\n")
     return json.loads(path.read_text())
 
@@ -87,7 +88,7 @@ def tables_of(frontiers: list[Row]) -> Tables:
         found["push"]["body"]: np.array([[row["psi_deg"], row["survived_N"]] for row in found["directions"]])
         for found in frontiers
     }
-    if missing := [body for body in BODIES if body not in tables]:
+    if missing := [body for body in PUSHED if body not in tables]:
         raise SystemExit(f"--frontier needs a file of each body, missing: {', '.join(missing)}")
     return tables
 
@@ -99,7 +100,7 @@ def random_command(rng: np.random.Generator) -> Command:
 
 def random_push(rng: np.random.Generator, time: float, tables: Tables, share: float) -> Push:
     """A push at `time` [s] or up to PHASE later, `share` of the frontier in its direction."""
-    psi, body = rng.uniform(0.0, 360.0), BODIES[int(rng.integers(len(BODIES)))]
+    psi, body = rng.uniform(0.0, 360.0), PUSHED[int(rng.integers(len(PUSHED)))]
     psis, survived = tables[body].T
     force = share * float(np.interp(psi, psis, survived, period=360.0))
     start = time + rng.uniform(0.0, PHASE)

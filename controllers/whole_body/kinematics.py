@@ -18,13 +18,14 @@ Ints = NDArray[np.int64]
 # What control knows of any robot: a floating base, a waist of two axes, two legs of six joints. A robot's own
 # numbers are found from the names in its body plan, and its values are put into these places.
 NV, NU = 20, 14
-BODIES, JOINTS = 9, 15  # places for bodies, of which only those named below are in use, and for joints
+BODIES, JOINTS = 9, 15  # places for bodies, the first of which is not in use, and for joints
 LEG_DOF = (8, 14)  # first degree of freedom of the left and the right leg
 LEG_JOINT = (3, 9)  # first joint (0 is the free joint, 1-2 the waist)
 LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 WAIST_JOINT, WAIST_DOF = 1, 6
 PELVIS, TRUNK = 1, 2  # bodies
 FOOT_BODY = (5, 8)
+PUSHED_BODY = (PELVIS, TRUNK, 3, 4, 5, 6, 7, 8)  # with thigh, shank and foot, in the order of push.BODIES
 MEETING_AXES, ANY_AXES = 1, 0  # hip axes meet in a point, the ankle's too, and hip pitch, knee, ankle pitch
 # are parallel, in the order yaw, roll, pitch, knee, pitch, roll: see `leg_inverse`
 Heading = tuple[float, float]  # cosine and sine of a heading

@@ -228,7 +228,7 @@ class BipedCore:
             self._bind()
         self.kicks.assign(k, scenario.kicks)
         if self.body.indices.trunk == self.body.indices.pelvis:
-            self.pushes.body[k] = BODIES.index("pelvis")
+            self.pushes.body[k, self.pushes.body[k] == BODIES.index("trunk")] = BODIES.index("pelvis")
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)

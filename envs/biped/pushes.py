@@ -12,11 +12,9 @@ from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
 from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body.gait_machine import Gait
-from ...controllers.whole_body.kinematics import PELVIS, TRUNK, Physics
+from ...controllers.whole_body.kinematics import PUSHED_BODY, Physics
 from ..scenario.push_arrays import Pushes
 from ..scenario.push_force import mean_force, resolve_starts, turn_forces
-
-PUSHED_BODY = (PELVIS, TRUNK)  # in the order of push.BODIES
 
 
 @njit(cache=True, forceinline=True)

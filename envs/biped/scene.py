@@ -77,7 +77,7 @@ def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) ->
     for i in range(pushes.start.shape[1]):
         opacity = push_opacity(time, pushes.start[0, i], pushes.duration[0, i])
         if opacity > 0.0 and np.any(pushes.force[0, i]):
-            body = (core.body.indices.pelvis, core.body.indices.trunk)[pushes.body[0, i]]
+            body = core.body.indices.pushed[pushes.body[0, i]]
             point = data.xipos[body] + data.xmat[body].reshape(3, 3) @ pushes.offset[0, i]
             _add_arrow(scene, point, pushes.force[0, i], opacity)
 

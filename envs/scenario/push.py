@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 from ...controllers.validation import (
     require_choice,
@@ -16,7 +16,9 @@ from ...controllers.validation import (
 )
 
 Side = Literal["left", "right"]
-Body = Literal["pelvis", "trunk"]
+Body = Literal[
+    "pelvis", "trunk", "left_thigh", "left_shank", "left_foot", "right_thigh", "right_shank", "right_foot"
+]
 PushFrame = Literal["world", "heading"]
 SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[Body, ...] = get_args(Body)
@@ -33,6 +35,12 @@ PENDING = math.inf  # start time of a push whose gait event has not come yet [s]
 def other_side(side: Side) -> Side:
     """The other foot."""
     return "right" if side == "left" else "left"
+
+
+def mirrored_body(body: Body) -> Body:
+    """The same part of the other leg; pelvis and trunk have no other side."""
+    side, _, part = body.partition("_")
+    return cast("Body", f"{other_side(cast('Side', side))}_{part}") if part else body
 
 
 @dataclass(frozen=True)
@@ -80,6 +88,7 @@ class Push:
     robot standing; beyond them simulated states overflow.
     The force has world axes, which at heading 0 are forward, left and up; in the frame "heading" forward and
     left are those of the robot when the push starts. It stays as it is in the world from then on.
+    A thigh is the link from the last axis of the hip to the knee, a shank that from knee to ankle.
     """
 
     force: tuple[float, float, float]  # [N]
@@ -116,10 +125,11 @@ class Push:
         return math.atan2(self.force[1], self.force[0])
 
     def mirrored(self) -> Push:
-        """Reflection in the x-z plane: y components negated, the event on the other foot."""
+        """Reflection in the x-z plane: y components negated, body and event those of the other side."""
         (fx, fy, fz), (px, py, pz) = self.force, self.offset
         start = self.start.mirrored() if isinstance(self.start, GaitEvent) else self.start
-        return Push((fx, 0.0 - fy, fz), self.duration, start, self.body, (px, 0.0 - py, pz), self.frame)
+        body, offset = mirrored_body(self.body), (px, 0.0 - py, pz)
+        return Push((fx, 0.0 - fy, fz), self.duration, start, body, offset, self.frame)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; a gait event is an object, a time a number; the world's frame is left out."""

@@ -10,16 +10,16 @@ import json
 import math
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from tyro.conf import arg
 
 from ...controllers.errors import InvalidValueError, is_finite_number, shown
 from ...envs.scenario.model_errors import ModelErrors
+from ...envs.scenario.push import Body
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
 
 Flag = Annotated[bool, arg(help_behavior_hint="")]
-Body = Literal["pelvis", "trunk"]
 Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
 Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]

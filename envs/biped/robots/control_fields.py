@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import mujoco
 
-from ....controllers.whole_body.kinematics import BODIES, FOOT_BODY, PELVIS, TRUNK
+from ....controllers.whole_body.kinematics import BODIES, FOOT_BODY, PELVIS, PUSHED_BODY, TRUNK
 from ....controllers.whole_body.mass_matrix import ENTRIES, ROW, columns
 from ...physics.fields import ONE, Field, picked, rows
 from .indices import MISSING, Indices
@@ -20,10 +20,10 @@ Pairs = list[tuple[int, int]]
 
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
-    """Torques, and forces on pelvis and trunk."""
-    pushed = [(PELVIS, indices.pelvis)]
-    if indices.trunk != indices.pelvis:  # otherwise `BipedCore.reset` turns its pushes into the pelvis'
-        pushed.append((TRUNK, indices.trunk))
+    """Torques, and forces on the bodies that pushes act on."""
+    pushed = [*zip(PUSHED_BODY, indices.pushed, strict=True)]
+    if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
+        pushed.remove((TRUNK, indices.trunk))
     return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
         "xfrc_applied", BODIES, 6, pushed
     )
@@ -32,12 +32,13 @@ def inputs(indices: Indices) -> tuple[Field, ...]:
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
     bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
+    turned = [*zip(PUSHED_BODY, indices.pushed, strict=True)]
     joints = known(indices.joints)
     return (
         _with_held("qpos", indices.qpos, indices.held_qpos),
         _with_held("qvel", indices.dof, indices.held_dof),
         rows("xpos", BODIES, 3, bodies),
-        rows("xmat", BODIES, 9, bodies),
+        rows("xmat", BODIES, 9, turned),
         rows("xanchor", len(indices.joints), 3, joints),
         rows("xaxis", len(indices.joints), 3, joints),
         rows("subtree_com", BODIES, 3, [(0, 0)]),

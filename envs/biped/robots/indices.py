@@ -21,7 +21,7 @@ class Indices:
 
     pelvis: int
     trunk: int
-    feet: tuple[int, int]  # bodies
+    links: tuple[tuple[int, int, int], tuple[int, int, int]]  # thigh, shank and foot of each leg, bodies
     joints: tuple[int, ...]  # (15,) free joint, waist, legs
     qpos: tuple[int, ...]  # (21,) joint coordinates
     dof: tuple[int, ...]  # (20,) degrees of freedom
@@ -31,6 +31,16 @@ class Indices:
     sole_boxes: tuple[int, int]  # geoms
     held_qpos: tuple[int, ...] = ()  # coordinates of the joints that keep their angle
     held_dof: tuple[int, ...] = ()  # and their degrees of freedom
+
+    @property
+    def pushed(self) -> tuple[int, ...]:
+        """Bodies in the order of `push.BODIES`."""
+        return self.pelvis, self.trunk, *self.links[0], *self.links[1]
+
+    @property
+    def feet(self) -> tuple[int, int]:
+        """Bodies of the left and the right foot."""
+        return self.links[0][2], self.links[1][2]
 
     @property
     def legs(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -80,7 +90,7 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
     found = Indices(
         pelvis=pelvis,
         trunk=trunk,
-        feet=(int(model.jnt_bodyid[legs[0][-1]]), int(model.jnt_bodyid[legs[1][-1]])),
+        links=(_links(model, legs[0]), _links(model, legs[1])),
         joints=(free, *hinges),
         qpos=(*range(base_qpos, base_qpos + 7), *(_address(model.jnt_qposadr, joint) for joint in hinges)),
         dof=(*range(base_dof, base_dof + 6), *(_address(model.jnt_dofadr, joint) for joint in hinges)),
@@ -142,6 +152,12 @@ def check_waist(model: mujoco.MjModel, found: Indices) -> None:
                 f"waist joint {model.joint(joint).name!r} must turn about {axis} (pitch y, roll x), "
                 f"got {data.xaxis[joint].round(6).tolist()}"
             )
+
+
+def _links(model: mujoco.MjModel, leg: list[int]) -> tuple[int, int, int]:
+    """Bodies that the hip's last axis, the knee and the ankle's last axis move."""
+    thigh, shank, foot = (int(model.jnt_bodyid[leg[joint]]) for joint in (2, 3, 5))
+    return thigh, shank, foot
 
 
 def _address(addresses: np.ndarray, joint: int) -> int:

@@ -42,6 +42,15 @@ def test_polar_push_and_mirror(frame):
     assert math.copysign(1.0, Push((1.0, 0.0, 0.0), 0.1, 0.0).mirrored().force[1]) == 1.0
 
 
+@pytest.mark.parametrize(
+    ("body", "other"),
+    [("pelvis", "pelvis"), ("trunk", "trunk"), ("left_thigh", "right_thigh"), ("right_foot", "left_foot")],
+)
+def test_a_leg_is_mirrored_into_the_other_one(body, other):
+    push = Push((1.0, 2.0, 3.0), 0.1, 2.0, body, (0.1, -0.2, 0.3))
+    assert push.mirrored() == Push((1.0, -2.0, 3.0), 0.1, 2.0, other, (0.1, 0.2, 0.3))
+
+
 @pytest.mark.parametrize("frame", ["world", "heading"])
 @pytest.mark.parametrize("start", [2.6, GaitEvent(4, "right", 0.5)])
 def test_dict_round_trip(start, frame):
