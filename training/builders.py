@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, Ve
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.learned.inputs import BASE, GATE, MARGIN, OBSERVATION
+from ..controllers.model.similarity import Similarity
 from ..controllers.policies.arms import make_policy
 from ..controllers.policies.interface import Policy
 from ..controllers.policies.residual_rule import ResidualRule
@@ -74,7 +75,7 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     """One training environment: the plain one, the residual, the hold."""
     env = make_plain_env(settings.env_id, settings.profile)
     if hasattr(env.unwrapped, "push_distribution"):
-        env.unwrapped.push_distribution = settings.pushes  # type: ignore[attr-defined]
+        env.unwrapped.push_distribution = settings.pushes.scaled(environments.size_of(env))  # type: ignore[attr-defined]
     if acts_on_joints(env) != settings.on_joints:
         kinds = ("residual", "scratch") if settings.on_joints else ("joint", "joint-residual")
         raise InvalidValueError(
@@ -170,15 +171,17 @@ def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
 
 def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -> Starts:
     """Where the episodes of a run begin; for starts at pushes the walks are walked now."""
+    size = Similarity.of(episodes.robot)
+    pushes, easy = settings.drawn_pushes.scaled(size), settings.easy_pushes.scaled(size)
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
     if settings.starts == "reset":
-        return ResetStarts(episodes, settings.drawn_pushes, pushing)
+        return ResetStarts(episodes, pushes, pushing)
     walker: Policy = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
     if isinstance(episodes, JointResidualEpisodes):  # whose planner is within
         walker = Uncorrected(episodes.action_size)
-    walks = take_walks(episodes, walker, settings.drawn_pushes, settings.walks, walking)
-    easy = settings.easy_pushes, settings.easy_share
-    return PushStarts(episodes, walks, settings.drawn_pushes, *easy, settings.least_acceptance, pushing)
+    walks = take_walks(episodes, walker, pushes, settings.walks, walking)
+    shares = settings.easy_share, settings.least_acceptance
+    return PushStarts(episodes, walks, pushes, easy, *shares, pushing)
 
 
 def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:

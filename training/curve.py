@@ -12,6 +12,7 @@ import numpy as np
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
+from ..controllers.model.similarity import SAME, Similarity
 from ..controllers.policies.interface import Policy
 from ..envs.episode.profile import get_profile
 from ..envs.scenario.push_distribution import PushDistribution
@@ -36,11 +37,17 @@ class CurvePoint:
     mean_reward: float  # per episode
 
 
-def curve_scenarios(count: int, profile: str = "exact") -> list[Scenario]:
-    """The first `count` scenarios of the curve: pushes like those of `hard`, the same ones in every run."""
+def curve_scenarios(count: int, profile: str = "exact", size: Similarity = SAME) -> list[Scenario]:
+    """The first `count` scenarios of the curve: pushes like those of `hard`, the same ones in every run.
+
+    Args:
+        count: of scenarios.
+        profile: of the robots.
+        size: of the robot against that of 60 kg.
+    """
     streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profile(profile)
     drawn = [PUSHES.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
-    return [robots.applied(scenario) for scenario in drawn]
+    return [robots.applied(scenario).scaled(size) for scenario in drawn]
 
 
 def score(

@@ -18,7 +18,7 @@ from ..controllers.learned.policy_file import policy_paths
 from ..eval.output.progress import progress_bars
 from ..eval.output.work import Work, about
 from ..eval.processes.writer import Writer
-from ..eval.rollout.environments import EnvName
+from ..eval.rollout.environments import EnvName, size_of
 from ..eval.shipped.names import named_file
 from .builders import completed, make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
 from .callbacks import Every, Progress, record_point
@@ -74,7 +74,7 @@ class Run:
         self.start = 0 if checkpoint is None else checkpoint.timesteps
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
         self.env = make_plain_env(settings.env_id)
-        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile)
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size_of(self.env))
         seed = segment_seed(settings.seed, self.start)
         self.venv: VecNormalize = make_vec_env(settings, self.one, seed)
         self.model: PPO = make_ppo(settings, self.venv, seed, out)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.compiled.source_digest import source_digest
+from ...controllers.model.similarity import Similarity
 from ...controllers.settings.presets import preset_config
 from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.env import GaitEnv
@@ -67,9 +68,9 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         sensing: str | None = None,
         arm: str = "",
     ):
-        self.profile = get_profile(profile)
         self.description = robot_description(robot)
         body = compiled_robot(self.description)
+        self.profile = get_profile(profile).scaled(Similarity.of(body.robot))
         preset = self.description.preset if preset is None else preset
         settings = biped_settings(preset, arm).of_robot(body.robot)
         check_preset(preset, body.robot, settings.limits)

@@ -14,6 +14,8 @@ from ...controllers.compiled.kernels import njit
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalGait
+from ...controllers.model.robot import RobotModel
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_integer
 from ..scenario.push_distribution import PushDistribution
 from ..scenario.scenario import Scenario
@@ -77,8 +79,10 @@ def spaces_of(episodes: GaitEpisodes) -> tuple[Any, Any]:
     )
 
 
-def check_push_distribution(distribution: dict[str, Any] | PushDistribution | None) -> PushDistribution:
-    """A push distribution from what a constructor takes; the default one for None.
+def check_push_distribution(
+    distribution: dict[str, Any] | PushDistribution | None, robot: RobotModel
+) -> PushDistribution:
+    """A push distribution from what a constructor takes; for None the default one, of the robot's size.
 
     Raises:
         InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
@@ -89,7 +93,7 @@ def check_push_distribution(distribution: dict[str, Any] | PushDistribution | No
         raise InvalidValueError(
             f"push_distribution must be a PushDistribution or its dict, got {distribution!r}"
         )
-    return distribution or PushDistribution()
+    return PushDistribution().scaled(Similarity.of(robot)) if distribution is None else distribution
 
 
 def check_scenario(scenario: object) -> Scenario:
@@ -126,7 +130,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self.push_distribution = check_push_distribution(push_distribution)
+        self.push_distribution = check_push_distribution(push_distribution, episodes.robot)
         self.episodes = episodes
         self.core: Any = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ...controllers.json_text import changed_fields
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_choice
 from ..scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
@@ -31,6 +32,10 @@ class Profile:
             physics=_completed(scenario.physics, self.physics),
             sensing=self.sensing if scenario.sensing == EXACT_SENSING else scenario.sensing,
         )
+
+    def scaled(self, scale: Similarity) -> Profile:
+        """The same profile for a robot of another size."""
+        return replace(self, errors=self.errors.scaled(scale))
 
 
 def _completed(own: Any, common: Any) -> Any:

@@ -95,7 +95,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             )
         self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), check_hold(hold)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
-        self.push_distribution = check_push_distribution(push_distribution)
+        self.push_distribution = check_push_distribution(push_distribution, episodes.robot)
         self.episodes, self.num_envs = episodes, episodes.n
         self.core: Core = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits

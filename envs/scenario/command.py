@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_keys, require_number
 
 FASTEST_TURN = 0.6  # [rad/s]
@@ -29,6 +30,11 @@ class Command:
     def mirrored(self) -> Command:
         """Sideways velocity and turning negated."""
         return Command(self.vx, 0.0 - self.vy, 0.0 - self.turn)
+
+    def scaled(self, scale: Similarity) -> Command:
+        """The same command for a robot of another size; none turns faster than FASTEST_TURN."""
+        turn = min(max(self.turn / scale.time, -FASTEST_TURN), FASTEST_TURN)
+        return Command(self.vx * scale.velocity, self.vy * scale.velocity, turn)
 
     def to_dict(self) -> dict[str, float]:
         """Plain JSON types; `turn` is left out where it is 0."""
@@ -60,6 +66,10 @@ class CommandChange:
     def mirrored(self) -> CommandChange:
         """The mirrored command at the same time."""
         return CommandChange(self.time, self.command.mirrored())
+
+    def scaled(self, scale: Similarity) -> CommandChange:
+        """The same change for a robot of another size."""
+        return CommandChange(self.time * scale.time, self.command.scaled(scale))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""

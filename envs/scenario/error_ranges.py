@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_keys, require_number
-from .model_errors import ModelErrors
+from .model_errors import SCALES, ModelErrors
 from .physics_options import CONTROL_STEP
 
 DRAWS = 12  # numbers that a draw takes of its generator, whatever is given
@@ -62,6 +63,14 @@ class ErrorRanges:
             raise InvalidValueError(
                 f"ErrorRanges.delay must hold a multiple of {CONTROL_STEP} s, got {self.delay}"
             )
+
+    def scaled(self, scale: Similarity) -> ErrorRanges:
+        """The same ranges for a robot of another size."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name, quantity in SCALES.items():
+            if values[name] is not None:
+                values[name] = tuple(getattr(scale, quantity) * bound for bound in values[name])
+        return ErrorRanges(**values)
 
     @property
     def _delay_steps(self) -> Range:

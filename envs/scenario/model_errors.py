@@ -9,6 +9,7 @@ from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.json_text import changed_fields, parse_json
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_keys, require_number, require_vector
 
 STEEPEST_SLOPE = math.radians(5.0)  # [rad]
@@ -34,6 +35,11 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
 }
 OPEN = ("friction", "motor_power", "bus_power", "continuous_torque")  # that may be None
 SWITCHES = ("collisions",)
+SCALES = {  # field -> what of `Similarity` it goes with; times, angles and shares are any robot's
+    "payload": "mass", "trunk_com": "length", "dcm_noise": "length", "floor_step": "length",
+    "joint_friction": "torque", "joint_damping": "damping", "armature": "inertia",
+    "motor_power": "power", "bus_power": "power",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,18 @@ class ModelErrors:
     def names(self) -> tuple[str, ...]:
         """Fields that differ from their default."""
         return tuple(changed_fields(self))
+
+    def scaled(self, scale: Similarity) -> ModelErrors:
+        """The same errors of a robot of another size.
+
+        Raises:
+            InvalidValueError: one of them is then out of its bounds.
+        """
+        values = {name: getattr(self, name) for name in self.names}
+        for name in SCALES.keys() & values.keys():
+            factor, value = getattr(scale, SCALES[name]), values[name]
+            values[name] = tuple(factor * x for x in value) if isinstance(value, tuple) else factor * value
+        return ModelErrors(**values)
 
     def mirrored(self) -> ModelErrors:
         """Reflection in the x-z plane; noise is mirrored with the stance side of the first step."""

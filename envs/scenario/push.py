@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, cast, get_args
 
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import (
     require_choice,
     require_integer,
@@ -131,6 +132,12 @@ class Push:
         body, offset = mirrored_body(self.body), (px, 0.0 - py, pz)
         return Push((fx, 0.0 - fy, fz), self.duration, start, body, offset, self.frame)
 
+    def scaled(self, scale: Similarity) -> Push:
+        """The same push for a robot of another size; a gait event stays."""
+        force, offset = _times(self.force, scale.mass), _times(self.offset, scale.length)
+        start = self.start if isinstance(self.start, GaitEvent) else self.start * scale.time
+        return Push(force, self.duration * scale.time, start, self.body, offset, self.frame)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; a gait event is an object, a time a number; the world's frame is left out."""
         values: dict[str, Any] = {
@@ -173,6 +180,10 @@ class Kick:
         x, y, z = self.velocity
         return Kick((x, 0.0 - y, z), self.start)
 
+    def scaled(self, scale: Similarity) -> Kick:
+        """The same kick for a robot of another size."""
+        return Kick(_times(self.velocity, scale.velocity), self.start * scale.time)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
         return {"velocity": list(self.velocity), "start": self.start}
@@ -181,6 +192,11 @@ class Kick:
     def from_dict(cls, data: object) -> Kick:
         """Inverse of `to_dict`."""
         return cls(**require_keys("kick", data, {"velocity", "start"}, set()))
+
+
+def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    x, y, z = vector
+    return x * factor, y * factor, z * factor
 
 
 def polar_push(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import require_integer, require_keys, require_number
 from .command import FASTEST_TURN, Command
 from .error_ranges import ErrorRanges
@@ -67,6 +68,22 @@ class PushDistribution:
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
         require_number("PushDistribution.turn [rad/s]", self.turn, 0.0, FASTEST_TURN)
         require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
+
+    def scaled(self, scale: Similarity) -> PushDistribution:
+        """The same distribution for a robot of another size."""
+        fastest = Command(self.forward_speed, self.sideways_speed, self.turn).scaled(scale)
+        return replace(
+            self,
+            impulse_min=self.impulse_min * scale.impulse,
+            impulse_max=self.impulse_max * scale.impulse,
+            push_duration=self.push_duration * scale.time,
+            forward_speed=fastest.vx,
+            backward_speed=self.backward_speed * scale.velocity,
+            sideways_speed=fastest.vy,
+            turn=fastest.turn,
+            settle_time=self.settle_time * scale.time,
+            errors=None if self.errors is None else self.errors.scaled(scale),
+        )
 
     def command(self, kind: int, speed: float, to_left: bool) -> Command:
         """Command of a kind (index into COMMAND_KINDS) at a fraction `speed` in [0, 1] of its maximum."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.json_text import parse_json
+from ...controllers.model.similarity import Similarity
 from ...controllers.validation import (
     require_choice,
     require_integer,
@@ -125,6 +126,19 @@ class Scenario:
             physics=self.physics,
             sensing=self.sensing,
             kicks=tuple(kick.mirrored() for kick in self.kicks),
+        )
+
+    def scaled(self, scale: Similarity) -> Scenario:
+        """The same scenario, of the same id, for a robot of another size."""
+        return replace(
+            self,
+            pushes=tuple(push.scaled(scale) for push in self.pushes),
+            command=self.command.scaled(scale),
+            settle_time=self.settle_time * scale.time,
+            duration=None if self.duration is None else self.duration * scale.time,
+            errors=self.errors.scaled(scale),
+            changes=tuple(change.scaled(scale) for change in self.changes),
+            kicks=tuple(kick.scaled(scale) for kick in self.kicks),
         )
 
     def to_dict(self) -> dict[str, Any]:

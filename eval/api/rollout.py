@@ -8,6 +8,7 @@ import gymnasium as gym
 
 from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import size_of
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.one import rollout as run_episode
 from ..rollout.outcome import Outcome
@@ -34,6 +35,6 @@ def rollout(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
-    scenario = get_profile(profile).applied(scenario)
     with acting_in(env, policy, policy_name) as (made, acting, label):
+        scenario = get_profile(profile).scaled(size_of(made)).applied(scenario)
         return run_episode(made, acting, scenario, label)

@@ -85,7 +85,8 @@ def compare(
 
 def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
     named = default_suite(env) if suite is None else suite
-    return on_robots(named if isinstance(named, Suite) else get_suite(str(named)), errors, profile)
+    pushes = named if isinstance(named, Suite) else get_suite(str(named), env)
+    return on_robots(pushes, errors, profile, env)
 
 
 def _directory(out: str | PathLike[str] | None) -> Path | None:

@@ -16,7 +16,7 @@ from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import progress_bars
 from ..output.work import Work, about, robot_seconds
-from ..rollout.environments import code_digest, env_label, make_env, preset_digest
+from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
@@ -54,7 +54,7 @@ class FrontierSettings:
         push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
         name = f"frontier-{psi_deg:g}deg-{force:g}N"
         scenario = Scenario(name, (push,), self.command, "left", errors=self.errors)
-        return get_profile(self.profile).applied(scenario)
+        return profile_on(self.env_id, self.profile).applied(scenario)
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
 from ...controllers.json_text import parse_json
 from ...envs.biped.bounds_record import BoundsReport
-from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import EnvName, profile_on
+from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Ending, Outcome, Score
 from ..score.evaluate import FORMAT, configuration
-from ..score.suites import SUITES, Suite, get_suite, with_profile
+from ..score.suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
 
 Row = dict[str, Any]
 DIGEST = "policy_sha256"  # of a row, beside its outcome
@@ -51,8 +52,8 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     summary = config.get("suite")
     if config.get("format") != FORMAT or not isinstance(summary, dict):
         raise InvalidValueError(f"{str(directory)!r} holds no results of evaluate (format {FORMAT})")
-    pushes = _suite(str(summary.get("name")), suite)
     env_id = str(config.get("env"))
+    pushes = _suite(str(summary.get("name")), suite, env_id)
     known = configuration(pushes, env_id)
     if differs := [name for name in sorted({*known, *config}) if known.get(name) != config.get(name)]:
         raise InvalidValueError(
@@ -74,14 +75,18 @@ def _object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _suite(name: str, given: str | None) -> Suite:
-    """The suite of a name as `evaluate` gives it, also with a profile, unless another one is given."""
+def _suite(name: str, given: str | None, env_id: str) -> Suite:
+    """The suite of a name as `evaluate` gives it, for a robot or with a profile, unless another is given."""
     if given is not None:
         return get_suite(given)
-    base, _, profile = name.partition("+")
-    if base not in SUITES:  # a name in a file that is handed in opens no other file
+    whole, plus, profile = name.partition("+")
+    base, at, _ = whole.partition(OF_ROBOT)
+    # a name in a file that is handed in opens no other file, and runs no code
+    if base not in SUITES or (at and EnvName.parse(env_id).runs_code):
         raise InvalidValueError(f"suite {name!r} of the results is not built in: name its file with --suite")
-    return get_suite(name) if name in SUITES else with_profile(get_suite(base), get_profile(profile))
+    own = env_id if at else DEFAULT_ENV
+    pushes = get_suite(base, own)
+    return with_profile(pushes, profile_on(own, profile)) if plus else pushes
 
 
 def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:

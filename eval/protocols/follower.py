@@ -10,7 +10,7 @@ from .tour import Waypoint, wrapped
 
 GAIN = 1.5  # of position and of heading [1/s]
 REACHED, LOST = (0.10, 0.05), (0.20, 0.12)  # distance [m], heading [rad]
-SLOWEST_X, FASTEST_X, FASTEST_Y = -0.25, 0.5, 0.2  # that the biped is told to walk [m/s]
+SLOWEST_X, FASTEST_X, FASTEST_Y = -0.25, 0.5, 0.2  # that a robot of 0.8 m is told to walk [m/s]
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,15 @@ class Follower:
 
     A waypoint counts as reached until it is lost again by more than the bounds of REACHED; meanwhile nothing
     is asked. Position and heading are reached each for itself.
+
+    Args:
+        velocity: of the robot against one whose CoM is 0.8 m high.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, velocity: float = 1.0) -> None:
+        self._slowest_x, self._fastest_x, self._fastest_y = (
+            velocity * speed for speed in (SLOWEST_X, FASTEST_X, FASTEST_Y)
+        )
         self._target: Waypoint | None = None
         self._there = [False, False]  # position, heading
 
@@ -56,7 +62,7 @@ class Follower:
             self._there[i] = error < bound
         walk, face = (0.0 if there else GAIN for there in self._there)
         return (
-            min(max(walk * forward, SLOWEST_X), FASTEST_X),
-            min(max(walk * left, -FASTEST_Y), FASTEST_Y),
+            min(max(walk * forward, self._slowest_x), self._fastest_x),
+            min(max(walk * left, -self._fastest_y), self._fastest_y),
             min(max(face * turn, -FASTEST_TURN), FASTEST_TURN),
         )

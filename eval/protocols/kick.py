@@ -1,4 +1,4 @@
-"""RecoverFormer's push table on this project's biped: jumps of the whole robot's velocity, by level.
+"""RecoverFormer's push table on robots of this package: jumps of the whole robot's velocity, by level.
 
 Source: github.com/ZihuiLiu/RecoverFormer, commit 70eabd2, and its paper, Table I. A "push of F for 0.1 s"
 adds F x 0.1 s / m to the velocity of a Unitree G1's base, which is an impulse through its CoM in no time. The
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from ...envs.biped.settings import BIPED
+from ...controllers.model.similarity import REFERENCE
 from ...envs.scenario.push import Kick, Push
 from ...envs.scenario.scenario import Scenario
 from .streams import uniforms
@@ -38,18 +38,28 @@ def jump_of(force: float) -> float:
 
 
 @cache
-def kick_scenarios(form: str, episodes: int = EPISODES) -> dict[int, tuple[Scenario, ...]]:
-    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of FORMS."""
+def kick_scenarios(
+    form: str, episodes: int = EPISODES, mass: float = REFERENCE.mass
+) -> dict[int, tuple[Scenario, ...]]:
+    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of FORMS.
+
+    Args:
+        form: of the push.
+        episodes: of each level.
+        mass: of the robot [kg], which a force goes with.
+    """
     return {
         force: tuple(
-            _scenario(form, force, i, *u)
+            _scenario(form, mass, force, i, *u)
             for i, u in enumerate(uniforms(SEED + place, EPISODES, 3).tolist()[:episodes])
         )
         for place, force in enumerate(LEVELS)
     }
 
 
-def _scenario(form: str, force: int, index: int, time: float, turn: float, lift: float) -> Scenario:
+def _scenario(
+    form: str, mass: float, force: int, index: int, time: float, turn: float, lift: float
+) -> Scenario:
     """Episode `index` of a level, from three numbers in [0, 1)."""
     start = round(EARLIEST + time * (LATEST - EARLIEST), 4)
     psi = 2.0 * math.pi * (turn if form == "coded" else index % DIRECTIONS / DIRECTIONS)
@@ -60,7 +70,7 @@ def _scenario(form: str, force: int, index: int, time: float, turn: float, lift:
     label = f"kick-{form}-{force}-{index:03d}"
     if form != "force":
         return Scenario(label, duration=END, noise_seed=index, kicks=(Kick((x, y, z), start),))
-    scale = BIPED.mass / DURATION
+    scale = mass / DURATION
     push = Push((round(scale * x, 3) + 0.0, round(scale * y, 3) + 0.0, 0.0), DURATION, start)
     return Scenario(label, (push,), duration=END, noise_seed=index)
 

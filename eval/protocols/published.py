@@ -1,8 +1,12 @@
-"""What others have published under their protocols, on their robots."""
+"""What others have published under their protocols, and how their robots differ from ours."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+from ...controllers.model.robot import GRAVITY, RobotModel
+from ...controllers.model.similarity import SAME, Similarity
 
 # RecoverFormer (Unitree G1), share of episodes without a fall [%] by level, paper's Table I of commit 70eabd2
 KICK_ROWS: dict[str, dict[int, float]] = {
@@ -16,10 +20,18 @@ KICK_ROWS: dict[str, dict[int, float]] = {
 KICK_NOTE = (
     "The published rows are of a Unitree G1 (29 joints, arms, 1.27 m, 35 kg, CoM at about 0.69 m) under a "
     "learned policy at 50 Hz that stands still; its program multiplies the friction by a number from 0.5 to "
-    "1.2 at every reset, again and again, and its episodes are not seeded. This robot weighs 60 kg, has its "
-    "CoM at 0.80 m, two legs and a waist without arms, steps in place, knows its model and its true state, "
-    "and stands on friction 0.9. Jump over sqrt(g h): 0.86 m/s is 0.33 on the G1 and 0.31 here.\n"
+    "1.2 at every reset, again and again, and its episodes are not seeded. "
 )
+
+
+def kick_note(robot: RobotModel) -> str:
+    """What differs between their robot and ours."""
+    share = 0.857 / math.sqrt(GRAVITY * robot.com_height)
+    return (
+        f"{KICK_NOTE}This robot weighs {robot.mass:.1f} kg and has its CoM at {robot.com_height:.2f} m; its "
+        "arms, if it has any, are held. It steps in place, knows its model and its true state, and stands on "
+        f"friction 0.9. Jump over sqrt(g h): 0.857 m/s is 0.33 on their G1 and {share:.2f} here.\n"
+    )
 
 
 class TourRow(NamedTuple):
@@ -50,13 +62,26 @@ TOUR_ROWS: dict[str, TourRow] = {
     "mimic_lite": TourRow((48.1, 59.5), (9, 21), 512, (76, 89), (12, 12)),
 }
 TOUR_NOTE = (
-    "The published rows are of a Unitree G1 (35 kg, 29 joints) whose arms the harness moves at random, in "
+    "The published rows are of a Unitree G1 (35.1 kg, 29 joints) whose arms the harness moves at random, in "
     "MuJoCo Warp at 2 ms; a fall there is a pelvis below 0.20 m. Its 26 other policies complete 8 % at most. "
-    "Forces are scaled by mass (60 kg: up to 854 N for 0.08 s, 1.14 N s/kg). This robot has no arms; punches "
-    "of the G1's arms act on its trunk 0.24 m over the waist and 0.10 m aside, those of the waist on the "
-    "trunk at the waist, those of the legs on the pelvis at the hips, as legs cannot be pushed here: that is "
-    "easier on the swing leg. It begins in a nominal step without the three seconds in a crane, steps all "
-    "the time, turns at 0.6 rad/s and walks aside at 0.2 m/s at most, knows its model and its true state, "
-    "and falls by this project's criterion, which is the stricter one. Errors stand at the ends of the "
-    "segments that were begun; energy and vibration are not counted.\n"
+    "A punch of a leg acts at the same joint here, on thigh, shank or foot. Arms are held, or there are "
+    "none; a punch of an arm of the G1 acts on the trunk, 0.24 m over the waist and 0.10 m aside, one of "
+    "the waist on the trunk at the waist. The robot begins in a nominal step without the three seconds in "
+    "a crane, steps all the time, turns at 0.6 rad/s at most, knows its model and its true state, and falls "
+    "by this project's criterion, which is the stricter one. Errors stand at the ends of the segments that "
+    "were begun; energy and vibration are not counted. "
 )
+
+
+def tour_note(robot: RobotModel) -> str:
+    """What differs between their robot and ours."""
+    size = Similarity.of(robot)
+    forces = (
+        "the published forces, up to 500 N for 0.08 s"
+        if size != SAME
+        else f"forces scaled by mass, up to {500.0 * robot.mass / 35.112:.0f} N for 0.08 s, 1.14 N s/kg"
+    )
+    return (
+        f"{TOUR_NOTE}This robot weighs {robot.mass:.1f} kg and meets {forces}; it walks forward at up to "
+        f"{0.5 * size.velocity:.2f} and aside at {0.2 * size.velocity:.2f} m/s.\n"
+    )

@@ -12,7 +12,7 @@ from ...controllers.files import write_text
 from ..output.statistics import wilson_interval
 from ..output.tables import markdown_table
 from .kick import LEVELS, jump_of
-from .published import KICK_NOTE, KICK_ROWS, TOUR_NOTE, TOUR_ROWS
+from .published import KICK_ROWS, TOUR_ROWS, kick_note, tour_note
 from .run import Results, Row
 from .tour import LENGTH
 
@@ -92,7 +92,7 @@ def kick_markdown(results: Results) -> str:
         f"\n## {text}\n\n{markdown_table(kick_columns(results, key), kick_cells(results, key))}"
         for key, text in (RATES | MEANS).items()
     ]
-    return "".join([*parts, f"\n{KICK_CRITERION}\n{KICK_NOTE}"])
+    return "".join([*parts, f"\n{KICK_CRITERION}\n{kick_note(results.protocol.robot)}"])
 
 
 def kick_summary(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
@@ -149,8 +149,8 @@ def tour_title(results: Results) -> str:
 
 def tour_markdown(results: Results) -> str:
     """The report of `tour`."""
-    table = markdown_table(TOUR_COLUMNS, tour_cells(results))
-    return f"# Tour\n\n{tour_title(results)}; published rows in MuJoCo / PhysX.\n\n{table}\n{TOUR_NOTE}"
+    table, note = markdown_table(TOUR_COLUMNS, tour_cells(results)), tour_note(results.protocol.robot)
+    return f"# Tour\n\n{tour_title(results)}; published rows in MuJoCo / PhysX.\n\n{table}\n{note}"
 
 
 def to_dict(results: Results) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy, as_policy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
@@ -39,6 +40,7 @@ class Protocol:
 
     name: str  # of WATCHERS
     form: str  # of its scenarios
+    robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
 
     def summary(self) -> dict[str, Any]:

@@ -1,9 +1,8 @@
-"""The open teleop-walking-benchmark on this project's biped: a tour of 18 waypoints under 18 punches.
+"""The open teleop-walking-benchmark on robots of this package: a tour of 18 waypoints under 18 punches.
 
 Source: github.com/rhoyn/teleop-walking-benchmark, README of 6d331a85 and main.cpp of 2e8b4286, of which the
 constants of the README stand where the two differ. Each task is a run id; its waypoints and punches come from
-the benchmark's own random streams. Forces are scaled by mass. This robot has no arms and its legs cannot be
-pushed, so a punch of a joint of the G1 acts where `PLACES` says.
+the benchmark's own random streams. A punch of a joint of the G1 acts where `places_of` says.
 """
 
 from __future__ import annotations
@@ -11,9 +10,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...envs.biped.settings import BIPED
-from ...envs.scenario.push import Body, Push
+from ...controllers.model.similarity import SAME, Similarity
+from ...envs.biped.robots.compiled_robot import CompiledRobot
+from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
+from .places import places_of
 from .streams import SeededTwister
 
 WAYPOINTS, PUNCHES = 2, 3  # streams
@@ -41,23 +42,6 @@ class Punch(NamedTuple):
     joint: int  # index
     direction: tuple[float, float, float]  # of length 1, world axes
     force: float  # [N]
-
-
-class Place(NamedTuple):
-    """Where this robot is punched: a body, and an offset from its CoM in the body's axes [m]."""
-
-    body: Body
-    offset: tuple[float, float, float]
-
-
-HIP, SHOULDER = (0.10, -0.07), (0.10, 0.06)  # aside and up; the shoulders 0.24 m over the waist, as the G1's
-PLACES = (  # by the last joint of a limb
-    (5, Place("pelvis", (0.0, HIP[0], HIP[1]))),
-    (11, Place("pelvis", (0.0, -HIP[0], HIP[1]))),
-    (14, Place("trunk", (0.0, 0.0, -0.18))),  # the waist
-    (21, Place("trunk", (0.0, SHOULDER[0], SHOULDER[1]))),
-    (28, Place("trunk", (0.0, -SHOULDER[0], SHOULDER[1]))),
-)
 
 
 def wrapped(angle: float) -> float:
@@ -93,19 +77,19 @@ def punches(run_id: int) -> tuple[Punch, ...]:
     return tuple(found)
 
 
-def place_of(joint: int) -> Place:
-    """Where a punch of a joint of the G1 acts on this robot."""
-    return next(place for last, place in PLACES if joint <= last)
-
-
-def tour_scenario(run_id: int, mass: float = BIPED.mass) -> Scenario:
-    """The punches of a task on a robot of a mass [kg]; it is told where to walk while it walks."""
-    pushes = []
+def tour_scenario(run_id: int, robot: CompiledRobot) -> Scenario:
+    """The punches of a task on a robot; it is told where to walk while it walks."""
+    pushes, places, share = [], places_of(robot), force_share(robot)
     for i, (joint, direction, force) in enumerate(punches(run_id)):
-        x, y, z = (round(force * mass / G1_MASS * part, 3) + 0.0 for part in direction)
-        body, offset = place_of(joint)
+        x, y, z = (round(force * share * part, 3) + 0.0 for part in direction)
+        body, offset = places[joint]
         pushes.append(Push((x, y, z), PUNCH_DURATION, round(punch_time(i), 6), body, offset))
     return Scenario(f"tour-{run_id:04d}", tuple(pushes), duration=LENGTH, noise_seed=run_id)
+
+
+def force_share(robot: CompiledRobot) -> float:
+    """What forces are multiplied by: the ratio of masses on the biped of 60 kg, 1 on robots that exist."""
+    return robot.robot.mass / G1_MASS if Similarity.of(robot.robot) == SAME else 1.0
 
 
 def run_id_of(scenario_id: str) -> int:

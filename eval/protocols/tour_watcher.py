@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...controllers.model.similarity import Similarity
 from ...controllers.whole_body.kinematics import PELVIS
 from ...envs.biped.core import BipedCore
 from ...envs.scenario.scenario import Scenario
@@ -23,7 +24,8 @@ class TourWatcher:
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k begins a tour where it stands."""
-        self._tours[k] = _Tour(run_id_of(scenario.id), pose_of(core, k))
+        velocity = Similarity.of(core.robot).velocity
+        self._tours[k] = _Tour(run_id_of(scenario.id), pose_of(core, k), velocity)
 
     def look(self, core: BipedCore, k: int) -> None:
         """Tell robot k where to go from here on; the planning period after the next one is planned on it."""
@@ -44,9 +46,9 @@ def pose_of(core: BipedCore, k: int) -> Pose:
 class _Tour:
     """One robot on its way."""
 
-    def __init__(self, run_id: int, origin: Pose):
+    def __init__(self, run_id: int, origin: Pose, velocity: float):
         self._waypoints, self._origin = waypoints(run_id), origin
-        self._follower = Follower()
+        self._follower = Follower(velocity)
         self._errors: list[tuple[float, float]] = []  # distance [m] and heading [rad], by segment begun
 
     def command(self, time: float, pose: Pose) -> tuple[float, float, float]:

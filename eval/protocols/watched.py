@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Any, Protocol
 
 from ...controllers.errors import InvalidValueError
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
+from ...envs.biped.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import make_env
 from ..rollout.loop import Ints, Robots
 from ..rollout.outcome import Ending
 
@@ -30,6 +33,22 @@ class Watcher(Protocol):
         ...
 
 
+def biped_of(env_id: str) -> CompiledRobot:
+    """The robot of an environment.
+
+    Raises:
+        InvalidValueError: it is of another kind.
+    """
+    with closing(make_env(env_id)) as env:
+        return _checked(getattr(env.unwrapped, "episodes", None)).core.body
+
+
+def _checked(episodes: Any) -> BipedEpisodes:
+    if not isinstance(episodes, BipedEpisodes):
+        raise InvalidValueError("protocols of other groups are for the biped's environments")
+    return episodes
+
+
 class Watched:
     """Robots that `run_episodes` takes, with a watcher; `found` has what it tells, by scenario id."""
 
@@ -39,10 +58,8 @@ class Watched:
         Raises:
             InvalidValueError: they are those of another kind of robot.
         """
-        if not isinstance(episodes, BipedEpisodes):
-            raise InvalidValueError("protocols of other groups are for the biped's environments")
         self.n, self.found = robots.n, {}
-        self._robots, self._core, self._watcher = robots, episodes.core, watcher
+        self._robots, self._core, self._watcher = robots, _checked(episodes).core, watcher
         self._ids: dict[int, str] = {}
 
     def begin(self, k: int, scenario: Scenario) -> None:

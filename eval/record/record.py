@@ -15,6 +15,7 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.episode.profile import get_profile
 from ...envs.scenario.scenario import Scenario
+from ..rollout.environments import size_of
 from ..rollout.loop import Watch
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.one import GymRobot, rollout
@@ -135,6 +136,6 @@ def record(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act, an environment of another project.
     """
-    scenario = get_profile(profile).applied(scenario)
     with acting_in(env, policy, policy_name) as (made, acting, label):
+        scenario = get_profile(profile).scaled(size_of(made)).applied(scenario)
         return record_episode(made, acting, scenario, label)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import sys
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,13 +16,16 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import read_file
 from ...controllers.learned.policy_file import read_policy
+from ...controllers.model.similarity import SAME, Similarity
 from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
+from ...envs.episode.profile import Profile, get_profile
 from .load_policy import is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 from .user_object import import_from_here
 
 ROBOT_FILE = ".robot.json"
+OF_REFERENCE = ("Biped", "Pendulum")  # how ids of the robot of 60 kg begin
 ON_JOINTS = ("PushRecovery/BipedJoint-v0", "PushRecovery/BipedJointResidual-v0")  # forms of DEFAULT_ENV
 
 
@@ -151,6 +155,38 @@ def preset_digest(env_id: str) -> dict[str, str]:
     name = EnvName.parse(env_id)
     files = {"preset_sha256": name.preset if is_preset_file(name.preset) else "", "robot_sha256": name.robot}
     return {key: hashlib.sha256(read_file(path)).hexdigest() for key, path in files.items() if path}
+
+
+@cache
+def robot_of(env_id: str) -> tuple[str, Similarity]:
+    """Name of an environment's robot, and its size against the one that suites and profiles are written for.
+
+    Raises:
+        PushRecoveryError: as `make_env`.
+    """
+    name = EnvName.parse(env_id)
+    if not (name.module or name.robot) and name.label.startswith(OF_REFERENCE):
+        return "biped", SAME
+    with closing(make_env(env_id)) as env:
+        inner: Any = env.unwrapped
+        episodes = getattr(inner, "episodes", None)
+        description = getattr(episodes, "description", None)
+        return getattr(description, "name", name.label), size_of(env)
+
+
+def size_of(env: gym.Env) -> Similarity:
+    """The size of an environment's robot against that of 60 kg."""
+    inner: Any = env.unwrapped
+    return Similarity.of(inner.robot)
+
+
+def profile_on(env_id: str, profile: str) -> Profile:
+    """A profile by name, of the size of an environment's robot.
+
+    Raises:
+        PushRecoveryError: there is no such profile, or as `make_env`.
+    """
+    return get_profile(profile).scaled(robot_of(env_id)[1])
 
 
 def env_label(env_id: str) -> str:

@@ -14,13 +14,15 @@ from typing import Any
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
 from ...controllers.files import is_file, read_file, write_text
 from ...controllers.json_text import parse_json
+from ...controllers.model.similarity import SAME, Similarity
 from ...controllers.validation import require_keys
-from ...envs.episode.profile import EXACT, HARDWARE, Profile, get_profile
+from ...envs.episode.profile import EXACT, HARDWARE, Profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
 from ..protocols.kick import every_kick
-from ..rollout.environments import code_digest, env_label
+from ..rollout.environments import code_digest, env_label, profile_on, robot_of
+from ..rollout.names import DEFAULT_ENV
 from ..shipped.names import shipped_digest
 from .shifts import HARD, SHIFTS, shifted_scenarios
 from .stratified import BLOCK, pelvis_scenarios
@@ -29,6 +31,7 @@ from .varied import harder, varied_scenarios
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
+OF_ROBOT = "@"  # between the name of a suite and that of the robot that it was scaled for
 HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
 PROFILED = {  # suites of a profile that have names of their own
     "varied+hardware": "hardware",
@@ -139,9 +142,20 @@ def with_profile(suite: Suite, profile: Profile) -> Suite:
     return Suite(PROFILED.get(name, name), suite.version, scenarios)
 
 
-def on_robots(suite: Suite, errors: ModelErrors, profile: str) -> Suite:
-    """The suite on robots with model errors, of the profile with this name."""
-    return with_profile(with_errors(suite, errors), get_profile(profile))
+def on_robots(suite: Suite, errors: ModelErrors, profile: str, env_id: str = DEFAULT_ENV) -> Suite:
+    """The suite on robots of an environment with model errors, of the profile with this name."""
+    return with_profile(with_errors(suite, errors), profile_on(env_id, profile))
+
+
+def of_size(suite: Suite, robot: str, size: Similarity) -> Suite:
+    """The same scenarios for a robot of another size, a suite of its own name and hash.
+
+    Scenarios keep their ids. Kicks are the same for every robot, since their velocity is what others publish.
+    """
+    if size == SAME or any(scenario.kicks for scenario in suite.scenarios):
+        return suite
+    scenarios = tuple(scenario.scaled(size) for scenario in suite.scenarios)
+    return Suite(f"{suite.name}{OF_ROBOT}{robot}", suite.version, scenarios)
 
 
 def _text(value: float | list[float]) -> str:
@@ -248,10 +262,10 @@ def default_suite(env_id: str) -> str:
     return "quick-1" if env_label(env_id).startswith("Pendulum") else "quick"
 
 
-def get_suite(name_or_file: str) -> Suite:
-    """A built-in suite by name, or one from a JSON file."""
+def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
+    """A built-in suite by name, of the size of an environment's robot, or one from a JSON file as it is."""
     if name_or_file in SUITES:
-        return SUITES[name_or_file]()
+        return of_size(SUITES[name_or_file](), *robot_of(env_id))
     path = Path(name_or_file)
     if path.suffix == ".json" or is_file(path):
         return load_suite(path)

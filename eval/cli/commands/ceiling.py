@@ -54,7 +54,7 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
             policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
             generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
         )  # fmt: skip
-        suite = on_robots(get_suite(self.suite), self.model_errors, self.profile)
+        suite = on_robots(get_suite(self.suite, self.env_id), self.model_errors, self.profile, self.env_id)
         if self.sample is not None:
             suite = sample_of(suite, self.sample)
         found = ceiling(

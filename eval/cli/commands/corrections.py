@@ -38,7 +38,8 @@ class Corrections(EnvOptions, RobotOptions):
         from ...score.suites import get_suite, on_robots
         from ...sensitivity.run import sample_of
 
-        suite = sample_of(on_robots(get_suite(self.suite), self.model_errors, self.profile), self.sample)
+        suite = on_robots(get_suite(self.suite, self.env_id), self.model_errors, self.profile, self.env_id)
+        suite = sample_of(suite, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
         length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))

@@ -60,8 +60,8 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
         """The suite, with the model errors and a profile in every scenario."""
         from ...score.suites import default_suite, get_suite, on_robots
 
-        suite = get_suite(default_suite(self.env) if self.suite is None else self.suite)
-        return on_robots(suite, self.model_errors, profile)
+        suite = get_suite(default_suite(self.env) if self.suite is None else self.suite, self.env_id)
+        return on_robots(suite, self.model_errors, profile, self.env_id)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ class Sensitivity(EnvOptions, RunningOptions):
         from ...sensitivity.variations import VARIATIONS
 
         result = sensitivity(
-            get_suite(self.suite), self.sample, self.env_id, self.policies,
+            get_suite(self.suite, self.env_id), self.sample, self.env_id, self.policies,
             tuple(VARIATIONS) if self.variations is None else self.variations,
             self.workers, self.directory, self.overwrite,
         )  # fmt: skip

@@ -52,12 +52,16 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         from ...protocols.kick import kick_scenarios
         from ...protocols.run import Protocol
         from ...protocols.tour import tour_scenario
+        from ...protocols.watched import biped_of
 
+        robot = biped_of(self.env_id)
         if self.protocol == "tour":
-            return Protocol("tour", "mass", tuple(map(tour_scenario, range(self.episodes or 64))))
+            ids = range(self.episodes or 64)
+            return Protocol("tour", "stated", robot.robot, tuple(tour_scenario(one, robot) for one in ids))
         form = self.form or "stated"
-        levels = kick_scenarios(form, self.episodes or MOST["kick"]).values()
-        return Protocol("kick", form, tuple(scenario for level in levels for scenario in level))
+        levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
+        scenarios = tuple(scenario for level in levels for scenario in level)
+        return Protocol("kick", form, robot.robot, scenarios)
 
     def run(self) -> None:
         """Run it, print one table or object, write the reports."""

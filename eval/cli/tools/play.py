@@ -101,7 +101,10 @@ class Play(EnvOptions, PushOptions, RobotOptions):
         from ...score.suites import default_suite, get_suite, on_robots
 
         suite = on_robots(
-            get_suite(default_suite(self.env) if name is None else name), self.model_errors, self.profile
+            get_suite(default_suite(self.env) if name is None else name, self.env_id),
+            self.model_errors,
+            self.profile,
+            self.env_id,
         )
         ids = [scenario.id for scenario in suite.scenarios]
         wanted = ids[0] if self.scenario is None else self.scenario

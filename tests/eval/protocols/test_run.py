@@ -4,6 +4,8 @@ import json
 from dataclasses import replace
 
 import pytest
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.envs.biped.robots.biped.robot import biped
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.protocols import run as running
 from push_recovery.eval.protocols.kick import LEVELS, kick_scenarios
@@ -12,7 +14,7 @@ from push_recovery.eval.protocols.run import Protocol, Results, run_watched
 from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.rollout.workers import Runner
 
-BIPED = "PushRecovery/Biped-v0"
+BIPED, ROBOT = "PushRecovery/Biped-v0", RobotModel()
 
 
 def test_rows_of_a_kick_do_not_hang_on_the_batch(monkeypatch):
@@ -35,7 +37,7 @@ def test_rows_of_a_kick_do_not_hang_on_the_batch(monkeypatch):
 
 def test_the_robot_of_a_tour_walks_to_its_waypoints(monkeypatch):
     """Two segments of it without punches: it comes within 15 cm and 15 degrees of where it is told to be."""
-    scenario = replace(tour_scenario(3), pushes=(), duration=9.9)
+    scenario = replace(tour_scenario(3, biped()), pushes=(), duration=9.9)
     runner = Runner(BIPED)
     (row,) = run_watched(runner, ("tour", "two-stage", (scenario,)))
     monkeypatch.setattr(runner, "robots", lambda name: None)
@@ -93,7 +95,7 @@ def test_the_table_of_kick_counts_by_level(tmp_path):
     rows = [kick_row(force) for force in LEVELS]
     rows += [kick_row(50, stood=False, peak_tilt_deg=10.0), kick_row(50, stood=False, peak_tilt_deg=15.0)]
     assert level_of(rows[3]) == 200
-    protocol = Protocol("kick", "stated", kick_scenarios("stated", 1)[50])
+    protocol = Protocol("kick", "stated", ROBOT, kick_scenarios("stated", 1)[50])
     page = kick_markdown(Results(protocol, BIPED, {"mine": rows}, tmp_path))
     assert "| 0.143 m/s, 50 N on the G1 | 33.3 (6.1-79.2) | 100.0 | - |" in page  # Wilson of 1 of 3
     assert "| 0.286 m/s, 100 N on the G1 | 100.0 (20.7-100.0) | 100.0 | 100.0 |" in page
@@ -109,7 +111,7 @@ def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
     told = tour_summary(rows)
     assert (told["runs"], told["completed"], told["survival_s"]) == (2, 1, 60.0)
     assert (told["position_error_cm"], told["heading_error_deg"]) == (25.0, 3.0)
-    protocol = Protocol("tour", "mass", (tour_scenario(0), tour_scenario(1)))
+    protocol = Protocol("tour", "stated", ROBOT, tuple(tour_scenario(i, biped()) for i in range(2)))
     cells = tour_cells(Results(protocol, BIPED, {"mine": rows}, tmp_path))
     assert cells[0] == ("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")
     assert cells[1][:3] == ("gr00t_wbc h066_p012 (published)", "5120", "80/69 %")

