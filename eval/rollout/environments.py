@@ -19,7 +19,7 @@ from ...controllers.learned.policy_file import read_policy
 from ...controllers.model.similarity import SAME, Similarity
 from ...controllers.settings.arms import ARMS
 from ...controllers.settings.presets import is_preset_file, load_preset
-from ...envs.episode.profile import Profile, get_profile
+from ...envs.episode.profile import EXACT, Profile, get_profile
 from .load_policy import is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 from .user_object import import_from_here
@@ -186,7 +186,8 @@ def profile_on(env_id: str, profile: str) -> Profile:
     Raises:
         PushRecoveryError: there is no such profile, or as `make_env`.
     """
-    return get_profile(profile).scaled(robot_of(env_id)[1])
+    found = get_profile(profile)
+    return found if found == EXACT else found.scaled(robot_of(env_id)[1])
 
 
 def env_label(env_id: str) -> str:

@@ -32,6 +32,7 @@ from push_recovery.eval.frontier.scan import (
     scan,
 )
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score.bounds_met import fall_cell
 
@@ -122,9 +123,9 @@ def test_scan_of_one_that_always_falls():
 
 
 def test_a_frontier_may_be_that_of_another_profile():
-    settings = FrontierSettings("env", errors=ModelErrors(friction=0.5), profile="hardware")
-    scenario = settings.scenario(90.0, 140.0)
-    assert scenario == HARDWARE.applied(FrontierSettings("env", errors=settings.errors).scenario(90.0, 140.0))
+    settings = FrontierSettings(DEFAULT_ENV, errors=ModelErrors(friction=0.5), profile="hardware")
+    scenario, exact = settings.scenario(90.0, 140.0), replace(settings, profile="exact")
+    assert scenario == HARDWARE.applied(exact.scenario(90.0, 140.0))
     assert (scenario.sensing, scenario.errors.friction) == ("onboard", 0.5)
     with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, hardware"):
         FrontierSettings("env", profile="real")

@@ -12,6 +12,7 @@ from push_recovery.eval.leaderboard.again import run_again, sample_of
 from push_recovery.eval.leaderboard.board import add_entry, board_page, entry_of, read_board
 from push_recovery.eval.leaderboard.submission import read_submission
 from push_recovery.eval.processes.writer import LOCK, Writer
+from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.score.evaluate import evaluate, write_reports
 from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
 
@@ -164,8 +165,8 @@ def test_a_built_in_suite_is_found_with_its_profile(tmp_path):
     from push_recovery.eval.leaderboard.submission import _suite
     from push_recovery.eval.score.suites import get_suite
 
-    assert _suite("quick-1+hardware", None) == with_profile(get_suite("quick-1"), HARDWARE)
-    assert _suite("hardware", None) == get_suite("hardware")
+    assert _suite("quick-1+hardware", None, DEFAULT_ENV) == with_profile(get_suite("quick-1"), HARDWARE)
+    assert _suite("hardware", None, DEFAULT_ENV) == get_suite("hardware")
 
 
 def test_samples_are_of_the_size_asked_for_and_new_each_time(given):

@@ -29,9 +29,7 @@ def test_a_suite_of_a_robot(env_id):
     np.testing.assert_allclose(speeds[0], np.multiply(speeds[1], HEIGHT**0.5), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "env_id", ["PushRecovery/Biped-v0", "PushRecovery/BipedJoint-v0@biped", "PushRecovery/Pendulum-v0"]
-)
+@pytest.mark.parametrize("form", ["Biped-v0", "BipedJoint-v0@biped", "Pendulum-v0"])
 def test_the_robot_of_60_kg_has_the_suites_as_they_are(form):
     env_id = f"PushRecovery/{form}"
     assert robot_of(env_id)[0] == "biped"
