@@ -24,6 +24,7 @@ from ...controllers.model.nominal_start import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings.planner_config import PlannerConfig
+from ...controllers.validation import require_choice
 from ...controllers.whole_body.bounds import BoundSettings, make_bounds
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
@@ -32,8 +33,8 @@ from ..physics.stepping import Simulations, believe
 from ..scenario.command_schedule import assign_changes, empty_schedule
 from ..scenario.noise import counter_seed
 from ..scenario.physics_options import CONTROL_STEP
-from ..scenario.push import BODIES, SIDES
-from ..scenario.push_arrays import assign_pushes, empty_pushes
+from ..scenario.push import SIDES
+from ..scenario.push_arrays import NUMBERS, assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
 from ..sensing.onboard import Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..sensing.sensors import seed_sensors
@@ -201,6 +202,8 @@ class BipedCore:
         here on.
         """
         check_biped_errors(scenario.errors)
+        for push in scenario.pushes:
+            require_choice("push body", push.body, tuple(self.body.pushed))
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
         assign_floor(self.floors, k, scenario)
@@ -222,13 +225,14 @@ class BipedCore:
         self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
         self.gait.plan[k] = gait
         self.previous_action[k] = action
-        pushes, schedule = assign_pushes(self.pushes, k, scenario), assign_changes(self.schedule, k, scenario)
+        pushes = assign_pushes(self.pushes, k, scenario, self.body.pushed)
+        schedule = assign_changes(self.schedule, k, scenario)
         if pushes is not self.pushes or schedule is not self.schedule:
             self.pushes, self.schedule = pushes, schedule
             self._bind()
         self.kicks.assign(k, scenario.kicks)
         if self.body.indices.trunk == self.body.indices.pelvis:
-            self.pushes.body[k, self.pushes.body[k] == BODIES.index("trunk")] = BODIES.index("pelvis")
+            self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)

@@ -12,9 +12,15 @@ from ...controllers.compiled.stack_array import stack_floats
 from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
 from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body.gait_machine import Gait
-from ...controllers.whole_body.kinematics import PUSHED_BODY, Physics
+from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Physics
 from ..scenario.push_arrays import Pushes
 from ..scenario.push_force import mean_force, resolve_starts, turn_forces
+
+
+@njit(cache=True, forceinline=True)
+def place_of(number: int) -> int:
+    """Row of `Physics` that a body has: those of `push.BODIES` their own, a robot's links the last ones."""
+    return PUSHED_BODY[number] if number < len(PUSHED_BODY) else BODIES + number - len(PUSHED_BODY)
 
 
 @njit(cache=True, forceinline=True)
@@ -26,12 +32,10 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
         gait.plan[k, DURATION], now, now + dt,
     )  # fmt: skip
     turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
-    for body in PUSHED_BODY:
-        for a in range(6):
-            phys.xfrc[k, body, a] = 0.0
+    phys.xfrc[k] = 0.0
     for i in range(pushes.start.shape[1]):
         if mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, mean):
-            body, force = PUSHED_BODY[pushes.body[k, i]], vector_of(mean, 0)
+            body, force = place_of(pushes.body[k, i]), vector_of(mean, 0)
             torque = cross(to_world(phys.xmat, k, body, vector_at(pushes.offset, k, i)), force)
             for a in range(3):
                 phys.xfrc[k, body, a] += force[a]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, get_args
 
 from ...controllers.model.similarity import Similarity
 from ...controllers.validation import (
@@ -24,6 +24,7 @@ PushFrame = Literal["world", "heading"]
 SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[Body, ...] = get_args(Body)
 FRAMES: tuple[str, ...] = get_args(PushFrame)
+LINK = "link:"  # before the name of a held joint whose link is pushed
 
 FORCE_MAX = 1e7  # of each component [N]: 0.1 ms of it, which stand for a jump, shift 60 kg by 17 m/s
 DURATION_MAX = 3600.0  # [s]
@@ -38,10 +39,10 @@ def other_side(side: Side) -> Side:
     return "right" if side == "left" else "left"
 
 
-def mirrored_body(body: Body) -> Body:
-    """The same part of the other leg; pelvis and trunk have no other side."""
-    side, _, part = body.partition("_")
-    return cast("Body", f"{other_side(cast('Side', side))}_{part}") if part else body
+def mirrored_body(body: str) -> str:
+    """The same part of the other side, by its name; pelvis and trunk have none."""
+    parts = ("left", "right"), ("right", "left")
+    return next((body.replace(side, other) for side, other in parts if side in body), body)
 
 
 @dataclass(frozen=True)
@@ -89,13 +90,14 @@ class Push:
     robot standing; beyond them simulated states overflow.
     The force has world axes, which at heading 0 are forward, left and up; in the frame "heading" forward and
     left are those of the robot when the push starts. It stays as it is in the world from then on.
-    A thigh is the link from the last axis of the hip to the knee, a shank that from knee to ankle.
+    A thigh is the link from the last axis of the hip to the knee, a shank that from knee to ankle. Another
+    body is "link:JOINT", the one that a held joint of the robot moves, such as an arm's.
     """
 
     force: tuple[float, float, float]  # [N]
     duration: float  # [s]
     start: float | GaitEvent  # seconds from reset, or a moment of the gait
-    body: Body = "pelvis"
+    body: Body | str = "pelvis"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # point of attack from the body's CoM, body axes [m]
     frame: PushFrame = "world"  # of the force
 
@@ -104,7 +106,8 @@ class Push:
         object.__setattr__(self, "offset", require_vector("Push.offset [m]", self.offset, OFFSET_MAX))
         duration = require_number("Push.duration [s]", self.duration, 0.0, DURATION_MAX, open_low=True)
         object.__setattr__(self, "duration", duration)
-        require_choice("push body", self.body, BODIES)
+        if not (isinstance(self.body, str) and self.body.startswith(LINK)):
+            require_choice("push body", self.body, BODIES)
         require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
             object.__setattr__(self, "start", require_number("Push.start [s]", self.start, 0.0))

@@ -64,12 +64,12 @@ TOUR_ROWS: dict[str, TourRow] = {
 TOUR_NOTE = (
     "The published rows are of a Unitree G1 (35.1 kg, 29 joints) whose arms the harness moves at random, in "
     "MuJoCo Warp at 2 ms; a fall there is a pelvis below 0.20 m. Its 26 other policies complete 8 % at most. "
-    "A punch of a leg acts at the same joint here, on thigh, shank or foot. Arms are held, or there are "
-    "none; a punch of an arm of the G1 acts on the trunk, 0.24 m over the waist and 0.10 m aside, one of "
-    "the waist on the trunk at the waist. The robot begins in a nominal step without the three seconds in "
-    "a crane, steps all the time, turns at 0.6 rad/s at most, knows its model and its true state, and falls "
-    "by this project's criterion, which is the stricter one. Errors stand at the ends of the segments that "
-    "were begun; energy and vibration are not counted. "
+    "A punch of a leg acts at the same joint here, on thigh, shank or foot, one of the waist on the trunk at "
+    "the waist, one of an arm on the same link of it; a robot without arms gets those on the trunk, 0.24 m "
+    "over the waist and 0.10 m aside. Arms are held, and no harness moves them. The robot begins in a nominal "
+    "step without the three seconds in a crane, steps all the time, turns at 0.6 rad/s at most, knows its "
+    "model and its true state, and falls by this project's criterion, which is the stricter one. Errors stand "
+    "at the ends of the segments that were begun; energy and vibration are not counted. "
 )
 
 

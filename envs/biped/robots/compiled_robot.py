@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,6 +16,7 @@ from ....controllers.model.robot import RobotModel
 from ....controllers.whole_body.bounds import NEVER
 from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array, Ints
 from ...scenario.physics_options import CONTROL_STEP
+from ...scenario.push import BODIES, LINK
 from .description import RobotDescription
 from .held import hold_joints, put_held
 from .indices import MISSING, TILT, Indices, find_indices
@@ -42,6 +44,15 @@ class CompiledRobot:
     def plan(self) -> BodyPlan:
         """Names of its parts."""
         return self.description.plan
+
+    @cached_property
+    def pushed(self) -> Mapping[str, int]:
+        """Place in `indices.pushed` of every body that a push may name."""
+        numbers, model = {name: i for i, name in enumerate(BODIES)}, self.model
+        for joint, _ in self.plan.held:
+            body = int(model.jnt_bodyid[model.joint(joint).id])
+            numbers[f"{LINK}{joint}"] = self.indices.pushed.index(body)
+        return numbers
 
     def compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
         """The model of a spec of this robot, with the physics step of all robots and its held joints held."""

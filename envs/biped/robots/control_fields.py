@@ -21,24 +21,26 @@ Pairs = list[tuple[int, int]]
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
     """Torques, and forces on the bodies that pushes act on."""
-    pushed = [*zip(PUSHED_BODY, indices.pushed, strict=True)]
+    pushed = pushed_rows(indices)
+    count = 1 + max(row for row, _ in pushed)
     if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
         pushed.remove((TRUNK, indices.trunk))
     return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
-        "xfrc_applied", BODIES, 6, pushed
+        "xfrc_applied", count, 6, pushed
     )
 
 
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
     bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
-    turned = [*zip(PUSHED_BODY, indices.pushed, strict=True)]
+    turned = pushed_rows(indices)
+    count = 1 + max(row for row, _ in turned)
     joints = known(indices.joints)
     return (
         _with_held("qpos", indices.qpos, indices.held_qpos),
         _with_held("qvel", indices.dof, indices.held_dof),
         rows("xpos", BODIES, 3, bodies),
-        rows("xmat", BODIES, 9, turned),
+        rows("xmat", count, 9, turned),
         rows("xanchor", len(indices.joints), 3, joints),
         rows("xaxis", len(indices.joints), 3, joints),
         rows("subtree_com", BODIES, 3, [(0, 0)]),
@@ -47,6 +49,12 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
         picked("sensordata", (len(indices.loads),), known(indices.loads)),
         picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
     )
+
+
+def pushed_rows(indices: Indices) -> Pairs:
+    """(row, body) of every body that is pushed: links of held joints after the rows that any robot has."""
+    places = *PUSHED_BODY, *range(BODIES, BODIES + len(indices.pushed) - len(PUSHED_BODY))
+    return [*zip(places, indices.pushed, strict=True)]
 
 
 def _with_held(name: str, own: tuple[int, ...], held: tuple[int, ...]) -> Field:

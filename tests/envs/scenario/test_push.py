@@ -44,7 +44,14 @@ def test_polar_push_and_mirror(frame):
 
 @pytest.mark.parametrize(
     ("body", "other"),
-    [("pelvis", "pelvis"), ("trunk", "trunk"), ("left_thigh", "right_thigh"), ("right_foot", "left_foot")],
+    [
+        ("pelvis", "pelvis"),
+        ("trunk", "trunk"),
+        ("left_thigh", "right_thigh"),
+        ("right_foot", "left_foot"),
+        ("link:left_elbow", "link:right_elbow"),
+        ("link:waist_yaw", "link:waist_yaw"),
+    ],
 )
 def test_a_leg_is_mirrored_into_the_other_one(body, other):
     push = Push((1.0, 2.0, 3.0), 0.1, 2.0, body, (0.1, -0.2, 0.3))

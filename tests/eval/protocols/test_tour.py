@@ -91,6 +91,14 @@ def test_a_robot_that_exists_meets_the_published_forces():
     g1 = CompiledRobot(robot_description("g1"))
     for push, punch in zip(tour_scenario(5, g1).pushes, punches(5), strict=True):
         assert push.impulse_magnitude == pytest.approx(punch.force * 0.08, rel=1e-4)
+    assert [place.body for place in places_of(g1)[15:22]] == [
+        "link:left_shoulder_pitch_joint", "link:left_shoulder_roll_joint", "link:left_shoulder_yaw_joint",
+        *4 * ["link:left_elbow_joint"],
+    ]  # fmt: skip
+    wrist = places_of(g1)[28]
+    data, body = g1.in_reference_posture(), g1.model.body("right_elbow_link").id
+    origin = data.xipos[body] + data.xmat[body].reshape(3, 3) @ wrist.offset
+    assert origin == pytest.approx(data.xpos[g1.model.body("right_wrist_yaw_link").id], abs=2e-6)
     hip = places_of(g1)[0]
     data, body = g1.in_reference_posture(), g1.model.body("left_hip_yaw_link").id
     anchor = data.xanchor[g1.model.joint("left_hip_pitch_joint").id]
