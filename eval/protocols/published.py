@@ -66,9 +66,9 @@ TOUR_NOTE = (
     "MuJoCo Warp at 2 ms; a fall there is a pelvis below 0.20 m. Its 26 other policies complete 8 % at most. "
     "A punch of a leg acts at the same joint here, on thigh, shank or foot, one of the waist on the trunk at "
     "the waist, one of an arm on the same link of it; a robot without arms gets those on the trunk, 0.24 m "
-    "over the waist and 0.10 m aside. Arms are held, and no harness moves them. The robot begins in a nominal "
+    "over the waist and 0.10 m aside. Arms are held; no harness moves them. The robot begins in a nominal "
     "step without the three seconds in a crane, steps all the time, turns at 0.6 rad/s at most, knows its "
-    "model and its true state, and falls by this project's criterion, which is the stricter one. Errors stand "
+    "model and true state, and falls by this project's criterion, which is the stricter one. Errors stand "
     "at the ends of the segments that were begun; energy and vibration are not counted. "
 )
 
