@@ -5,7 +5,9 @@ with sqrt(h / g) and forces with the mass m: then accelerations, friction and sh
 same (Froude's similarity; Hof 1996, Scaling gait data to body size). Other lengths are a robot's own, those
 of foot and leg. So is what leaning can do for it: to turn the trunk by 1 rad/s^2 moves the CoM by j / (m h)
 m/s^2, which differs by a factor of ten between robots of one height, and whole-body control prices a
-deviation by what the CoM is spared.
+deviation by what the CoM is spared. And so is how soon a foot can be elsewhere: hips of the torque tau, whose
+leg of length l has the inertia i about them, give the sole tau l / i m/s^2 at most, and a step takes as long
+as the root of its length over that.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ Unit = tuple[tuple[str, float], ...]
 
 LENGTH, TIME, MASS = (("length", 1.0),), (("time", 1.0),), (("mass", 1.0),)
 FOOT_LENGTH, FOOT_WIDTH = (("foot_length", 1.0),), (("foot_width", 1.0),)
+SWING, SWING_TIME = (("swing", 1.0),), (("length", 0.5), ("swing", -0.5))
 PER_AREA, STIFFNESS, DAMPING = (("length", -2.0),), (("time", -2.0),), (("time", -1.0),)
 
 # Unit of each number as powers of the ratios in `Scale`; what is not here is a pure number or a switch
@@ -31,6 +34,7 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
             ("duration_margin", "freeze", "touchdown_delay", "double_support", "push_carry", "sampling_time",
              "tail_sampling_time", "mpc_step"), TIME),
         "push_threshold": LENGTH,
+        "swing_acceleration": SWING,
         "beta_dcm_acceleration": (("length", -2.0), ("time", 4.0)),
         "beta_trunk": (("trunk_acceleration", -2.0),),
         "beta_trunk_rate": (("trunk_acceleration", -1.0), ("trunk_angle", -1.0)),
@@ -46,7 +50,7 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
     },
     "limits": {
         **dict.fromkeys(("length_min", "length_max", "width_max"), LENGTH),
-        **dict.fromkeys(("duration_min", "duration_max"), TIME),
+        **dict.fromkeys(("duration_min", "duration_max"), SWING_TIME),
         "width_min": FOOT_WIDTH,
         "cop_x_max": FOOT_LENGTH,
         "cop_y_max": FOOT_WIDTH,
@@ -60,6 +64,7 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
         "reach": (("leg", 1.0),),
     },
     "gains": {
+        "swing_max": SWING,
         **dict.fromkeys(("stance_kp", "swing_kp", "swing_turn_kp", "pelvis_kp", "heading_kp", "height_kp"),
                         STIFFNESS),
         **dict.fromkeys(("stance_kd", "swing_kd", "swing_turn_kd", "pelvis_kd", "heading_kd", "height_kd"),
@@ -89,6 +94,7 @@ class Scale:
     trunk_angle: float = 1.0  # largest of the waist
     waist: float = 1.0  # j / (m h) of all that the waist carries
     lean: float = 1.0  # the same of all that lies above the hips
+    swing: float = 1.0  # acceleration that the hips can give a sole
 
     @property
     def time(self) -> float:

@@ -1,6 +1,6 @@
 """Scaling a preset: what makes two walks alike stays, every number has its unit."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 from push_recovery.controllers.model.robot import natural_frequency
@@ -13,10 +13,10 @@ BIPED = named_preset("biped")
 SAME = Scale(1.0, 1.0, 1.0, 1.0, 1.0)
 SMALL = Scale(length=0.5, mass=0.1, foot_length=0.6, foot_width=0.7, leg=0.55, waist=0.2, lean=0.3)
 PURE = {  # numbers without a unit, accelerations and shares of the weight, which are alike, and numerics
-    "planner": {"alpha_duration", "swing_acceleration", "first_interval_min"},
+    "planner": {"alpha_duration", "first_interval_min"},
     "limits": set(),
     "gait": {"forced_phase"},
-    "gains": {"swing_max", "damping"},
+    "gains": {"damping"},
     "bounds": {"friction", "com_price", "height_price", "swing_price", "row_price"},
 }
 
@@ -59,6 +59,18 @@ def test_what_leaning_spares_the_com_sets_its_price():
     one, other = scaled_preset(BIPED, SMALL, {}).robot()["bounds"], BIPED.robot()["bounds"]
     assert one["waist_price"] * 5.0**2 == pytest.approx(other["waist_price"], rel=1e-5)
     assert one["swing_price"] == other["swing_price"]
+
+
+def test_slower_legs_step_later_and_swing_less():
+    """A quarter of the acceleration takes twice the time for the same way."""
+    slow = scaled_preset(BIPED, replace(SAME, swing=0.25), {})
+    limits, gains, config = slow.robot()["limits"], slow.robot()["gains"], BIPED.config()
+    for name in ("duration_min", "duration_max"):
+        assert limits[name] == pytest.approx(2.0 * BIPED.robot()["limits"][name], rel=1e-5)
+    assert gains["swing_max"] == pytest.approx(0.25 * BIPED.robot()["gains"]["swing_max"], rel=1e-5)
+    assert slow.config().swing_acceleration == pytest.approx(0.25 * config.swing_acceleration, rel=1e-5)
+    assert limits["length_max"] == BIPED.robot()["limits"]["length_max"]
+    assert slow.config().freeze == config.freeze
 
 
 def test_arms_keep_what_is_theirs_and_changes_come_last():
