@@ -33,20 +33,19 @@ class Train(Options):
 
     settings: Annotated[TrainingSettings, arg(name="")] = DEFAULTS
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint=f"(default: {DEFAULTS.env_id})")] = None
-    """Plain environment id: a residual is learned on top of it, not on a residual id. Of the biped's, the
-    kinds joint and joint-residual take the form whose actions are those of joints."""
+    """Id of the plain environment, also for a residual, which is learned on top of it. The kinds joint and
+    joint-residual take the form of the robot whose actions are those of joints."""
     out: Directory = None
-    """Policy, checkpoints and logs (default: under runs/)."""
+    """Directory for policy, checkpoints and logs (default: one under runs/)."""
     resume: Directory = None
-    """Go on from the last checkpoint of the run in DIR, with its settings; checkpoints are safetensors and
-    JSON."""
+    """Go on from the last checkpoint of the run in DIR, with its settings."""
     recipe: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
-    """Settings of a shipped policy (docs/policies.md), by name, or those that the policy of FILE was trained
-    with, for a new run; options beside it change them."""
+    """Start a new run with the settings of a shipped policy, by name (docs/policies.md), or with those of the
+    policy in FILE; options beside it change them."""
     scale: Annotated[float | None, arg(metavar="X", help_behavior_hint="(default: 1)")] = field(
         default=None, metadata=within(0, 10)
     )
-    """Residual relative to its default size (residual only)."""
+    """Size of the residual, as a multiple of its default size (only for the kind residual)."""
 
     def defaults(self) -> Train | None:
         """The settings of a run to go on with, or of a recipe: what differs from them the user has given."""
