@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULTS = TrainingSettings()
 T = TypeVar("T")
+BEFORE = 20.0  # of a run, for walks and the first evaluation [s]
 PERIODS = 4000.0  # of all robots together in a second, about, of two shared cores
 
 
@@ -135,7 +136,7 @@ def _require_known(env_id: str, recipe: str) -> None:
 def work_of(settings: TrainingSettings, out: Path) -> Work:
     """What a run is about to do."""
     what = f"{settings.kind} on {settings.env_id}, {settings.timesteps} actions in all"
-    return Work(what, about(settings.timesteps * settings.periods / PERIODS), out)
+    return Work(what, about(BEFORE + settings.timesteps * settings.periods / PERIODS), out)
 
 
 def with_progress(work: Work, settings: TrainingSettings, train: Callable[[Report], T]) -> T:

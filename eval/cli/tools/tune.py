@@ -67,13 +67,14 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         """Run the studies, print the tables or the object."""
         from ...output.progress import progress_bars
         from ...output.work import Work, about, robot_seconds
-        from ...tuning.arms import check_arms, tune_arms
+        from ...tuning.arms import check_arms, place_of, tune_arms
         from ...tuning.report import print_arms, summary
 
         each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
-        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), self.directory)
+        place = self.directory or place_of(self.settings, list(each))
+        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), place)
         with progress_bars(list(each), self.trials, work) as bars:
 
             def show(row: Row, best: Row, policy: str) -> None:
@@ -81,7 +82,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
             shown = {name: partial(show, policy=name) for name in each}
             found = tune_arms(
-                self.settings, self.policies, self.trials, self.workers, self.directory, self.overwrite, shown
+                self.settings, self.policies, self.trials, self.workers, place, self.overwrite, shown
             )
         if self.json:
             self.print_json(summary(found))

@@ -91,6 +91,6 @@ def test_an_episode_in_one_line_counts_from_its_last_push():
         "52.8 N s to the right: still up after 3.5 s, but does not walk as told"
     )
     fell = {**told, "recovered_at": None, "failure_reason": "com_height", "time": 2.3}
-    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (com_height)"
+    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (sank too low)"
     assert describe({**told, "push": None}) == "no push: recovered after 2.9 s"
     assert describe({**told, "recovered_at": 1.4}).endswith("recovered after 0.0 s")
