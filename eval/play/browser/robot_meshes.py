@@ -102,8 +102,9 @@ def coarse(mesh: Any, cell: float = CELL) -> Any:
         cell: width of the grid's cells [m].
     """
     import trimesh
+    from trimesh.visual import ColorVisuals
 
-    if not isinstance(mesh.visual, trimesh.visual.ColorVisuals):
+    if not isinstance(mesh.visual, ColorVisuals):
         return mesh
     colours = np.asarray(mesh.visual.vertex_colors)
     keys = np.hstack([np.round(mesh.vertices / cell).astype(np.int64), colours])
