@@ -12,9 +12,10 @@ from ..status import limits_words, status_words
 from .floor_marks import COLOURS
 
 NOBODY = "nobody"
+TIED = "\N{NO-BREAK SPACE}"
 HOW = (
-    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it. '
-    "Drag beside it to turn the view.</div>"
+    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it: '
+    "the thick arrow is the push. Drag beside it to turn the view.</div>"
 )
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
 VELOCITY = 0.6  # of the sliders, both ways [m/s]
@@ -91,6 +92,7 @@ class Panel:
             met = ", ".join(limits_words(lane)) or "none"
             lines.append(f"**{lane.name}** {status_words(lane)}  \nlimits met: {met}")
         text = "\n\n".join([*lines, *(["*paused*"] if self._session.paused else [])])
+        text = text.replace(" N s", f"{TIED}N{TIED}s")  # no line ends within a unit
         if text != self._status.content:
             self._status.content = text
 
