@@ -6,13 +6,22 @@ import json
 
 import numpy as np
 import pytest
+from push_recovery.controllers.whole_body import gait_machine
+from push_recovery.envs.pendulum import dynamics
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record.files import LOG_FORMATS, log_bytes
 from push_recovery.eval.record.plot import write_plot
 from push_recovery.eval.record.record import record
-from push_recovery.eval.record.words import describe, direction_words, impulse_words, push_words
+from push_recovery.eval.record.words import (
+    FALLS,
+    describe,
+    direction_words,
+    fall_words,
+    impulse_words,
+    push_words,
+)
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 PUSH = Push((0.0, 150.0, 0.0), 0.1, 0.5)
@@ -81,6 +90,11 @@ def test_words_for_people(episode):
     assert push_words(episode) == "15.0 N s (0.25 N s/kg) to the left"
     assert direction_words(-1.0, -0.9) == "backward and to the right"
     assert direction_words(-1.0, 0.1) == "backward"
+
+
+def test_every_fall_has_words_and_one_of_another_environment_keeps_its_name():
+    assert set(FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
+    assert fall_words("tripped") == "tripped"
 
 
 def test_an_episode_in_one_line_counts_from_its_last_push():
