@@ -7,13 +7,15 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 .PHONY: run policies tables leaderboard docs test test-newest test-oldest lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) -e '.[play,report]'
+	@echo "sets up $(VENV), once: about a minute"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(PIP) -e '.[play,report]'
 	touch $@
 
 $(VENV)/dev.stamp: pyproject.toml constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) torch -e '.[train,view,play,report,docs,dev]'
+	@echo "sets up $(VENV), once: some minutes"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(PIP) torch -e '.[train,view,play,report,docs,dev]'
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, all of it, and all of it corrected by a network

@@ -20,6 +20,7 @@ myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]  # code hosts draw such a block as an equation, too
 myst_heading_anchors = 4
 
+add_module_names = False  # all of them are imported from push_recovery itself
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 

@@ -59,6 +59,7 @@ class Run:
         out: Its folder.
         checkpoint: Where to go on; None from the start.
         own: Folder whose policies come before those of the package where `initial` is a name.
+        report: Told of progress, for the first time when all that was given has been checked.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Run:
         out: Path,
         checkpoint: Checkpoint | None = None,
         own: Path | None = None,
+        report: Report = silent,
     ):
         self._began = time.monotonic()
         self.one = make_env(settings)
@@ -75,13 +77,18 @@ class Run:
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
         self.env = make_plain_env(settings.env_id)
         self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size_of(self.env))
+        anew = checkpoint is None and settings.initial is not None
+        first = initial_policy(settings, own) if anew else None
+        self._report = report
+        if checkpoint is not None or not settings.taught:  # else imitation tells of itself first
+            report(self.start, None)  # the walks from which robots are pushed take long
         seed = segment_seed(settings.seed, self.start)
         self.venv: VecNormalize = make_vec_env(settings, self.one, seed)
         self.model: PPO = make_ppo(settings, self.venv, seed, out)
         if checkpoint is not None:
             restore(checkpoint, self.model, self.venv)
-        elif settings.initial is not None:
-            start_from(initial_policy(settings, own), self.model, self.venv)
+        elif first is not None:
+            start_from(first, self.model, self.venv)
         elif settings.taught:
             start_from(taught_policy(settings, out / TAUGHT), self.model, self.venv)
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
@@ -95,10 +102,10 @@ class Run:
         """The policy as it stands."""
         return export_policy(self.model, self.venv, self.one, self.settings)
 
-    def train(self, report: Report = silent) -> TrainingResult:
+    def train(self) -> TrainingResult:
         """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
         settings = self.settings
-        report(self.start, None)
+        self._report(self.start, None)
         write_atomically(
             self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
         )
@@ -110,7 +117,7 @@ class Run:
             if settings.timesteps > self.start:
                 last = self.curve[-1].timesteps
                 callbacks = [
-                    Progress(report),
+                    Progress(self._report),
                     Every(settings.evaluate_every, self.evaluate, last),
                     Every(settings.checkpoint_every, self.checkpoint, self.start),
                     ValueFirst(settings.value_first),
@@ -214,7 +221,7 @@ def train(
             raise InvalidValueError(
                 f"{out} holds a run already: go on with --resume {out}, or choose another --out"
             )
-        return _train(Run(settings, out, None, own), report)
+        return _train(Run(settings, out, None, own, report))
 
 
 def resume(
@@ -234,10 +241,10 @@ def resume(
     """
     out = path.parent.parent if (path / "state.json").is_file() else path
     with Writer(out):
-        return _train(_resumed(path, out, timesteps, env_id), report)
+        return _train(_resumed(path, out, timesteps, env_id, report))
 
 
-def _resumed(path: Path, out: Path, timesteps: int | None, env_id: str | None) -> Run:
+def _resumed(path: Path, out: Path, timesteps: int | None, env_id: str | None, report: Report) -> Run:
     """The run in `out` as it was at the checkpoint in `path`, or at its newest one."""
     checkpoint = load_checkpoint(path)
     settings = checkpoint.settings
@@ -249,11 +256,11 @@ def _resumed(path: Path, out: Path, timesteps: int | None, env_id: str | None) -
         )
     if timesteps is not None:
         settings = replace(settings, timesteps=timesteps)
-    return Run(settings, out, checkpoint)
+    return Run(settings, out, checkpoint, report=report)
 
 
-def _train(run: Run, report: Report) -> TrainingResult:
+def _train(run: Run) -> TrainingResult:
     try:
-        return run.train(report)
+        return run.train()
     finally:
         run.close()

@@ -46,70 +46,72 @@ class TrainingSettings:
     """
 
     kind: Positional[Literal["residual", "scratch", "joint", "joint-residual"]] = "residual"
-    """residual: on top of `policy`; scratch: the network acts alone, in the same action space; joint: alone,
-    on joint targets; joint-residual: on the joint torques of two-stage and whole-body control"""
+    """what is trained. residual: a correction of `policy`; scratch: a network that acts alone, in the same
+    action space; joint: a network that acts alone, on joint targets; joint-residual: a correction of the
+    joint torques of two-stage and whole-body control"""
     env_id: Suppress[str] = "PushRecovery/Biped-v0"
-    timesteps: int = 4_000_000  # learned actions in all; each lasts `hold` planning periods; 0: untrained
-    seed: int = 0  # of weights, exploration and pushes
-    n_envs: int = 128  # environments side by side
+    timesteps: int = 4_000_000  # number of learned actions; each lasts `hold` periods; 0: untrained
+    seed: int = 0  # seed of weights, exploration and pushes
+    n_envs: int = 128  # number of environments side by side
     hold: Annotated[int | None, arg(metavar="{None|N}")] = None
-    """planning periods of 10 ms for which a learned action is held; None: 2, and 1 on joints, where an action
-    belongs to a stance foot"""
-    policy: str = "two-stage"  # what a residual corrects
+    """number of planning periods of 10 ms for which a learned action is held; None: 2, and 1 on joints, where
+    an action belongs to a stance foot"""
+    policy: str = "two-stage"  # the policy that a residual corrects
     scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
     gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
-    """of `ResidualGate` [m]; None: always open"""
+    """DCM errors at which the gate of a residual begins to open and is open [m]; None: always open"""
     teacher: bool | None = None
     """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/imitation.md) rather
     than untrained; None: yes for the kind joint"""
     initial: Annotated[str | None, arg(metavar="{None|NAME|FILE}")] = None
     """policy that the run begins as, with its layers and inputs; None: untrained, or as the teacher shows"""
-    value_first: int = 0  # timesteps at first in which only the value network learns
+    value_first: int = 0  # number of timesteps at first in which only the value network learns
     inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
     """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
     critic: Annotated[tuple[str, ...], arg(metavar="[BLOCK ...]")] = ()
-    """what only the value network sees besides: push, the impulse to come; sensing, the sensors' errors"""
+    """what only the value network sees besides: push (the impulse to come), sensing (the sensors' errors)"""
 
     # What is trained on, and for what
     starts: Literal["push", "reset"] | None = None
-    """push: episodes begin at the moment of a push, in walks that are put back; reset: at a reset, with
+    """when episodes begin. push: at the moment of a push, in walks that are put back; reset: at a reset, with
     `pushes` to come; None: push where robots can be put back"""
     reward: Literal["recovery", "environment"] | None = None
-    """recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment: its own; None:
-    recovery where robots share one core"""
-    profile: str = "exact"  # of the robots: exact, hardware
+    """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
+    the environment's own reward; None: recovery where robots share one core"""
+    profile: str = "exact"  # profile of the robots: exact or hardware
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
     """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
     randomisation"""
     pushes: Annotated[PushDistribution, AvoidSubcommands] = TRAINING_PUSHES
-    """of most training episodes; scores use other ones"""
+    """pushes of most training episodes; scores use other pushes"""
     easy: Annotated[tuple[float, float], arg(metavar="LOW HIGH")] = (5.0, 80.0)
-    """impulses of the others, so that nothing easy is forgotten [N s]"""
-    easy_share: float = 0.05  # of episodes that have an easy push
+    """impulses of the other episodes, so that nothing easy is forgotten [N s]"""
+    easy_share: float = 0.05  # share of episodes that have an easy push
     least_acceptance: float = 0.1
-    """of a push whose kind is always or never recovered from; 1: all are taken alike"""
-    walks: int = 1500  # that are put back, each of another robot and command
+    """chance that a push is taken whose kind is always or never recovered from; 1: all are taken alike"""
+    walks: int = 1500  # number of walks that are put back, each of another robot and command
 
     # Proximal policy optimisation
-    n_steps: int = 64  # learned actions per environment and update
-    batch_size: int = 1024  # at most; the largest divisor of n_envs x n_steps is taken
-    n_epochs: int = 5  # passes over the actions of an update
-    gamma: float = 0.99  # per learned action
-    gae_lambda: float = 0.95  # of the generalised advantage estimate
-    clip_range: float = 0.2  # of the ratio of probabilities
-    learning_rate: float = 3e-4  # of Adam at the start; falls linearly to that at the end
-    learning_rate_end: float = 1e-5  # of Adam at the end
-    policy_layers: Widths = (128, 128)  # widths of the hidden layers
-    value_layers: Widths = (256, 256)  # widths of the hidden layers
+    n_steps: int = 64  # number of learned actions per environment and update
+    batch_size: int = 1024  # largest batch; the largest divisor of n_envs x n_steps up to it is taken
+    n_epochs: int = 5  # number of passes over the actions of an update
+    gamma: float = 0.99  # discount per learned action
+    gae_lambda: float = 0.95  # lambda of the generalised advantage estimate
+    clip_range: float = 0.2  # range to which the ratio of probabilities is clipped
+    learning_rate: float = 3e-4  # rate of Adam at the start; it falls linearly to that at the end
+    learning_rate_end: float = 1e-5  # rate of Adam at the end
+    policy_layers: Widths = (128, 128)  # widths of the hidden layers of the policy
+    value_layers: Widths = (256, 256)  # widths of the hidden layers of the value network
     log_std: Annotated[float | tuple[float, ...] | None, arg(metavar="{None|X [X ...]}")] = None
-    """initial, one or one per action; None: that of the kind"""
+    """initial logarithm of the standard deviation, one or one per action; None: that of the kind"""
     normalise_reward: bool | None = None
-    """divide by the running deviation of the return; None: the environment's own, not that of recovery"""
+    """divide the reward by the running deviation of the return; None: yes for the environment's own reward,
+    no for that of recovery"""
 
     # Reports
-    checkpoint_every: int = 100_000  # timesteps between checkpoints, at least
-    evaluate_every: int = 500_000  # timesteps between evaluations, at least
-    evaluation_scenarios: int = 512  # pushes of an evaluation
+    checkpoint_every: int = 100_000  # least number of timesteps between checkpoints
+    evaluate_every: int = 500_000  # least number of timesteps between evaluations
+    evaluation_scenarios: int = 512  # number of pushes of an evaluation
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

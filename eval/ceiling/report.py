@@ -46,8 +46,9 @@ def search_lines(found: Ceiling) -> str:
     """What was searched, at what cost, and how fragile the answers are."""
     s, searched, answered = found.settings, len(found.searched), len(found.answered)
     attempts = [row["attempts"] for row in found.answered]
+    pushes = "push" if searched == 1 else "pushes"
     lines = (
-        f"{searched} pushes lost by all policies, {answered} of them answered. Each search: at most "
+        f"{searched} {pushes} lost by all policies, {answered} of them answered. Each search: at most "
         f"{s.budget} attempts ({s.generations} generations of {s.population}) at {s.size} numbers, "
         f"{s.steps} steps of {s.policy} corrected by up to {s.scale:g} times the residual's scale; "
         f"seed {s.seed}."

@@ -137,7 +137,8 @@ def _search_missing(
     ]
     jobs = [(settings, scenario) for scenario in lost if (scenario.id,) not in store.rows]
     most = settings.budget * episode_seconds(evaluation.env_id, (scenario for _, scenario in jobs), workers)
-    what = f"up to {settings.budget} attempts at each of the {len(lost)} pushes that all lose"
+    pushes = "the push" if len(lost) == 1 else f"each of the {len(lost)} pushes"
+    what = f"up to {settings.budget} attempts at {pushes} that all policies lose"
     done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
     work = Work(what, about(most) + (" at most" if jobs else ""), store.directory)
     with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:

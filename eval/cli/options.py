@@ -25,13 +25,13 @@ Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]
 Real = Annotated[float, arg(metavar="X")]
 Policy = Annotated[str, arg(metavar="NAME|FILE")]
-SUITES_TEXT = f"{', '.join(SUITE_NAMES)}, or a JSON file."
+SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 PROFILE_TEXT = (
     "How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses, "
     "delay and collisions (docs/scenarios.md)."
 )
 ERRORS_TEXT = (
-    "What robot and floor are off from what the planner believes, in every scenario, such as "
+    "How robot and floor differ from what the planner believes, in every scenario, such as "
     '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md).'
 )
 
@@ -89,7 +89,7 @@ class JsonOption(Options):
     """Of a command that can tell its result as JSON."""
 
     json: Flag = False
-    """One JSON object on standard output, nothing else there."""
+    """Print one JSON object on standard output, and nothing else there."""
 
     def print_json(self, content: dict[str, Any]) -> None:
         """The one object of `--json`."""
@@ -101,9 +101,9 @@ class EnvOptions(Options):
     """Of a command that makes environments."""
 
     env: Annotated[str, arg(metavar="ID")] = DEFAULT_ENV
-    """Environment id."""
+    """Id of the environment (see list)."""
     preset: Preset = None
-    """Of planner and robot, such as what tune has found (the environment's own)."""
+    """Preset of planner and robot, such as one that tune has found (by default the environment's own)."""
 
     @property
     def env_id(self) -> str:
@@ -137,12 +137,12 @@ class RunningOptions(JsonOption):
     """Of a command that runs episodes in processes and keeps their rows."""
 
     workers: Count = field(default_factory=default_workers, metadata=within(1))
-    """Processes; changes no result."""
+    """Number of processes; it changes no result."""
     out: Directory = None
-    """Results; a directory of the same configuration is resumed (by default one under runs/ named after the
-    configuration)."""
+    """Directory for the results. One of the same configuration is resumed (by default a directory under runs/
+    that is named after the configuration)."""
     overwrite: Flag = False
-    """Start over where DIR holds results."""
+    """Start over if DIR already holds results."""
 
     @property
     def directory(self) -> Path | None:
@@ -165,6 +165,6 @@ class PushOptions(VelocityOptions):
     """What all pushes of a scan have in common."""
 
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
-    """Of the push [s]."""
+    """Duration of the push [s]."""
     body: Body = "pelvis"
-    """Body that is pushed."""
+    """The body that is pushed."""

@@ -20,24 +20,24 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "evaluate": (".commands.evaluate", "Evaluate",
                  "Score policies on a suite: recovery rates on the same pushes."),
     "compare": (".commands.compare", "Compare",
-                "Compare two policies on the same pushes: exact McNemar, score interval."),
+                "Compare two policies on the same pushes: exact McNemar test and score interval."),
     "frontier": (".commands.frontier", "Frontier",
-                 "Largest recoverable push by direction, at the start of a left stance after four nominal "
-                 "steps."),
+                 "Find the largest recoverable push in each direction, at the start of a left stance after "
+                 "four nominal steps."),
     "sensitivity": (".commands.sensitivity", "Sensitivity",
                     "Run a sample of a suite under other solvers, time steps, contacts, losses and "
-                    "delays: what its outcomes hang on."),
+                    "delays: what its outcomes depend on."),
     "ceiling": (".commands.ceiling", "CeilingCommand",
                 "Search every push that all policies lose for actions that recover from it: a lower bound on "
                 "what is possible."),
     "corrections": (".commands.corrections", "Corrections",
-                    "What a residual adds to the planner, by the direction of the push and by step."),
+                    "Show what a residual adds to the planner, by the direction of the push and by step."),
     "reproduce": (".commands.reproduce", "Reproduce",
                   "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
                   "pictures."),
     "tune": (".tools.tune", "Tune",
-             "Search the settings of planner and robot on pushes of their own, by CMA-ES; more trials go on "
-             "where fewer ended. The best becomes DIR/preset.json."),
+             "Search the settings of planner and robot by CMA-ES, on pushes of their own. The best becomes "
+             "DIR/preset.json; a stopped search goes on, also with more trials."),
     "bench": (".tools.bench", "Bench",
               "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
               "other solvers."),
@@ -47,11 +47,13 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "submit": (".sharing.submit", "Submit",
                "Check results by running a sample of their rows again, and put them on a leaderboard."),
     "robot": (".sharing.robot", "RobotCommand",
-              "Make a robot of one's own from a model: robot new FILE.xml guesses its parts, for review."),
+              "Make a robot of your own from a model: robot new FILE.xml guesses its parts, for "
+              "your review."),
     "suite": (".sharing.suite", "SuiteCommand",
-              "Write a suite of one's own: suite new --seed N --out FILE draws pushes that nobody has met."),
+              "Write a suite of your own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".tools.warmup", "WarmUp",
-               "Compile all kernels now, for every later process of this user: minutes once, then seconds."),
+               "Compile all kernels now, for every later process of this user. It takes minutes once, "
+               "and seconds later."),
     "play": (".tools.play", "Play",
              "Push a walking robot in the browser; or write one push to a video, picture, log or plot."),
     "curves": (".tools.curves", "Curves",

@@ -104,7 +104,7 @@ def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) ->
 
     session = make()
     desktop, core = Desktop(session, impulse), session.first.episodes.core
-    model, data = core.body.model, mujoco.MjData(core.body.model)
+    model, data = core.body.picture, mujoco.MjData(core.body.picture)
     print(KEYS, flush=True)
     with viewer.launch_passive(
         model, data, key_callback=desktop.key, show_left_ui=False, show_right_ui=False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...envs.scenario.push import Push
 from ..record.sampler import LIMIT
-from ..record.words import impulse_words
+from ..record.words import fall_words, impulse_words
 from .lane import Lane
 
 RECENT = 30  # samples in which a limit counts as being met
@@ -15,7 +15,7 @@ def status_words(lane: Lane) -> str:
     push = _last_push(lane)
     if lane.over:
         after = "" if push is None else f" {lane.time - float(_start(push)):.2f} s after the push"
-        return f"fell{after} ({lane.failure})"
+        return f"fell{after} ({fall_words(lane.failure)})"
     if push is None:
         return f"walks, {lane.time:.1f} s"
     since = lane.time - _start(push)

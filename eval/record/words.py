@@ -14,6 +14,12 @@ DIRECTIONS = (
     "forward", "forward and to the left", "to the left", "backward and to the left", "backward",
     "backward and to the right", "to the right", "forward and to the right",
 )  # fmt: skip
+FALLS = {  # why an episode ended, by the name that its info gives
+    "com_height": "sank too low",
+    "pelvis_tilt": "tipped over",
+    "dcm_diverged": "ran away from any step",
+    "not_finite": "ran out of numbers",
+}
 
 
 def sector_of(psi_deg: float) -> int:
@@ -48,11 +54,16 @@ def ending_words(info: Mapping[str, Any]) -> str:
     """How an episode has ended by its last info: recovered, fell or neither, and how long after the push."""
     start = (info.get("push") or {}).get("start") or 0.0
     if info.get("failure_reason"):
-        return f"fell after {info['time'] - start:.1f} s ({info['failure_reason']})"
+        return f"fell after {info['time'] - start:.1f} s ({fall_words(info['failure_reason'])})"
     settled = info.get("recovered_at")
     if settled is None:
         return f"still up after {info['time'] - start:.1f} s, but does not walk as told"
     return f"recovered after {max(settled - start, 0.0):.1f} s"
+
+
+def fall_words(reason: str | None) -> str:
+    """Why a robot fell; a reason of an environment of others stays as it is."""
+    return FALLS.get(reason or "", reason or "")
 
 
 def impulse_words(push: Push, mass: float) -> str:
@@ -75,4 +86,4 @@ def verdict(outcome: Outcome) -> str:
         return f"recovered, from {outcome.recovered_at:.2f} s on"
     if outcome.survived:
         return f"survived {outcome.end_time:.2f} s, not settled"
-    return f"fell after {outcome.end_time:.2f} s ({outcome.failure_reason})"
+    return f"fell after {outcome.end_time:.2f} s ({fall_words(outcome.failure_reason)})"

@@ -31,6 +31,11 @@ class ArmStudies:
         return self.directory / "preset.json"
 
 
+def place_of(settings: TuningSettings, policies: Sequence[str]) -> Path:
+    """The directory of such studies under runs/, where none is named."""
+    return default_directory("tune", _configuration(settings, policies))
+
+
 def tune_arms(
     settings: TuningSettings,
     policies: Sequence[str],
@@ -56,7 +61,7 @@ def tune_arms(
             another run is writing.
     """
     each = check_arms(settings, policies)
-    directory = directory or default_directory("tune", _configuration(settings, list(each)))
+    directory = directory or place_of(settings, list(each))
     with Writer(directory):
         studies = {
             name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
@@ -88,7 +93,7 @@ def _merged(settings: TuningSettings, studies: Mapping[str, Study]) -> PresetFil
     return replace(start, arms=arms, found={name: study.preset.found for name, study in studies.items()})
 
 
-def _configuration(settings: TuningSettings, policies: list[str]) -> dict[str, Any]:
+def _configuration(settings: TuningSettings, policies: Sequence[str]) -> dict[str, Any]:
     """What the default directory is named after."""
     start = {**load_preset(settings.preset).to_dict(), "found": {}}
-    return {"tune": {**settings.to_dict(), "policy": policies}, "start": start, "code": code_digest()}
+    return {"tune": {**settings.to_dict(), "policy": list(policies)}, "start": start, "code": code_digest()}

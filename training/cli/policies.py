@@ -29,9 +29,9 @@ class Policies(Options):
     """One run after the other; what is complete stays, what was stopped goes on."""
 
     names: Annotated[Positional[tuple[str, ...]], arg(metavar="[NAME ...]")] = tuple(RECIPES)
-    """Shipped policies; all of them without."""
+    """Names of the policies to train; without a name all of them."""
     out: Directory = None
-    """DIR/NAME.safetensors and DIR/NAME.json, and each run in DIR/NAME (default: runs/policies)."""
+    """Directory for NAME.safetensors and NAME.json; each run is in DIR/NAME (default: runs/policies)."""
 
     def run(self) -> None:
         """Train, and say where each policy is.

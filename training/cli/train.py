@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULTS = TrainingSettings()
 T = TypeVar("T")
+BEFORE = 20.0  # of a run, for walks and the first evaluation [s]
 PERIODS = 4000.0  # of all robots together in a second, about, of two shared cores
 
 
@@ -33,20 +34,19 @@ class Train(Options):
 
     settings: Annotated[TrainingSettings, arg(name="")] = DEFAULTS
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint=f"(default: {DEFAULTS.env_id})")] = None
-    """Plain environment id: a residual is learned on top of it, not on a residual id. Of the biped's, the
-    kinds joint and joint-residual take the form whose actions are those of joints."""
+    """Id of the plain environment, also for a residual, which is learned on top of it. The kinds joint and
+    joint-residual take the form of the robot whose actions are those of joints."""
     out: Directory = None
-    """Policy, checkpoints and logs (default: under runs/)."""
+    """Directory for policy, checkpoints and logs (default: one under runs/)."""
     resume: Directory = None
-    """Go on from the last checkpoint of the run in DIR, with its settings; checkpoints are safetensors and
-    JSON."""
+    """Go on from the last checkpoint of the run in DIR, with its settings."""
     recipe: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
-    """Settings of a shipped policy (docs/policies.md), by name, or those that the policy of FILE was trained
-    with, for a new run; options beside it change them."""
+    """Start a new run with the settings of a shipped policy, by name (docs/policies.md), or with those of the
+    policy in FILE; options beside it change them."""
     scale: Annotated[float | None, arg(metavar="X", help_behavior_hint="(default: 1)")] = field(
         default=None, metadata=within(0, 10)
     )
-    """Residual relative to its default size (residual only)."""
+    """Size of the residual, as a multiple of its default size (only for the kind residual)."""
 
     def defaults(self) -> Train | None:
         """The settings of a run to go on with, or of a recipe: what differs from them the user has given."""
@@ -136,7 +136,7 @@ def _require_known(env_id: str, recipe: str) -> None:
 def work_of(settings: TrainingSettings, out: Path) -> Work:
     """What a run is about to do."""
     what = f"{settings.kind} on {settings.env_id}, {settings.timesteps} actions in all"
-    return Work(what, about(settings.timesteps * settings.periods / PERIODS), out)
+    return Work(what, about(BEFORE + settings.timesteps * settings.periods / PERIODS), out)
 
 
 def with_progress(work: Work, settings: TrainingSettings, train: Callable[[Report], T]) -> T:

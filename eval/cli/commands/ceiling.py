@@ -10,7 +10,9 @@ from tyro.conf import arg
 from ...rollout.names import TABLE_ARMS
 from ..options import SUITES_TEXT, Count, EnvOptions, Real, RobotOptions, RunningOptions, within
 
-POLICIES_TEXT = "Whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."
+POLICIES_TEXT = (
+    "Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,24 +23,24 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
     sample: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = field(
         default=None, metadata=within(1)
     )
-    """Pushes of the suite, evenly spread over it; all of them without."""
+    """Number of pushes, evenly spread over the suite (by default all of them)."""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)] = TABLE_ARMS
     planner: Annotated[str, arg(metavar="NAME")] = "two-stage"
-    """The arm whose actions are corrected."""
+    """The planner whose actions are corrected."""
     steps: Count = field(default=4, metadata=within(1, 100))
-    """With a correction of their own, from the one that is pushed in on."""
+    """Number of steps that have a correction of their own, counted from the step in which the push comes."""
     population: Count = field(default=64, metadata=within(2, 10_000))
-    """Attempts of a generation."""
+    """Number of attempts in a generation."""
     generations: Count = field(default=20, metadata=within(1, 100_000))
-    """At most; with the population, the budget of a push."""
+    """Largest number of generations; times the population it is the budget of a push."""
     elites: Count = field(default=8, metadata=within(1, 10_000))
-    """Attempts that the next generation is drawn from."""
+    """Number of best attempts from which the next generation is drawn."""
     spread: Real = field(default=0.8, metadata=within(0.01, 10))
-    """First standard deviation, as a share of the largest correction."""
+    """Standard deviation of the first generation, as a share of the largest correction."""
     scale: Real = field(default=1.0, metadata=within(0.01, 10))
-    """Largest correction, as a multiple of that of BipedResidual-v0."""
+    """Largest correction, as a multiple of the one of BipedResidual-v0."""
     seed: Count = field(default=0, metadata=within(0))
-    """Of the searches."""
+    """Seed of the searches."""
 
     def run(self) -> None:
         """Evaluate, search, print the table or the object, write the reports."""

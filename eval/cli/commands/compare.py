@@ -21,9 +21,9 @@ class Compare(SuiteOptions, RobotOptions):
     """Compare two policies on the same pushes."""
 
     a: Annotated[Positional[str], arg(metavar="A")]
-    """Policy: name, file, or MODULE:ATTRIBUTE."""
+    """First policy: name (see list), file, or MODULE:ATTRIBUTE."""
     b: Annotated[Positional[str], arg(metavar="B")]
-    """Policy: name, file, or MODULE:ATTRIBUTE."""
+    """Second policy, in the same form."""
 
     def run(self) -> None:
         """Compare two policies, print the table or the object."""

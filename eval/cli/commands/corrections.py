@@ -19,12 +19,12 @@ class Corrections(EnvOptions, RobotOptions):
     """What a residual adds to the planner, by the direction of the push and by step."""
 
     policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
-    """A residual on gait actions, such as residual."""
+    """Name or file of a residual on gait actions, such as residual."""
     suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
     sample: Annotated[int, arg(metavar="N")] = field(default=256, metadata=within(1))
-    """Pushes of the suite, evenly spread over it; each runs with the residual and without it."""
+    """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
     out: Directory = None
-    """Report, figure (default: runs/corrections)."""
+    """Directory for report and figure (default: runs/corrections)."""
 
     def run(self) -> None:
         """Run the pushes, print the tables, write report.md and corrections.png."""

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 REPORT = "report.md"
 POLICIES_TEXT = (
-    "Names (see list), policy files, or MODULE:ATTRIBUTE. Not among the default ones: passive, which falls "
-    "in 2 s without a push."
+    "Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. passive is not among the "
+    "default ones, since it falls in 2 s without a push."
 )
 DEFAULT_TEXT = f"{SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
-PROFILES_TEXT = f"{PROFILE_TEXT} Several stand side by side."
+PROFILES_TEXT = f"{PROFILE_TEXT} Several profiles are shown side by side."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,10 +34,11 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     trust: Flag = False
     """Take archives of Stable-Baselines3 (FILE.zip) as policies: loading one runs the code that is in it, as
     you (docs/reliability.md)."""
-    film: Annotated[Literal["discordant"] | None, arg(help_behavior_hint="")] = None
-    """Film pushes that one policy recovers from and another does not, side by side, as GIF and mp4."""
+    film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
+    """Film the pushes that one policy recovers from and another does not, side by side, as GIF
+    and mp4."""
     films: Count = field(default=4, metadata=within(1))
-    """How many pushes are filmed at most."""
+    """Largest number of pushes that are filmed."""
 
     def check_film(self) -> None:
         """Raise MissingExtraError before any work where films are asked for and can't be written."""

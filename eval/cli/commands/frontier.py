@@ -18,13 +18,13 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
     """Scan the directions for the largest recoverable push."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
-    """Names, policy files, or MODULE:ATTRIBUTE, all in one picture."""
+    """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
     directions: Count = field(default=16, metadata=within(1))
-    """Directions, counter-clockwise from forward."""
+    """Number of directions, evenly spread, counter-clockwise from forward."""
     grid: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
         default=None, metadata=within(1, 1000)
     )
-    """Step of the force [N] (10 on the pendulum, 20 elsewhere)."""
+    """Step between the forces that are tried [N] (by default 10 on the pendulum and 20 elsewhere)."""
 
     def run(self) -> None:
         """Write picture and frontier.json, print the table or the object."""

@@ -20,11 +20,11 @@ class Reproduce(RunningOptions):
     """Measure the paper's results again on the pendulum."""
 
     section: Positional[Section] = "all"
-    """Part of the paper."""
+    """Part of the paper that is measured again."""
     directions: Count = field(default=36, metadata=within(1))
-    """Directions of scenario 2, counter-clockwise from forward."""
+    """Number of directions of scenario 2, evenly spread, counter-clockwise from forward."""
     page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
-    """Write a page that holds the paper's claims against the run, pictures beside it."""
+    """Write a page that holds the paper's claims against the run, with its pictures beside it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

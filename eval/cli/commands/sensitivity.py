@@ -16,11 +16,12 @@ class Sensitivity(EnvOptions, RunningOptions):
 
     suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
     sample: Count = field(default=128, metadata=within(1))
-    """Pushes of the suite, evenly spread over it."""
+    """Number of pushes, evenly spread over the suite."""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
-    """Names (see list), policy files, or MODULE:ATTRIBUTE."""
-    variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME")] = None
-    """Such as step-1ms elliptic joint-friction-1 hardware (docs/sensitivity.md); by default all of them."""
+    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/sensitivity.md; by default
+    all of them)."""
 
     def run(self) -> None:
         """Run the variations, print a table for each policy or the object, write the reports."""

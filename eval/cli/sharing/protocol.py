@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from ...protocols.run import Protocol
 
 FORM_TEXT = (
-    "Of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or force, "
-    "the same impulse as a force of 0.1 s on the pelvis."
+    "Form of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or "
+    "force, the same impulse as a force of 0.1 s on the pelvis."
 )
-EPISODES_TEXT = "Episodes of each level of kick (200 at most), or run ids of tour, from 0 on."
+EPISODES_TEXT = (
+    "Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."
+)
 MOST = {"kick": 200, "tour": 5120}
 
 
@@ -26,9 +28,10 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     """Run policies under the push protocol of another group; its published rows stand beside them."""
 
     protocol: Positional[Literal["kick", "tour"]]
-    """RecoverFormer's jumps of the base's velocity, or the teleop-walking-benchmark's punches on a tour."""
+    """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
+    tour of 90 s."""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
-    """Names (see list), policy files, or MODULE:ATTRIBUTE."""
+    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
     form: Annotated[
         Literal["stated", "coded", "force"] | None,
         arg(metavar="NAME", help=FORM_TEXT, help_behavior_hint="(default: stated)"),

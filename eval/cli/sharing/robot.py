@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 from ....controllers.errors import InvalidValueError
 from ..options import JsonOption
 
-MODEL_TEXT = "MJCF or URDF of the robot; a file, or PACKAGE/PATH of a package of the extra robots."
+MODEL_TEXT = "MJCF or URDF of the robot: a file, or PACKAGE/PATH in a package of the extra robots."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,10 +19,10 @@ class RobotCommand(JsonOption):
     """Write a robot file and a preset from a model; --env NAME.robot.json of other commands takes it."""
 
     action: Positional[Literal["new"]]
-    """Guess the parts of a robot and derive its sizes."""
+    """new: guess the parts of a robot and derive its sizes."""
     model: Annotated[Positional[str], arg(metavar="FILE.xml", help=MODEL_TEXT)]
     name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: that of the model)")] = None
-    """Of the robot and of its files."""
+    """Name of the robot and of its files."""
     out: Annotated[str, arg(metavar="DIR")] = "."
     """Folder that NAME.robot.json and NAME.preset.json are written to."""
 

@@ -16,19 +16,19 @@ class Submit(JsonOption):
     """Check results by running a random sample of their rows again, and put them on a leaderboard."""
 
     directory: Annotated[Positional[str], arg(metavar="DIR")]
-    """Of evaluate, with all rows of its suite."""
+    """Directory that evaluate has written, with all rows of its suite."""
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
-    """Suite of the results, where it is a file of one's own; its hash has to be theirs."""
+    """Suite of the results, if it is a file of your own; its hash has to be that of the results."""
     board: Annotated[str, arg(metavar="DIR")] = "leaderboard"
-    """Folder of the leaderboard, a file for each policy on each suite, and the page made of them."""
+    """Folder of the leaderboard. It gets a file for each policy on each suite, and a page made of them."""
     sample: Count = field(default=32, metadata=within(1))
-    """Rows of each policy that are run again."""
+    """Number of rows of each policy that are run again."""
     seed: Annotated[
         int | None, arg(metavar="N", help_behavior_hint="(default: another sample every time)")
     ] = field(default=None, metadata=within(0))
-    """Of the sample."""
+    """Seed of the sample."""
     workers: Count = field(default_factory=default_workers, metadata=within(1))
-    """Processes; changes no result."""
+    """Number of processes; it changes no result."""
 
     def run(self) -> None:
         """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""

@@ -13,12 +13,11 @@ from ....controllers.json_text import parse_json
 from ..options import Count, JsonOption, within
 
 PUSHES_TEXT = (
-    "Other ranges than those of standard or hard, by fields of PushDistribution, such as "
+    "Ranges in place of those of standard or hard, by fields of PushDistribution, such as "
     '\'{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}\'.'
 )
 LIKE_TEXT = (
-    "What the pushes are drawn like: standard, hard, varied, or one of the shifts "
-    "(docs/evaluation.md#suites)."
+    "Kind of pushes that is drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."
 )
 
 
@@ -27,19 +26,19 @@ class SuiteCommand(JsonOption):
     """Write a suite of pushes that nobody has met; --suite FILE of other commands runs it."""
 
     action: Positional[Literal["new"]]
-    """Draw one."""
+    """new: draw a suite."""
     like: Annotated[str, arg(metavar="NAME", help=LIKE_TEXT)] = "varied"
     seed: Count = field(metadata=within(0))
-    """Of the draw; the same seed gives the same suite on every machine."""
+    """Seed of the draw; the same seed gives the same suite on every machine."""
     scenarios: Count = field(default=256, metadata=within(1, 65536))
-    """How many; every whole 256 of them are stratified."""
+    """Number of scenarios; every whole 256 of them are stratified."""
     name: Annotated[
         str | None, arg(metavar="NAME", help_behavior_hint="(default: the kind and the seed)")
     ] = None
-    """Of the suite."""
+    """Name of the suite."""
     pushes: Annotated[str, arg(metavar="JSON", help=PUSHES_TEXT)] = "{}"
     out: Annotated[str, arg(metavar="FILE")]
-    """Suite file that is written."""
+    """Suite file to write."""
 
     def run(self) -> None:
         """Draw and write the suite, and tell its hash."""

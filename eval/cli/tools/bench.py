@@ -16,8 +16,8 @@ class Bench(EnvOptions, JsonOption):
     EPILOG: ClassVar[str] = EPILOG  # below the help
 
     seconds: Real = field(default=20.0, metadata=within(0.1, 600))
-    """Simulated time of one robot's closed loop [s]; less than 5 measures only what is quick: no Humanoid-v5,
-    no other solvers, no more than 64 robots, no start of a process."""
+    """Simulated time of one robot's closed loop [s]. With less than 5 only what is quick is measured: without
+    Humanoid-v5, other solvers, more than 64 robots, and the start of a process."""
 
     def run(self) -> None:
         """Measure and print."""

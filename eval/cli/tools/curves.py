@@ -19,14 +19,16 @@ BASE = "residual"  # whose curve begins at the planner's own share
 class Curves(Options):
     """Learning curves of policies, as their files tell them."""
 
-    policies: Annotated[Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]")] = ("",)
-    """Learned policies; all that come with the package without."""
+    policies: Annotated[
+        Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]", help_behavior_hint="")
+    ] = ("",)
+    """Learned policies by name or file (by default all that come with the package)."""
     ceiling: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
         default=None, metadata=within(0, 1)
     )
-    """Share to draw as the ceiling, such as that of hard (docs/ceiling.md)."""
+    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/ceiling.md)."""
     out: Directory = None
-    """Of curves.png and curves.svg (default: runs/curves)."""
+    """Directory for curves.png and curves.svg (default: runs/curves)."""
 
     def run(self) -> None:
         """Draw, and print the last point of each.

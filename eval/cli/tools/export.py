@@ -17,10 +17,10 @@ class Export(EnvOptions):
     """Write a learned policy in the format of others."""
 
     policy: Annotated[Positional[str], arg(metavar="POLICY")]
-    """Learned policy: name (see list) or file."""
+    """Learned policy by name (see list) or file."""
     onnx: Annotated[str, arg(metavar="FILE")]
-    """ONNX file to write: normalisation and network, float32; what a residual's output means is in its
-    metadata (docs/policies.md)."""
+    """ONNX file to write. It holds normalisation and network as float32; its metadata say what a residual's
+    output means (docs/policies.md)."""
 
     def run(self) -> None:
         """Write the file, and say how well it agrees.

@@ -20,31 +20,32 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     """Play with a walking robot, or write one push to files."""
 
     policy: Policy = "two-stage"
-    """Name, policy file, or MODULE:ATTRIBUTE."""
+    """Policy that acts: name (see list), policy file, or MODULE:ATTRIBUTE."""
     force: Real = field(default=200.0, metadata=within(0, 10_000))
-    """Of the push [N]."""
+    """Force of the push [N]; times the duration it is the impulse [N s]."""
     psi: Real = field(default=0.0, metadata=within(-360, 360))
-    """Direction, counter-clockwise from forward [deg]."""
+    """Direction of the push [deg]: 0 is forward, 90 to the left, 180 backward, 270 to the right."""
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
-    """Take the push from a suite instead."""
+    """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
-    """Scenario of the suite (the first one)."""
+    """Id of the scenario in the suite (by default the first one)."""
     out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Film (mp4 or gif), contact sheet (png) or page to turn about in 3D (html) of one push."""
+    """Write one push as a film (mp4 or gif), as six moments (png) or as a page in 3D (html)."""
     log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Write the episode as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques, limits met."""
+    """Write the episode of one push as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques,
+    limits met."""
     plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Draw the episode over time (png or svg)."""
+    """Draw the episode of one push over time (png or svg)."""
     viewer: Literal["browser", "mujoco"] = "browser"
-    """Where the robot walks that is played with: on a page of this computer, or in MuJoCo's own window."""
+    """Where you play with the robot: on a page in the browser, or in MuJoCo's own window."""
     beside: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
     """Policy of a second robot that gets the same pushes."""
     host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
-    """That the page is served on; from another than this computer's own it asks for a token."""
+    """Address that the page is served on; with any but this computer's own it asks for a token."""
     token: Annotated[str, arg(metavar="WORD", help_behavior_hint="(made up where one is needed)")] = ""
-    """That the page's address must hold."""
+    """Token that the page's address must hold."""
     port: Annotated[int, arg(metavar="N")] = field(default=8080, metadata=within(0, 65535))
-    """Of the page; the next free one is taken."""
+    """Port of the page; if it is taken, the next free one is used."""
 
     def run(self) -> None:
         """Play until Ctrl-C, or render one episode and say what became of it."""

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 EPISODE = 6.5  # [s]
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
-ERRORS = "Model errors of every second robot, half of these with the mass error negated (docs/tuning.md)."
+ERRORS = (
+    "Model errors of every second robot; half of these robots have the mass error negated (docs/tuning.md)."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,21 +26,23 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
     """Search settings; the defaults are those of `tuning.settings.TuningSettings`."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME")] = ("two-stage",)
-    """Arms that are tuned, each by a search of its own, one after the other."""
+    """Planners that are tuned one after the other, each by a search of its own."""
     space: Literal["planner", "robot", "both"] = "planner"
-    """The arm's gains; its gait box, gait machine and whole-body control; or both."""
+    """What is searched: the planner's gains; the robot's gait box, gait machine and whole-body control; or
+    both."""
     only: Annotated[tuple[str, ...] | None, arg(metavar="FIELD", help_behavior_hint="")] = None
-    """Groups or fields of the space, such as limits or gait.apex (all of it)."""
+    """Groups or fields of the space, such as limits or gait.apex (by default all of it)."""
     trials: Count = field(default=100, metadata=within(1))
-    """Budget of each arm."""
-    suite: Literal["tuning", "tuning-varied"] | None = None
-    """Single pushes at the pelvis, or those of every kind under both profiles (the latter on the biped)."""
+    """Number of trials of each planner."""
+    suite: Annotated[Literal["tuning", "tuning-varied"] | None, arg(help_behavior_hint="")] = None
+    """Pushes of the search: tuning has single pushes at the pelvis, tuning-varied has pushes of every kind
+    under both profiles (by default the latter on the biped)."""
     scenarios: Count = field(default=256, metadata=within(8))
-    """Of a trial that is not stopped early."""
+    """Number of scenarios of a trial that is not stopped early."""
     held_out: Count = field(default=256, metadata=within(8))
-    """Pushes that the search does not see, which start and best meet at its end."""
+    """Number of pushes that the search does not see; start and best meet them at its end."""
     seed: Count = field(default=0, metadata=within(0))
-    """Of the search."""
+    """Seed of the search."""
     errors: Annotated[str, arg(metavar="JSON", help=ERRORS)] = "{}"
 
     @property
@@ -63,13 +67,14 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         """Run the studies, print the tables or the object."""
         from ...output.progress import progress_bars
         from ...output.work import Work, about, robot_seconds
-        from ...tuning.arms import check_arms, tune_arms
+        from ...tuning.arms import check_arms, place_of, tune_arms
         from ...tuning.report import print_arms, summary
 
         each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
-        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), self.directory)
+        place = self.directory or place_of(self.settings, list(each))
+        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), place)
         with progress_bars(list(each), self.trials, work) as bars:
 
             def show(row: Row, best: Row, policy: str) -> None:
@@ -77,7 +82,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
             shown = {name: partial(show, policy=name) for name in each}
             found = tune_arms(
-                self.settings, self.policies, self.trials, self.workers, self.directory, self.overwrite, shown
+                self.settings, self.policies, self.trials, self.workers, place, self.overwrite, shown
             )
         if self.json:
             self.print_json(summary(found))

@@ -28,7 +28,7 @@ LEAST = 0.5  # of an impulse by drag; less is a click [N s]
 CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
 SEEN = 0.8  # how long a push that was given is shown [s]
 CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
-AIMED, GIVEN = (240, 140, 20), (225, 30, 25)  # colours of arrows
+AIMED, GIVEN = (245, 95, 85), (225, 30, 25)  # colours of arrows; the pointer has an orange one of viser
 WALK = "/walk"  # the frame that moves so that the first robot stays in view
 
 

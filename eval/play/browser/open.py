@@ -41,6 +41,9 @@ def play(
     session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
 ) -> None:
     """Say where to look, and play until Ctrl-C."""
+    description = session.first.episodes.core.body.description
+    if description.looks is not None:
+        print(f"reading the meshes of {description.name}, which takes some seconds", flush=True)
     app = open_app(session, policies, gate, port, impulse)
     try:
         print(f"the robot walks at {gate.address(app.server.get_port())}", flush=True)

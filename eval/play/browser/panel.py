@@ -12,6 +12,11 @@ from ..status import limits_words, status_words
 from .floor_marks import COLOURS
 
 NOBODY = "nobody"
+TIED = "\N{NO-BREAK SPACE}"
+HOW = (
+    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it: '
+    "the thick arrow is the push. Drag beside it to turn the view.</div>"
+)
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
 VELOCITY = 0.6  # of the sliders, both ways [m/s]
 Do = Callable[[Callable[[], object]], None]  # has something done between two planning periods
@@ -33,10 +38,21 @@ class Panel:
     ):
         self._session, self._do, gui = session, do, server.gui
         self._status = gui.add_markdown("")
+        gui.add_html(HOW)
         gui.add_html(legend())
         with gui.add_folder("Push"):
-            self._size = gui.add_slider("impulse [N s]", 0.0, LARGEST / 2, 0.5, min(impulse[0], LARGEST / 2))
-            self._psi = gui.add_slider("direction [deg]", -180, 180, 1, round(impulse[1]))
+            self._size = gui.add_slider(
+                "impulse [N s]",
+                0.0,
+                LARGEST / 2,
+                0.5,
+                min(impulse[0], LARGEST / 2),
+                hint="It acts for 0.1 s as a constant force.",
+            )
+            self._psi = gui.add_slider(
+                "direction [deg]", -180, 180, 1, round(impulse[1]),
+                hint="0 is forward at the start of the walk, 90 to the left, -90 to the right.",
+            )  # fmt: skip
             self._body = gui.add_dropdown("on the", ("pelvis", "trunk"))
             self._button(gui, "Push", "space", self._push)
             self._button(gui, "Replay the last push", "R", self._replay)
@@ -76,6 +92,7 @@ class Panel:
             met = ", ".join(limits_words(lane)) or "none"
             lines.append(f"**{lane.name}** {status_words(lane)}  \nlimits met: {met}")
         text = "\n\n".join([*lines, *(["*paused*"] if self._session.paused else [])])
+        text = text.replace(" N s", f"{TIED}N{TIED}s")  # no line ends within a unit
         if text != self._status.content:
             self._status.content = text
 

@@ -48,14 +48,12 @@ def _scenario_1(content: Content) -> Iterator[Claim]:
     yield Claim(
         "(a) Step place and time alone do not recover from 315 N (Figs. 3a, 4a)",
         "falls",
-        f"{_word(a)}; largest force {a['max_force_N']:.0f} N, {low:.0f}-{high:.0f} N over the open "
-        "parameters; "
-        f"{group['recovered']} of {group['combinations']} combinations recover",
+        f"It {_word(a)}. The largest force is {a['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N over the "
+        f"open parameters. {group['recovered']} of {group['combinations']} combinations recover",
         verdict(
             not a["recovers_315_N"],
-            "but it is the weights that fail. With alpha_3 large enough stage 1 survives "
-            f"{scaled['max_force_N']:.0f} N; "
-            f"the limit of any point foot is {point:.1f} N",
+            "but it is the weights that fail. With a large enough alpha_3, stage 1 survives "
+            f"{scaled['max_force_N']:.0f} N, and the limit of any point foot is {point:.1f} N",
         ),
     )
     low, high = intervals["two-stage-paper"]["max_force_N"]
@@ -63,23 +61,23 @@ def _scenario_1(content: Content) -> Iterator[Claim]:
     yield Claim(
         "(b) CoP and angular momentum recover from 315 N (Figs. 3b, 4b)",
         "recovers",
-        f"{_word(b)}; largest force {b['max_force_N']:.0f} N, {low:.0f}-{high:.0f} N with one open parameter "
-        f"at another value; {group['survived']} of {group['combinations']} combinations survive, "
-        f"{group['recovered']} recover",
-        verdict(b["recovers_315_N"], "with the cost about the free motion"),
+        f"It {_word(b)}. The largest force is {b['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N with one "
+        f"open parameter at another value. {group['survived']} of {group['combinations']} combinations "
+        f"survive, and {group['recovered']} recover",
+        verdict(b["recovers_315_N"], "with the cost taken about the free motion"),
     )
 
 
 def _cost_of_equation_20(content: Content) -> Iterator[Claim]:
     literal = content["scenario_1_together"]["two-stage-paper"]["literal"]
     yield Claim(
-        "The cost of eq. 20 walks",
+        "With the cost of eq. 20 the robot walks",
         "the DCM acceleration itself is penalised (beta_2)",
         f"{literal['recovered']} of {literal['combinations']} combinations recover from 315 N, "
-        f"{literal['survived']} survive",
+        f"and {literal['survived']} survive",
         verdict(
             literal["recovered"] > 0.5 * literal["combinations"],
-            "the acceleration of the free motion is not zero, so its penalty pulls the CoP off its "
+            "the acceleration of the free motion is not zero, so a penalty on it pulls the CoP off its "
             "reference and the gait off its speed. We penalise the deviation from it (`jerk_cost` repaired)",
         ),
     )
@@ -92,28 +90,28 @@ def _reaction(content: Content) -> Iterator[Claim]:
     yield Claim(
         "Before the push all nominal values are realised",
         "four nominal steps",
-        f"(b): steps within {1e3 * b['step_error_before']:.1f} mm and "
+        f"In (b) the steps are within {1e3 * b['step_error_before']:.1f} mm and "
         f"{1e3 * b['duration_error_before']:.1f} ms",
         verdict(
             b["step_error_before"] < 0.01,
-            "the sampled cost moves the steps by these millimetres; `two-stage` has none",
+            "the sampled cost moves the steps by these millimetres, and with `two-stage` there are none",
         ),
     )
     yield Claim(
         "Both cases adapt step time and place after the push",
         "yes",
-        "pushed step "
-        + ", ".join(
-            f"({name}) {case['pushed_step']['duration']:.2f} s, {case['pushed_step']['width']:.2f} m wide"
-            for name, case in (("a", a), ("b", b))
+        "The pushed step takes "
+        + " and ".join(
+            f"{step['duration']:.2f} s and is {step['width']:.2f} m wide in ({name})"
+            for name, step in (("a", a["pushed_step"]), ("b", b["pushed_step"]))
         )
-        + " (nominal 0.65 s, 0.20 m)",
+        + " (nominal: 0.65 s, 0.20 m)",
         verdict(max(a["pushed_step"]["duration"], b["pushed_step"]["duration"]) < 0.6),
     )
     yield Claim(
         "(b) The CoP leans to the inner edge of the sole",
         "yes",
-        f"{1e3 * b['cop_to_inner_edge']:.0f} mm of 50 mm",
+        f"The CoP goes {1e3 * b['cop_to_inner_edge']:.0f} mm of 50 mm towards it",
         verdict(b["cop_to_inner_edge"] > 0.04),
     )
 
@@ -126,24 +124,24 @@ def _return(content: Content) -> Iterator[Claim]:
     yield Claim(
         "(b) The trunk sways (Fig. 4b)",
         "clearly visible",
-        f"{b['peak_lean_within_1_s']:.2f} rad within 1 s with beta_3 = 1, "
+        f"It leans by {b['peak_lean_within_1_s']:.2f} rad within 1 s with beta_3 = 1, and by "
         f"{soft['peak_lean_within_1_s']:.2f} rad with beta_3 = 0.01",
-        f"{UNTOLD}: the unit or the square of beta_3",
+        f"{UNTOLD}: the unit or the square of beta_3 is not given",
     )
     yield Claim(
         "(b) It resumes the commanded speed",
         "0.5 m/s",
-        f"{b['final_speed']:.2f} m/s over the last two steps",
+        f"It walks at {b['final_speed']:.2f} m/s over the last two steps",
         verdict(abs(b["final_speed"] - 0.5) < 0.05),
     )
     yield Claim(
-        "(b) ... with the upper body upright",
+        "(b) It does so with the upper body upright",
         "yes",
-        f"{b['final_lean']:.2f} rad 4 s after the push (beta_3 = 0.01: {soft['final_lean']:.2f} rad, "
-        f"`two-stage`: {cases['two-stage']['final_lean']:.2f} rad)",
+        f"It leans by {b['final_lean']:.2f} rad 4 s after the push (with beta_3 = 0.01 by "
+        f"{soft['final_lean']:.2f} rad, and `two-stage` by {cases['two-stage']['final_lean']:.2f} rad)",
         verdict(
             b["final_lean"] < 0.2,
-            "eq. 20 has no term that brings the trunk back; in SI units its rate term is weak",
+            "eq. 20 has no term that brings the trunk back, and in SI units its rate term is weak",
         ),
     )
 
@@ -160,16 +158,18 @@ def _scenario_2(content: Content) -> Iterator[Claim]:
     yield Claim(
         "Two stages recover from larger pushes than stage 1 in every direction (Fig. 7)",
         "yes, as a polar map without numbers",
-        f"paper's weights: least ratio {ratio[psi]:.2f} (psi {psi:g} deg); scaled weights: least ratio "
-        f"{overview['ratio_to_stage_1_min']:.2f}, inward {overview['ratio_to_stage_1_min_inward']:.2f}",
+        f"With the paper's weights the least ratio is {ratio[psi]:.2f} (psi {psi:g} deg). With scaled "
+        f"weights it is {overview['ratio_to_stage_1_min']:.2f}, and "
+        f"{overview['ratio_to_stage_1_min_inward']:.2f} inward",
         verdict(ratio[psi] > 1.0 and overview["ratio_to_stage_1_min"] > 1.0),
     )
     best = forces["two-stage"]
     if {0.0, 90.0, 270.0} <= best.keys():
         yield Claim(
-            "Sideways less is recovered than otherwise, since the feet must not collide",
+            "Sideways the robot recovers from less than otherwise, since the feet must not collide",
             "yes",
-            f"`two-stage`: forward {best[0.0]:.0f} N, outward {best[270.0]:.0f} N, inward {best[90.0]:.0f} N",
+            f"`two-stage` reaches {best[0.0]:.0f} N forward, {best[270.0]:.0f} N outward and "
+            f"{best[90.0]:.0f} N inward",
             verdict(best[0.0] > best[270.0] > best[90.0], "the closed form says the same"),
         )
 
@@ -178,19 +178,20 @@ def _open() -> Iterator[Claim]:
     yield Claim(
         "The matrices of stage 2 change with every cycle, as the horizon does",
         "recomputed at each control cycle",
-        "they depend on the number of intervals alone: one table for each, built once",
+        "They depend on the number of intervals alone, so there is one table for each, built once",
         f"{DIFFERS}: nothing has to be recomputed",
     )
     yield Claim(
         "Double support",
-        "hull of both feet, 0.55 s + 0.1 s; how it enters stage 1 is not said",
-        "`two-stage+double-support`: linear CoP transfer inside stage 1, hull inside stage 2",
+        "the hull of both feet, 0.55 s + 0.1 s; how it enters stage 1 is not said",
+        "`two-stage+double-support` has a linear transfer of the CoP inside stage 1, and the hull inside "
+        "stage 2",
         UNTOLD,
     )
     yield Claim(
-        "Foot size, l_p, control period, sampling time of stage 2",
+        "Foot size, l_p, control period and sampling time of stage 2",
         "not given",
-        "0.20 x 0.10 m, 0.20 m, 10 ms, 50 ms; what others give is tabled below",
+        "They are 0.20 x 0.10 m, 0.20 m, 10 ms and 50 ms here. What other values give is in the tables below",
         UNTOLD,
     )
 

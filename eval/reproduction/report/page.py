@@ -26,30 +26,38 @@ SHOWN = (
 )
 HEAD = """# The paper's results, measured again
 
-F. Nazemi, A. Yousefi-Koma, F. A. Shirazi, M. Khadiv, "A Reactive and Efficient Walking Pattern Generator
-for Robust Bipedal Locomotion", on `PushRecovery/Pendulum-v0`. **This page is written by a command**; every
-number that is not in a column "paper" was measured by its run, and a second run gives the same ones bit for
-bit:
+The paper is F. Nazemi, A. Yousefi-Koma, F. A. Shirazi, M. Khadiv, "A Reactive and Efficient Walking
+Pattern Generator for Robust Bipedal Locomotion". This page holds each of its claims against what was
+measured here on `PushRecovery/Pendulum-v0`. **A command writes this page**:
 
     push-recovery reproduce --page docs/reproduction.md
 
-It also writes every number as JSON, all tables and the figures as SVG and PNG into its output directory.
-Largest forces are those before the first failure, to 1 N (ablations: 5 N); psi counts counter-clockwise
-from forward, the stance foot is the left one, so psi 90 is inward. F\\* is the [closed-form
-limit](limits.md) of single support; no controller can do better that stops its trunk before its limit.
+Every number outside the column "paper" was measured by that run, and a second run gives the same numbers
+bit for bit. The command also writes every number as JSON, all tables, and the figures as SVG and PNG into
+its output directory.
+
+How to read the numbers:
+
+- A largest force is the largest one before the first failure, to 1 N (in the ablations to 5 N).
+- The direction psi counts counter-clockwise from forward. The left foot is the stance foot, so psi 90 is
+  inward.
+- F\\* is the [closed-form limit](limits.md) of single support. A controller that stops its trunk before
+  the trunk's limit cannot do better.
 """
 GAP = """## Where the last percent go
 
-What `two-stage` has beyond the paper's two stages, taken away one at a time; shares of F\\* over all
-directions. F\\* knows a push from its onset, a controller only as the DCM moves.
+`two-stage` has more than the paper's two stages. The table takes that away, one part at a time, and gives
+shares of F\\* over all directions. F\\* knows a push from its onset, but a controller knows it only as
+the DCM moves.
 
-- *The push estimate*: the push of the last period, found from the motion of DCM and CMP, is expected to
-  last another 0.1 s. For a velocity jump, where knowing early is worth nothing, it makes no difference.
-- *The trunk's debt*: a trunk that swings has to be stopped, which moves the DCM back. Stage 1 decides on
-  the DCM less that debt, and stage 2 counts its braking tail in the DCM at touchdown. Without it the two
-  stages contradict each other: the DCM looks recovered, stage 1 returns to slow steps, and then the braking
-  trunk spends what was gained.
-- What is left is the reaction time of one control period; see *control period* in the ablations, where 2 ms
+- *The push estimate*: the push of the last period is found from the motion of DCM and CMP, and is
+  expected to last another 0.1 s. It makes no difference for a velocity jump, where knowing early is worth
+  nothing.
+- *The trunk's debt*: a trunk that swings has to be stopped, and stopping it moves the DCM back. So stage
+  1 decides on the DCM less that debt, and stage 2 counts its braking tail in the DCM at touchdown.
+  Without this the two stages contradict each other: the DCM looks recovered, stage 1 returns to slow
+  steps, and then the braking trunk spends what was gained.
+- What is left is the reaction time of one control period. The ablation *control period* shows that 2 ms
   close the gap.
 """
 

@@ -6,13 +6,22 @@ import json
 
 import numpy as np
 import pytest
+from push_recovery.controllers.whole_body import gait_machine
+from push_recovery.envs.pendulum import dynamics
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record.files import LOG_FORMATS, log_bytes
 from push_recovery.eval.record.plot import write_plot
 from push_recovery.eval.record.record import record
-from push_recovery.eval.record.words import describe, direction_words, impulse_words, push_words
+from push_recovery.eval.record.words import (
+    FALLS,
+    describe,
+    direction_words,
+    fall_words,
+    impulse_words,
+    push_words,
+)
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 PUSH = Push((0.0, 150.0, 0.0), 0.1, 0.5)
@@ -83,6 +92,11 @@ def test_words_for_people(episode):
     assert direction_words(-1.0, 0.1) == "backward"
 
 
+def test_every_fall_has_words_and_one_of_another_environment_keeps_its_name():
+    assert set(FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
+    assert fall_words("tripped") == "tripped"
+
+
 def test_an_episode_in_one_line_counts_from_its_last_push():
     push = {"impulse": (0.0, -52.8, 0.0), "start": 1.5}
     told = {"push": push, "time": 5.0, "failure_reason": None, "recovered_at": 2.9}
@@ -91,6 +105,6 @@ def test_an_episode_in_one_line_counts_from_its_last_push():
         "52.8 N s to the right: still up after 3.5 s, but does not walk as told"
     )
     fell = {**told, "recovered_at": None, "failure_reason": "com_height", "time": 2.3}
-    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (com_height)"
+    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (sank too low)"
     assert describe({**told, "push": None}) == "no push: recovered after 2.9 s"
     assert describe({**told, "recovered_at": 1.4}).endswith("recovered after 0.0 s")
