@@ -69,7 +69,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
-        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), self.directory)
+        work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), self.directory)
         with progress_bars(list(each), self.trials, work) as bars:
 
             def show(row: Row, best: Row, policy: str) -> None:
@@ -77,7 +77,13 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
             shown = {name: partial(show, policy=name) for name in each}
             found = tune_arms(
-                self.settings, self.policies, self.trials, self.workers, self.directory, self.overwrite, shown
+                self.settings,
+                self.policies,
+                self.trials,
+                self.processes,
+                self.directory,
+                self.overwrite,
+                shown,
             )
         if self.json:
             self.print_json(summary(found))
