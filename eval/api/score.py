@@ -42,7 +42,8 @@ def evaluate(
         errors: what robot and floor are off from what the planner believes, in every scenario.
         profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, which change no result. More than one start this script anew, so that it needs
-            `if __name__ == "__main__"`, and need policies that pickle.
+            `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
+            cluster.
         out: directory of the results; by default one under runs/ named after the configuration.
         overwrite: start over where the directory holds results.
 

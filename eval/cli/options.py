@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ Flag = Annotated[bool, arg(help_behavior_hint="")]
 Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
 Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]
+Address = Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")]
 Real = Annotated[float, arg(metavar="X")]
 Policy = Annotated[str, arg(metavar="NAME|FILE")]
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
@@ -133,11 +135,29 @@ class RobotOptions(ErrorOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunningOptions(JsonOption):
-    """Of a command that runs episodes in processes and keeps their rows."""
+class WorkerOptions(JsonOption):
+    """Of a command that runs episodes in processes."""
 
     workers: Count = field(default_factory=default_workers, metadata=within(1))
     """Number of processes; it changes no result."""
+    ray: Address = None
+    """Run on a Ray cluster instead (extra `ray`): HOST:PORT, auto, or local for one of this machine alone
+    with --workers processes; changes no result (docs/your_machine.md)."""
+
+    @cached_property
+    def processes(self) -> int:
+        """Where episodes run; connects to the cluster that is named."""
+        if self.ray is None:
+            return self.workers
+        from ..processes.cluster import ray_workers
+
+        return ray_workers(self.ray, self.workers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunningOptions(WorkerOptions):
+    """Of a command that runs episodes in processes and keeps their rows."""
+
     out: Directory = None
     """Directory for the results. One of the same configuration is resumed (by default a directory under runs/
     that is named after the configuration)."""

@@ -9,7 +9,7 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 PROGRAM = "push-recovery"
-WITHOUT_RESULT = {"workers", "out", "overwrite", "json"}  # options that change no outcome
+WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
 OF_ROBOT = {"--env", "--preset", "--errors"}  # options of `play` that decide what a scenario is, too
 OF_SUITE = OF_ROBOT | {"--suite"}
 OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy"}

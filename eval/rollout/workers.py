@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
+import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import gymnasium as gym
 
+from ...controllers.errors import InvalidValueError
 from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
+from ..output.provenance import versions
+from ..processes.cluster import RayPool, RayWorkers
 from ..processes.pool import WorkerPool
 from .batch import batch_episodes, plans_batches, rollout_batch
-from .environments import make_env, own_env
+from .environments import code_digest, make_env, own_env, preset_digest
 from .one import rollout
 from .outcome import Outcome
 from .policy_source import Sources, policy_sources
 from .slots import Slots
 from .wrapped_action import ActionRule, action_rule
 
+S = TypeVar("S")
 J = TypeVar("J")
 R = TypeVar("R")
 Job = tuple[str, Scenario]  # policy name or file, scenario
@@ -144,6 +149,52 @@ def make_chunks(
     return chunks
 
 
+def named_files(env_id: str, sources: Sources) -> dict[str, str | None]:
+    """SHA-256 of every file that the environment and the policies are named by."""
+    policies = {f"policy {name}": source.digest() for name, source in sources.items() if not source.in_memory}
+    return {**preset_digest(env_id), **policies}
+
+
+def same_runner(files: Mapping[str, str | None], env_id: str, sources: Sources) -> Runner:
+    """A worker's runner; `files` are the `named_files` of the process that asks for it.
+
+    Raises:
+        InvalidValueError: they are others here.
+    """
+    _require_same(files, named_files(env_id, sources), "the same files")
+    return Runner(env_id, sources)
+
+
+def same_installation(installed: Mapping[str, str], start: Callable[..., S], *arguments: Any) -> S:
+    """A worker's state; `installed` is the `installation` of the process that asks for it.
+
+    Raises:
+        InvalidValueError: it is another one here.
+    """
+    _require_same(installed, installation(), "the same installation")
+    return start(*arguments)
+
+
+def installation() -> dict[str, str]:
+    """What rows hang on besides the kind of processor: versions, and the source behind them."""
+    return {**versions(), "code": code_digest()}
+
+
+def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) -> None:
+    if differs := sorted(name for name in {*there, *here} if there.get(name) != here.get(name)):
+        raise InvalidValueError(
+            f"a worker on {platform.node()!r} would give other rows: {', '.join(differs)} differ there, and "
+            f"all machines need {what}"
+        )
+
+
+def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> WorkerPool[S] | RayPool[S]:
+    """Worker processes here, or those of the Ray cluster that `workers` are of; `start` makes a state."""
+    if isinstance(workers, RayWorkers):
+        return RayPool(workers, same_installation, installation(), start, *arguments)
+    return WorkerPool(workers, start, *arguments)
+
+
 def parallel(
     env_id: str,
     task: Callable[[Runner, J], R],
@@ -151,19 +202,23 @@ def parallel(
     workers: int,
     sources: Sources = MappingProxyType({}),
 ) -> Iterator[R]:
-    """Results of the jobs as they finish; in this process for one worker, else in spawned ones.
+    """Results of the jobs as they finish; in this process for one worker, else in others.
 
     Args:
         env_id: environment that every worker makes.
         task: module-level function of a runner and a job.
         jobs: picklable.
-        workers: number of processes; one where a policy is an object that cannot be handed to others.
+        workers: number of processes, or those of a Ray cluster; one process, this one, where a policy is an
+            object that cannot be handed to others.
         sources: of the policies by label.
 
     Raises:
         WorkerError: a job raised in a worker, or a worker ended.
     """
-    if workers <= 1 or len(jobs) <= 1 or not all(source.pickles for source in sources.values()):
+    cluster = isinstance(workers, RayWorkers)
+    if not jobs:
+        return
+    if (not cluster and min(workers, len(jobs)) <= 1) or not all(one.pickles for one in sources.values()):
         runner = Runner(env_id, sources)
         try:
             for job in jobs:
@@ -171,6 +226,7 @@ def parallel(
         finally:
             runner.close()
         return
-    with WorkerPool(min(workers, len(jobs)), Runner, env_id, dict(sources)) as pool:
+    asked = same_runner, named_files(env_id, sources), env_id, dict(sources)
+    with open_pool(workers if cluster else min(workers, len(jobs)), *asked) as pool:
         for _, result in pool.run(task, jobs):
             yield result

@@ -7,17 +7,18 @@ from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 
-from ...controllers.errors import UnknownNameError
+from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.policies.arms import make_policy
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
+from ..processes.cluster import RayPool, RayWorkers
 from ..processes.pool import WorkerPool
 from ..rollout.batch import rollout_batch
 from ..rollout.outcome import Outcome
-from ..rollout.workers import SLOTS
+from ..rollout.workers import SLOTS, open_pool
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
 TUNED_ENVS = (BIPED, PENDULUM)
@@ -56,6 +57,8 @@ def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePol
 
 @lru_cache(maxsize=1)
 def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, TwoStagePolicy]:
+    if Path(preset).read_bytes() != content:
+        raise InvalidValueError(f"the preset {preset!r} is another one here: workers need the same files")
     episodes = preset_episodes(env_id, SLOTS, preset, policy)
     return episodes, preset_policy(policy, episodes, preset)
 
@@ -83,16 +86,16 @@ class Scorer:
     Args:
         env_id: one of TUNED_ENVS.
         policy: name of the arm.
-        workers: processes; they change no result. One means this process.
+        workers: processes, or those of a Ray cluster; they change no result. One means this process.
     """
 
     def __init__(self, env_id: str, policy: str, workers: int = 1):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
-        self._pool: WorkerPool[None] | None = None
+        self._pool: WorkerPool[None] | RayPool[None] | None = None
 
     def __enter__(self) -> Scorer:
-        if self.workers > 1:
-            self._pool = WorkerPool(self.workers, _nothing)
+        if self.workers > 1 or isinstance(self.workers, RayWorkers):
+            self._pool = open_pool(self.workers, _nothing)
         return self
 
     def __exit__(

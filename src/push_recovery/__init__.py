@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .eval.api.frontier import frontier
     from .eval.api.rollout import rollout
     from .eval.api.score import compare, evaluate
+    from .eval.processes.cluster import ray_workers
     from .eval.record.record import record
     from .eval.record.words import describe
     from .eval.rollout.load_policy import load_policy, make_policy
@@ -44,8 +45,8 @@ __version__ = "0.1.0"
 __all__ = [
     "ActionHold", "BodyPlan", "Command", "CommandChange", "GaitEvent", "Kick", "ModelErrors", "PlannerConfig",
     "Push", "PushDistribution", "ResidualAction", "RobotDescription", "RobotModel", "Scenario", "__version__",
-    "compare", "describe", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "record",
-    "register_robot", "rollout",
+    "compare", "describe", "evaluate", "frontier", "get_suite", "load_policy", "make_policy", "ray_workers",
+    "record", "register_robot", "rollout",
 ]  # fmt: skip
 
 _MODULES = {
@@ -70,6 +71,7 @@ _MODULES = {
     "get_suite": "eval.score.suites",
     "load_policy": "eval.rollout.load_policy",
     "make_policy": "eval.rollout.load_policy",
+    "ray_workers": "eval.processes.cluster",
     "record": "eval.record.record",
     "register_robot": "envs.biped.robots.register",
     "rollout": "eval.api.rollout",

@@ -60,7 +60,7 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
         if self.sample is not None:
             suite = sample_of(suite, self.sample)
         found = ceiling(
-            suite, self.env_id, self.policies, settings, self.workers, self.directory, self.overwrite
+            suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
         )
         report = write_ceiling_reports(found)
         if self.json:

@@ -39,7 +39,7 @@ class Compare(SuiteOptions, RobotOptions):
             b,
             self.pushes_under(self.profile),
             env_id,
-            self.workers,
+            self.processes,
             self.directory,
             self.overwrite,
         )

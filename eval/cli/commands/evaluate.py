@@ -132,7 +132,7 @@ class Evaluate(SuiteOptions):
         for name, suite in suites.items():
             several = self.directory is not None and len(suites) > 1
             place = self.directory / name if several and self.directory else self.directory
-            found[name] = evaluate(suite, self.env_id, policies, self.workers, place, self.overwrite)
-            shown[name] = with_ceiling(found[name], self.workers, self.overwrite)
+            found[name] = evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
+            shown[name] = with_ceiling(found[name], self.processes, self.overwrite)
             write_reports(found[name], evaluation_markdown(shown[name]))
         return found, shown

@@ -47,7 +47,7 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
             self.profile,
         )
         result = frontier(
-            settings, self.policies, self.directions, self.workers, self.directory, self.overwrite
+            settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
         )
         objects = {name: result.to_dict(name) for name in result.rows}
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}

@@ -39,7 +39,7 @@ class Reproduce(RunningOptions):
         from ...reproduction.report.run import RESULT, TABLES, reproduce
 
         page = None if self.page is None else Path(self.page)
-        found = reproduce(self.section, self.directions, self.workers, self.directory, self.overwrite, page)
+        found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
         report = write_or_say(
             lambda: write_reproduction_page(found, command_of("reproduce", self, ("section",)))
         )

@@ -39,7 +39,7 @@ class Sensitivity(EnvOptions, RunningOptions):
         result = sensitivity(
             get_suite(self.suite, self.env_id), self.sample, self.env_id, self.policies,
             tuple(VARIATIONS) if self.variations is None else self.variations,
-            self.workers, self.directory, self.overwrite,
+            self.processes, self.directory, self.overwrite,
         )  # fmt: skip
         report = write_sensitivity_reports(result)
         if self.json:

@@ -73,7 +73,7 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         from ...protocols.run import run_protocol
 
         found = run_protocol(
-            self.asked, self.env_id, self.policies, self.workers, self.directory, self.overwrite
+            self.asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
         )
         path = report.write_reports(found)
         if self.json:

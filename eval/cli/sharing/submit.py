@@ -8,11 +8,11 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from ..options import Count, JsonOption, default_workers, within
+from ..options import Count, WorkerOptions, within
 
 
 @dataclass(frozen=True, kw_only=True)
-class Submit(JsonOption):
+class Submit(WorkerOptions):
     """Check results by running a random sample of their rows again, and put them on a leaderboard."""
 
     directory: Annotated[Positional[str], arg(metavar="DIR")]
@@ -27,8 +27,6 @@ class Submit(JsonOption):
         int | None, arg(metavar="N", help_behavior_hint="(default: another sample every time)")
     ] = field(default=None, metadata=within(0))
     """Seed of the sample."""
-    workers: Count = field(default_factory=default_workers, metadata=within(1))
-    """Number of processes; it changes no result."""
 
     def run(self) -> None:
         """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""
@@ -43,7 +41,7 @@ class Submit(JsonOption):
         require_place(board / PAGE)
         with Writer(board):
             samples = sample_of(submission, self.sample, self.seed)
-            run_again(submission, samples, self.workers)
+            run_again(submission, samples, self.processes)
             entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
             files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
         if self.json:

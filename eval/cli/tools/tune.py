@@ -74,7 +74,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
         place = self.directory or place_of(self.settings, list(each))
-        work = Work(what, about(robot_seconds(self.env, simulated, self.workers)), place)
+        work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), place)
         with progress_bars(list(each), self.trials, work) as bars:
 
             def show(row: Row, best: Row, policy: str) -> None:
@@ -82,7 +82,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
             shown = {name: partial(show, policy=name) for name in each}
             found = tune_arms(
-                self.settings, self.policies, self.trials, self.workers, place, self.overwrite, shown
+                self.settings, self.policies, self.trials, self.processes, place, self.overwrite, shown
             )
         if self.json:
             self.print_json(summary(found))
