@@ -33,6 +33,7 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
         JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),
         value_first=100_000, learning_rate=2e-4, timesteps=2_000_000,
     ),
+    "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0"),
 }  # fmt: skip
 
 
