@@ -20,7 +20,7 @@ from .session import FASTEST, SLOWEST, Session
 from .status import status_words
 
 FRAME = 1.0 / 60.0  # [s]
-KEYS = "space: push, R: replay, P: pause, S: one period, N: start anew, -/=: slower, faster"
+KEYS = "space: push, R: replay, P: pause, F: one period, N: start anew, -/=: slower, faster"
 LEAST = 0.5  # of an impulse by drag; less is a click [N s]
 SLOWER = 0.5  # of the speed, a key press
 
@@ -48,7 +48,7 @@ class Desktop:
         session = self.session
         actions: dict[str, Callable[[], object]] = {
             " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
-            "P": self._pause, "S": self._step, "-": lambda: self._faster(SLOWER),
+            "P": self._pause, "F": self._step, "-": lambda: self._faster(SLOWER),
             "=": lambda: self._faster(1.0 / SLOWER),
         }  # fmt: skip
         while self._keys:

@@ -75,7 +75,7 @@ class Panel:
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
             self._speed.on_update(lambda _: self._do(lambda: session.set_speed(SPEEDS[self._speed.value])))
             self._button(gui, "Pause or go on", "P", self._pause)
-            self._button(gui, "One period (10 ms)", "S", self._step)
+            self._button(gui, "One period (10 ms)", "F", self._step)
             self._button(gui, "Start anew", "N", session.restart)
         with gui.add_folder("Show", expand_by_default=False):
             self._shown = {name: gui.add_checkbox(name, True) for name in COLOURS}

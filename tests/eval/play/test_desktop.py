@@ -35,7 +35,7 @@ def test_keys_push_repeat_pause_step_and_slow_down(desktop, capsys):
     session.advance(0.1)
     press(desktop, "P-")
     assert (session.advance(1.0), session.speed) == (0, 0.5)
-    press(desktop, "Sx")
+    press(desktop, "Fx")
     assert session.first.time == pytest.approx(0.31)
     press(desktop, "R=P")
     assert (session.first.time, session.speed) == (pytest.approx(0.2), 1.0)
