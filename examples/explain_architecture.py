@@ -50,8 +50,9 @@ BELOW = (
     "settings (presets), solvers, compiled; joints (PD control, proprioception), "
     "learned (networks).\n"
     "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
-    "tables), shipped (what was learned), learned (how, and what it adds), api (Python functions), bench,\n"
-    "tuning, ceiling, robots (made of models), export (ONNX), protocols (pushes of others), leaderboard,\n"
+    "tables), measures (effort), shipped (what was learned), learned (how, and what it adds),\n"
+    "api (Python functions), bench, tuning, ceiling, robots (made of models), export (ONNX), "
+    "protocols (pushes of others), leaderboard,\n"
     "report (a page), reproduction, record (time histories), film (moving pictures), play (a robot to push)."
 )
 FLOW = (  # from, to, what goes along

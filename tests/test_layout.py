@@ -44,6 +44,7 @@ ROOMS = (
     "eval",
     "eval.processes",
     "eval.output",
+    "eval.measures",  # of robots at work
     "eval.shipped",
     "eval.rollout",
     "eval.robots",

@@ -15,6 +15,7 @@ from ..rollout.environments import make_env
 from ..rollout.outcome import Score
 from ..rollout.workers import parallel
 from ..rollout.wrapped_action import action_rule
+from ..score.evaluate import FORMAT as ROWS_FORMAT
 from ..score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate
 from ..score.suites import Suite
 from .moment import require_bipeds
@@ -122,7 +123,12 @@ def ceiling(
     """
     _check_env(env_id)
     evaluation = evaluate(suite, env_id, policies, workers, directory, overwrite)
-    config = {**configuration(suite, env_id), "format": FORMAT, "ceiling": settings.to_dict()}
+    config = {
+        **configuration(suite, env_id),
+        "rows": ROWS_FORMAT,
+        "format": FORMAT,
+        "ceiling": settings.to_dict(),
+    }
     with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
         searched = _search_missing(evaluation, settings, store, workers, on_row)
     return Ceiling(evaluation, settings, searched, store.directory)

@@ -137,6 +137,7 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
             said["failure_reason"],
             said["total_reward"],
             bounds,
+            said.get("measures", {}),
         )
         follows = Outcome.of(scenario, said["policy"], ending, said["env_steps"]).to_dict()
         if DIGEST not in row:

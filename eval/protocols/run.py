@@ -25,7 +25,7 @@ from .kick_watcher import KickWatcher
 from .tour_watcher import TourWatcher
 from .watched import Watched, Watcher
 
-FORMAT = 1  # of the rows
+FORMAT = 2  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "end_time")
 WATCHERS: Mapping[str, Callable[[], Watcher]] = MappingProxyType({"kick": KickWatcher, "tour": TourWatcher})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Any
@@ -60,6 +61,18 @@ def scenario_words(scenario: Scenario) -> str:
         return f"no push, walking {KINDS['command'](scenario)}"
     count, walk = KINDS["count"](scenario), KINDS["command"](scenario)
     return f"{impulse_words(scenario.pushes[0])}, {count}, {'' if walk == 'turning' else 'walking '}{walk}"
+
+
+def effort_words(row: Row) -> str:
+    """What an episode took, as far as its row tells; empty where it does not."""
+    measures = row.get("measures", {})
+    told = {name: measures.get(name) for name in ("smallest_margin", "trunk_excursion", "energy")}
+    if any(value is None for value in told.values()):
+        return ""
+    return (
+        f"margin {100.0 * told['smallest_margin']:.0f} cm, lean {math.degrees(told['trunk_excursion']):.0f} "
+        f"deg, {told['energy'] / 1000.0:.1f} kJ"
+    )
 
 
 def outcome_words(row: Row) -> str:

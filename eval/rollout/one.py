@@ -8,7 +8,9 @@ import gymnasium as gym
 
 from ...controllers.policies.interface import Policy, as_policy
 from ...envs.biped.bounds_record import BoundsReport
+from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
+from ..measures.effort import StepMeter
 from .loop import Ints, Watch, run_episodes
 from .outcome import NO_BOUNDS, Ending, Outcome
 
@@ -59,6 +61,8 @@ class GymRobot:
         self.info: dict[str, Any] = {}  # of the last step or reset
         self.ended = False
         self._observation: Any = None
+        episodes = getattr(env.unwrapped, "episodes", None)
+        self._meter = StepMeter(episodes) if isinstance(episodes, GaitEpisodes) else None
         self._steps, self._total, self._fell = 0, 0.0, False
 
     def begin(self, k: int, scenario: Scenario) -> None:
@@ -67,6 +71,8 @@ class GymRobot:
             seed=scenario.noise_seed, options={"scenario": scenario}
         )
         self._steps, self._total, self._fell, self.ended = 0, 0.0, False, False
+        if self._meter is not None:
+            self._meter.begin(k)
         self._look()
 
     def rest(self, k: int) -> None:
@@ -94,7 +100,8 @@ class GymRobot:
             recovered_at=info.get("recovered_at"),
             failure_reason=info.get("failure_reason"),
             total_reward=self._total,
-            bounds=bounds_met(getattr(self.env.unwrapped, "episodes", None), 0),
+            bounds=bounds_met(getattr(self.env.unwrapped, "episodes", None), k),
+            measures={} if self._meter is None else self._meter.of(k),
         )
 
     def _look(self) -> None:

@@ -26,6 +26,7 @@ class Ending:
     failure_reason: str | None
     total_reward: float
     bounds: BoundsReport = NO_BOUNDS  # met; none where the core keeps no record
+    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of `EffortMeter`, if any
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,9 @@ class Outcome:
     first_limit: str | None = None  # of envs/biped/bounds_record.py, met first since the first push began
     limits_met: Mapping[str, float] = field(default_factory=dict)  # bound -> when first [s], in that order
     limit_shares: Mapping[str, float] = field(default_factory=dict)  # bound -> share of the time since then
-    kick: tuple[float, float, float] | None = (
-        None  # first jump of the velocity [m/s]; a row without has no key
-    )
+    # The last two are keys of the rows that have them alone.
+    kick: tuple[float, float, float] | None = None  # first jump of the velocity [m/s]
+    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # in UNITS of measures/effort.py
 
     @classmethod
     def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
@@ -76,13 +77,16 @@ class Outcome:
             limits_met={name: round(time, 6) for name, time in bounds.met.items()},
             limit_shares={name: round(share, 6) for name, share in bounds.shares.items()},
             kick=scenario.kicks[0].velocity if scenario.kicks else None,
+            measures=dict(ending.measures),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types."""
         values = {**asdict(self), "command": list(self.command)}
-        kick = values.pop("kick")
-        return values if kick is None else {**values, "kick": list(kick)}
+        kick, measures = values.pop("kick"), values.pop("measures")
+        if kick is not None:
+            values["kick"] = list(kick)
+        return {**values, "measures": measures} if measures else values
 
 
 def failure_label(row: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ from ...envs.episode.env import check_action
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.episode.held_action import Held, Mask, hold_action
 from ...envs.scenario.scenario import Scenario
+from ..measures.effort import EffortMeter
 from .loop import Ints, Watch
 from .one import bounds_met
 from .outcome import Ending
@@ -34,12 +35,14 @@ class Slots:
         self._actions = np.zeros((episodes.n, episodes.action_size), np.float32)
         self._begun = np.zeros(episodes.n, np.bool_)
         self._total = np.zeros(episodes.n)  # reward
+        self._meter = EffortMeter(episodes)
         self._ends: dict[int, Ending] = {}  # by slot; without the reward of the held action
 
     def begin(self, k: int, scenario: Scenario) -> None:
         """Begin a scenario in slot k."""
         self._total[k] = 0.0
         self._enter(k, scenario)
+        self._meter.begin(k)
         self._begun[k] = True
         self._look()
 
@@ -72,7 +75,7 @@ class Slots:
             self._actions[live] = self._gait_actions(np.flatnonzero(live), held[live[rows]])
             return self._actions
 
-        came = hold_action(self.episodes, live, self._hold, act, self._end, self._look)
+        came = hold_action(self.episodes, live, self._hold, act, self._end, self._after_period)
         self._total[rows] += came.reward[rows]
         return sorted(self._ends)
 
@@ -97,7 +100,12 @@ class Slots:
                 failure_reason=episodes.failures[episodes.failure()[k]],
                 total_reward=0.0,
                 bounds=bounds_met(episodes, k),
+                measures=self._meter.of(k),
             )
+
+    def _after_period(self) -> None:
+        self._meter.look()
+        self._look()
 
     def _look(self) -> None:
         if self._watch is not None:

@@ -22,7 +22,7 @@ from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .bounds_met import bound_summary
 from .suites import Suite
 
-FORMAT = 2  # of the rows
+FORMAT = 3  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
 Rows = dict[str, list[dict[str, Any]]]  # policy -> rows in the suite's order

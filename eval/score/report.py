@@ -9,6 +9,9 @@ from ..output.tables import markdown_table
 from ..rollout.outcome import Score
 from .bounds_met import COLUMNS as BOUND_COLUMNS
 from .bounds_met import NOTE, bound_cells, first_bounds
+from .effort import COLUMNS as EFFORT_COLUMNS
+from .effort import NOTE as EFFORT_NOTE
+from .effort import effort_cells
 from .evaluate import Evaluation
 from .kinds import groups_of, kind_cells
 
@@ -57,10 +60,11 @@ def evaluation_title(evaluation: Evaluation) -> str:
 
 def evaluation_markdown(evaluation: Evaluation) -> str:
     """The report as Markdown."""
-    told, reasons = evaluation_cells(evaluation), reason_cells(evaluation)
-    cells = [(*cell, *why) for cell, why in zip(told, reasons, strict=True)]
+    rates, reasons = evaluation_cells(evaluation), reason_cells(evaluation)
+    cells = [(*cell, *why) for cell, why in zip(rates, reasons, strict=True)]
     table = markdown_table((*COLUMNS, *REASONS), cells)
-    parts = f"{pairs_markdown(evaluation)}{kinds_markdown(evaluation)}{limits_markdown(evaluation)}"
+    told = pairs_markdown, kinds_markdown, effort_markdown, limits_markdown
+    parts = "".join(part(evaluation) for part in told)
     return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{RECOVERED_NOTE}{parts}"
 
 
@@ -84,6 +88,12 @@ def kinds_markdown(evaluation: Evaluation) -> str:
     lines = [(group, *(cells[name][group] for name in cells)) for group in groups]
     table = markdown_table(("kind of push", *cells), lines)
     return f"\n## Kinds of push\n\n{table}\nRecovered / survived.\n"
+
+
+def effort_markdown(evaluation: Evaluation) -> str:
+    """A table of what recovering took; nothing where no row tells."""
+    cells = effort_cells(evaluation)
+    return f"\n## Effort\n\n{markdown_table(EFFORT_COLUMNS, cells)}\n{EFFORT_NOTE}" if cells else ""
 
 
 def limits_markdown(evaluation: Evaluation) -> str:

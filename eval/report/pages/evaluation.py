@@ -11,6 +11,8 @@ import gymnasium as gym
 
 from ...film.strip import STRIP
 from ...rollout.environments import make_env
+from ...score.effort import COLUMNS as EFFORT_COLUMNS
+from ...score.effort import effort_cells, effort_summary
 from ...score.evaluate import Evaluation
 from ...score.kinds import groups_of, kind_cells
 from ..labels import short_labels
@@ -48,6 +50,8 @@ class ProfilePart:
     limits: Cells
     kind_columns: list[str]
     kinds: Cells
+    effort: Cells
+    together: int  # pushes that all policies recover from
     scenarios: list[ScenarioLine]
     seeds: SeedPart | None
     survival: SurvivalPart | None
@@ -90,6 +94,7 @@ def write_evaluation_page(
         "most_shown": pairs.MOST_SHOWN,
         "seed_columns": training_seeds.COLUMNS,
         "against_columns": training_seeds.AGAINST,
+        "effort_columns": EFFORT_COLUMNS,
         "explained": failures.explained([r for part in parts for r in part.reason_columns]),
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),
@@ -136,7 +141,9 @@ def _part(
         limits,
         ["kind of push", *labels.values()],
         [(group, *(cells[group] for cells in groups.values())) for group in groups_of(scenarios)],
-        scenario_lines(found),
+        effort_cells(found, labels),
+        effort_summary(found)[0],
+        scenario_lines(found, {push.scenario_id: push.share for push in mapped}),
         seed_part(found, labels),
         survival_part(found, labels),
     )

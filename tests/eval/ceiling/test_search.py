@@ -73,7 +73,8 @@ def test_attempts_are_the_ordinary_rollouts_of_their_sequences(searcher, walker,
         replay = SequencePolicy(*searcher._planner, sequences)
         whole = rollout(searcher.env, replay, scenario, "attempt", watch)
         assert whole.env_steps == outcome.env_steps + moment.period
-        same = replace(whole, env_steps=outcome.env_steps, total_reward=outcome.total_reward)
+        from_there = {"env_steps", "total_reward", "measures"}  # what counts from where an attempt begins
+        same = replace(whole, **{name: getattr(outcome, name) for name in from_there})
         assert same == outcome
         assert value == pytest.approx(0.01 * sum(worth) + RECOVERED * outcome.recovered)
 

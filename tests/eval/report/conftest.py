@@ -33,6 +33,9 @@ def row(policy: str, scenario, letter: str) -> dict:
         "psi_deg": math.degrees(scenario.pushes[0].direction),
         "first_limit": "cop" if letter == "f" else None,
         "limit_shares": {"cop": 0.5} if letter == "f" else {}, "policy_sha256": None,
+        "recovered_at": 2.0 if letter == "r" else None,
+        "measures": {"steps": 7, "smallest_margin": 0.251, "dcm_error": 0.01, "velocity_error": 0.02,
+                     "trunk_excursion": 0.5, "peak_torque": 123.0, "mean_torque": 45.6, "energy": 7890.0},
     }  # fmt: skip
 
 

@@ -24,12 +24,31 @@ def test_the_page_has_every_part(written):
     path, found = written
     text = path.read_text()
     assert path.name == "report.html"
-    for part in ("measured", "rates", "impulse", "direction", "pairs", "losses", "pushes", "manifest"):
+    for part in (
+        "measured",
+        "rates",
+        "impulse",
+        "direction",
+        "pairs",
+        "effort",
+        "losses",
+        "pushes",
+        "manifest",
+    ):
         assert f'id="{part}"' in text
     assert found.suite.sha256 in text
     assert COMMAND.text in text
     assert all(scenario.id in text for scenario in found.suite.scenarios)
     assert path.stat().st_size < 3e6
+
+
+def test_what_it_took_stands_in_a_table_and_behind_every_sign(written):
+    text = written[0].read_text()
+    cells = ("7", "25.1", "28.6", "123", "45.6", "7.89")  # 0.251 m, 0.5 rad, 7890 J
+    assert all(f'class="num">{cell}</td>' in text for cell in cells)
+    assert "1 of 6 pushes" in text  # that both recover from
+    assert 'title="margin 25 cm, lean 29 deg, 7.9 kJ"' in text
+    assert 'title="falls at 3.2 s (com_height, first cop); margin 25 cm, lean 29 deg, 7.9 kJ"' in text
 
 
 def test_nothing_is_asked_for_elsewhere(written):

@@ -39,12 +39,21 @@ def test_the_best_is_told_apart_from_each_other_one(evaluation):
 
 
 def test_a_line_for_every_push(evaluation):
-    lines = scenario_lines(evaluation({"p": "rsf", "q": "rrf"}))
+    found = evaluation({"p": "rsf", "q": "rrf"})
+    lines = scenario_lines(found, {found.suite.scenarios[1].id: 0.824})
     assert [line.kind for line in lines] == ["all", "some", "none"]
     assert [line.signs[0][0] for line in lines] == [SIGNS["recovered"], SIGNS["survived"], SIGNS["fell"]]
+    assert [line.share for line in lines] == ["", "0.82", ""]
+    effort = "margin 25 cm, lean 29 deg, 7.9 kJ"
     assert [line.signs[0][1] for line in lines] == [
-        "", "stays up, does not settle", "falls at 3.2 s (com_height, first cop)"
-    ]  # fmt: skip
+        effort,
+        f"stays up, does not settle; {effort}",
+        f"falls at 3.2 s (com_height, first cop); {effort}",
+    ]
+    for rows in found.rows.values():
+        for row in rows:
+            row["measures"]["smallest_margin"] = None
+    assert scenario_lines(found, {})[0].signs[0][1] == ""
 
 
 def test_a_scenario_in_words():

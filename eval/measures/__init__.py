@@ -1,0 +1,1 @@
+"""What is measured of robots while their episodes run."""
