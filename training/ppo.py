@@ -80,7 +80,8 @@ class Run:
         anew = checkpoint is None and settings.initial is not None
         first = initial_policy(settings, own) if anew else None
         self._report = report
-        if checkpoint is not None or not settings.taught:  # else imitation tells of itself first
+        taught = checkpoint is None and settings.taught  # then imitation tells of itself first
+        if not taught:
             report(self.start, None)  # the walks from which robots are pushed take long
         seed = segment_seed(settings.seed, self.start)
         self.venv: VecNormalize = make_vec_env(settings, self.one, seed)
@@ -89,8 +90,9 @@ class Run:
             restore(checkpoint, self.model, self.venv)
         elif first is not None:
             start_from(first, self.model, self.venv)
-        elif settings.taught:
+        elif taught:
             start_from(taught_policy(settings, out / TAUGHT), self.model, self.venv)
+            report(self.start, None)
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
 
     @property
@@ -105,7 +107,6 @@ class Run:
     def train(self) -> TrainingResult:
         """Run PPO to the end; an interrupt keeps what was done as a checkpoint."""
         settings = self.settings
-        self._report(self.start, None)
         write_atomically(
             self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
         )
