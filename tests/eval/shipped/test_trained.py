@@ -9,12 +9,13 @@ from push_recovery.envs.scenario.command import Command
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.record.record import record
 from push_recovery.eval.rollout.batch import rollout_all
+from push_recovery.eval.rollout.environments import robot_of
 from push_recovery.eval.rollout.policy_source import acting_in
 from push_recovery.eval.shipped.names import FOLDER, NAMES, shipped_names
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.recipes import RECIPES, difference, file_settings
 
-BIPED = "PushRecovery/Biped-v0"
+BIPED, G1 = "PushRecovery/Biped-v0", "PushRecovery/G1-v0"
 RESIDUALS = [name for name in shipped_names() if "residual" in name]
 UNPUSHED = [
     Scenario(f"unpushed {vx} {vy}", duration=4.0, command=Command(vx=vx, vy=vy))
@@ -41,8 +42,10 @@ def test_a_policy_was_trained_by_its_recipe_from_a_commit(name):
 
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_a_robot_that_is_not_pushed_walks_as_under_the_planner_bit_for_bit(name):
-    for scenario in UNPUSHED:
-        mine, planners = record(name, scenario), record("two-stage", scenario)
+    env_id = G1 if name.endswith("-g1") else BIPED
+    for drawn in UNPUSHED:
+        scenario = drawn.scaled(robot_of(env_id)[1])
+        mine, planners = record(name, scenario, env_id), record("two-stage", scenario, env_id)
         for column, values in planners.columns.items():
             np.testing.assert_array_equal(mine[column], values, err_msg=column)
 
