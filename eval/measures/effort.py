@@ -69,11 +69,11 @@ class EffortMeter:
         return values if len(self._motors) == NU else values.take(self._motors, axis=1)
 
     def _rates(self) -> Array:
-        """True joint rates (n, 14) [rad/s]."""
+        """True rates of the joints that control moves, (n, 14) [rad/s]; held ones come after them."""
         exact, senses = self._core.physics.qvel, self._core.senses
         if senses.last.judged is not self._core.physics:
             exact = np.where(senses.onboard[:, None], senses.last.judged.qvel, exact)
-        return exact[:, NV - NU :]
+        return exact[:, NV - NU : NV]
 
     def of(self, k: int) -> Measures:
         """What robot k has done in its episode, in UNITS; None where it is not known."""

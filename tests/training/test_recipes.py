@@ -21,15 +21,16 @@ def test_every_shipped_policy_has_a_recipe_of_its_own():
 
 
 def test_the_seeds_of_residual_differ_in_nothing_else():
-    seeds = [RECIPES[name] for name in RECIPES if name.startswith("residual") and name != "residual-hardware"]
+    seeds = [RECIPES[name] for name in RECIPES if re.fullmatch(r"residual(-seed\d)?", name)]
     assert [settings.seed for settings in seeds] == [0, 1, 2, 3, 4]
     assert {dataclasses.replace(settings, seed=0) for settings in seeds} == {RECIPES["residual"]}
 
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_is_of_the_kind_that_its_name_says(name):
-    assert RECIPES[name].kind == re.sub(r"-(seed\d|hardware)$", "", name)
+    assert RECIPES[name].kind == re.sub(r"-(seed\d|hardware|g1)$", "", name)
     assert (RECIPES[name].profile == "hardware") == name.endswith("-hardware")
+    assert ("G1" in RECIPES[name].env_id) == name.endswith("-g1")
     assert command_of(RECIPES[name], "x.json") == f"push-recovery train --recipe {name}"
 
 

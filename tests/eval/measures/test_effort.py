@@ -7,6 +7,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.kinematics import NU, NV
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.robots.variants.held_joints import ARMS_HELD
 from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -124,3 +126,17 @@ def test_an_action_that_is_held_is_measured_in_every_period(biped):
     assert "step" not in vars(biped.unwrapped.episodes)  # nothing is left behind
     row = held.to_dict()
     assert row["measures"] == held.measures
+
+
+def test_joints_that_are_held_take_no_effort():
+    """Arms that are held have rates after those of the joints that control moves; one period by hand."""
+    episodes = BipedEpisodes(1, robot=ARMS_HELD)
+    episodes.begin(0, PUSHED)
+    meter = EffortMeter(episodes)
+    meter.begin(0)
+    episodes.step(np.zeros((1, 7), np.float32))
+    meter.look()
+    physics = episodes.core.physics
+    assert physics.qvel.shape[1] > NV
+    work = np.abs(physics.ctrl[0] * physics.qvel[0, NV - NU : NV]).sum() * 0.01
+    assert meter.of(0)["energy"] == pytest.approx(work, abs=1e-5)
