@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...controllers.validation import require_number
-from ...envs.scenario.push import Body, Push
+from ...envs.scenario.push import Push
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def polar_impulse(size: float, psi_deg: float) -> Array:
     return np.array([size * math.cos(psi), size * math.sin(psi)])
 
 
-def push_now(impulse: ArrayLike, time: float, body: Body = "pelvis", duration: float = DURATION) -> Push:
+def push_now(impulse: ArrayLike, time: float, body: str = "pelvis", duration: float = DURATION) -> Push:
     """The push of an impulse (2,) [N s] from a time on [s]: the force J / duration."""
     x, y = (float(part) / duration for part in np.asarray(impulse, np.float64))
     return Push((x, y, 0.0), duration, time, body)
