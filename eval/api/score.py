@@ -14,7 +14,7 @@ from ..score.compare import compare as compare_sources
 from ..score.evaluate import Evaluation, write_reports
 from ..score.evaluate import evaluate as evaluate_sources
 from ..score.report import evaluation_markdown
-from ..score.suites import Suite, default_suite, get_suite, on_robots
+from ..score.suites import Suite, on_robots, pushes_on
 
 
 def evaluate(
@@ -85,9 +85,9 @@ def compare(
 
 
 def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
-    named = default_suite(env) if suite is None else suite
-    pushes = named if isinstance(named, Suite) else get_suite(str(named), env)
-    return on_robots(pushes, errors, profile, env)
+    if isinstance(suite, Suite):
+        return on_robots(suite, errors, profile, env)
+    return pushes_on(env, None if suite is None else str(suite), errors, profile)
 
 
 def _directory(out: str | PathLike[str] | None) -> Path | None:

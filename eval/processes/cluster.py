@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
-from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from ...controllers.errors import InvalidValueError, MissingExtraError
-from .pool import THREAD_VARIABLES, WorkerError
+from .pool import THREAD_VARIABLES, Pool, WorkerError
 
 S = TypeVar("S")
 J = TypeVar("J")
@@ -105,7 +104,7 @@ def _check(address: str) -> None:
         pass
 
 
-class RayPool(Generic[S]):
+class RayPool(Pool[S]):
     """Workers of the cluster that this process is connected to; a context manager.
 
     Their results are those of `WorkerPool`, bit for bit on machines of one kind. A worker makes its state
@@ -164,14 +163,6 @@ class RayPool(Generic[S]):
             with suppress(self._ray.exceptions.RayError):
                 self._ray.cancel(task, force=True)
         self._waiting = []
-
-    def __enter__(self) -> RayPool[S]:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def jobs_a_task(jobs: int, workers: int) -> int:

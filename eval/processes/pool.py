@@ -7,7 +7,8 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -15,7 +16,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from ...controllers.errors import PushRecoveryError
 from .interrupts import ctrl_c_held_back
@@ -39,7 +40,27 @@ class _Worker:
     connection: Connection
 
 
-class WorkerPool(Generic[S]):
+class Pool(ABC, Generic[S]):
+    """Workers that do jobs; a context manager, at whose end nothing that was not done goes on."""
+
+    @abstractmethod
+    def run(self, task: Callable[[S, J], R], jobs: Sequence[J]) -> Iterator[tuple[int, R]]:
+        """Number and result of every job, as they finish."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End what is not done."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class WorkerPool(Pool[S]):
     """Spawned processes of one thread each; a context manager, at whose end none of them is left.
 
     Where this process ends in any other way, by a kill too, they end by themselves. Ctrl-C is for this
@@ -102,14 +123,6 @@ class WorkerPool(Generic[S]):
             worker.process.kill()
             worker.process.join()
         self._workers, self._busy = [], {}
-
-    def __enter__(self) -> WorkerPool[S]:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _started(start: Callable[..., Any], arguments: tuple[Any, ...]) -> _Worker:

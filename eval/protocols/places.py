@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,7 @@ class Place(NamedTuple):
     offset: tuple[float, float, float]
 
 
+@lru_cache(maxsize=8)
 def places_of(robot: CompiledRobot) -> tuple[Place, ...]:
     """Places in the order of the G1's joints: left leg, right leg, waist, left arm, right arm.
 
@@ -38,29 +41,29 @@ def places_of(robot: CompiledRobot) -> tuple[Place, ...]:
     found = []
     for side, leg in zip(SIDES, legs, strict=True):
         found += [
-            _place(robot, f"{side}_{link}", data.xanchor[joint])
+            _place(robot, data, f"{side}_{link}", data.xanchor[joint])
             for link, joint in zip(LINKS, leg, strict=True)
         ]
-    found += WAIST * [_place(robot, "trunk", waist)]
+    found += WAIST * [_place(robot, data, "trunk", waist)]
     for side, left in zip(SIDES, (1.0, -1.0), strict=True):
-        shoulder = _place(robot, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
-        found += [_on_arm(robot, f"{side}_{part}") or shoulder for part in ARM]
+        shoulder = _place(robot, data, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
+        found += [_on_arm(robot, data, f"{side}_{part}") or shoulder for part in ARM]
     return tuple(found)
 
 
-def _on_arm(robot: CompiledRobot, part: str) -> Place | None:
+def _on_arm(robot: CompiledRobot, data: mujoco.MjData, part: str) -> Place | None:
     """The origin of a part of an arm, where its joint is, on the link that it is in one with."""
-    model, names = robot.model, {number: name for name, number in robot.pushed.items()}
-    if f"{part}_link" not in {model.body(i).name for i in range(model.nbody)}:
+    first = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, f"{part}_link")
+    if first == MISSING:
         return None
-    body = first = model.body(f"{part}_link").id
+    names, body = {number: name for name, number in robot.pushed.items()}, first
     while body not in robot.indices.pushed:
-        body = int(model.body_parentid[body])
-    return _place(robot, names[robot.indices.pushed.index(body)], robot.in_reference_posture().xpos[first])
+        body = int(robot.model.body_parentid[body])
+    return _place(robot, data, names[robot.indices.pushed.index(body)], data.xpos[first])
 
 
-def _place(robot: CompiledRobot, body: str, point: NDArray[np.float64]) -> Place:
-    """A point of the world in the axes of a body, as the robot stands."""
-    data, number = robot.in_reference_posture(), robot.indices.pushed[robot.pushed[body]]
+def _place(robot: CompiledRobot, data: mujoco.MjData, body: str, point: NDArray[np.float64]) -> Place:
+    """A point of the world in the axes of a body, as the robot stands in `data`."""
+    number = robot.indices.pushed[robot.pushed[body]]
     x, y, z = (data.xmat[number].reshape(3, 3).T @ (point - data.xipos[number])).round(6).tolist()
     return Place(body, (x + 0.0, y + 0.0, z + 0.0))

@@ -6,7 +6,10 @@ import math
 from typing import NamedTuple
 
 from ...controllers.model.robot import GRAVITY, RobotModel
-from ...controllers.model.similarity import SAME, Similarity
+from ...controllers.model.similarity import Similarity
+from .follower import FASTEST_X, FASTEST_Y
+from .kick import FORCES, jump_of
+from .tour import CEILING, PUNCH_DURATION, force_share
 
 # RecoverFormer (Unitree G1), share of episodes without a fall [%] by level, paper's Table I of commit 70eabd2
 KICK_ROWS: dict[str, dict[int, float]] = {
@@ -26,11 +29,12 @@ KICK_NOTE = (
 
 def kick_note(robot: RobotModel) -> str:
     """What differs between their robot and ours."""
-    share = 0.857 / math.sqrt(GRAVITY * robot.com_height)
+    jump = jump_of(FORCES[-1])
+    share = jump / math.sqrt(GRAVITY * robot.com_height)
     return (
         f"{KICK_NOTE}This robot weighs {robot.mass:.1f} kg and has its CoM at {robot.com_height:.2f} m; its "
         "arms, if it has any, are held. It steps in place, knows its model and its true state, and stands on "
-        f"friction 0.9. Jump over sqrt(g h): 0.857 m/s is 0.33 on their G1 and {share:.2f} here.\n"
+        f"friction 0.9. Jump over sqrt(g h): {jump:.3f} m/s is 0.33 on their G1 and {share:.2f} here.\n"
     )
 
 
@@ -75,13 +79,12 @@ TOUR_NOTE = (
 
 def tour_note(robot: RobotModel) -> str:
     """What differs between their robot and ours."""
-    size = Similarity.of(robot)
-    forces = (
-        "the published forces, up to 500 N for 0.08 s"
-        if size != SAME
-        else f"forces scaled by mass, up to {500.0 * robot.mass / 35.112:.0f} N for 0.08 s, 1.14 N s/kg"
+    share, velocity = force_share(robot), Similarity.of(robot).velocity
+    forces = f"up to {CEILING * share:.0f} N for {PUNCH_DURATION} s"
+    meets = (
+        f"the published forces, {forces}" if share == 1.0 else f"forces scaled by mass, {forces}, 1.14 N s/kg"
     )
     return (
-        f"{TOUR_NOTE}This robot weighs {robot.mass:.1f} kg and meets {forces}; it walks forward at up to "
-        f"{0.5 * size.velocity:.2f} and aside at {0.2 * size.velocity:.2f} m/s.\n"
+        f"{TOUR_NOTE}This robot weighs {robot.mass:.1f} kg and meets {meets}; it walks forward at up to "
+        f"{FASTEST_X * velocity:.2f} and aside at {FASTEST_Y * velocity:.2f} m/s.\n"
     )

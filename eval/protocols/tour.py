@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ...controllers.model.robot import RobotModel
 from ...controllers.model.similarity import SAME, Similarity
 from ...envs.biped.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.push import Push
@@ -79,7 +80,7 @@ def punches(run_id: int) -> tuple[Punch, ...]:
 
 def tour_scenario(run_id: int, robot: CompiledRobot) -> Scenario:
     """The punches of a task on a robot; it is told where to walk while it walks."""
-    pushes, places, share = [], places_of(robot), force_share(robot)
+    pushes, places, share = [], places_of(robot), force_share(robot.robot)
     for i, (joint, direction, force) in enumerate(punches(run_id)):
         x, y, z = (round(force * share * part, 3) + 0.0 for part in direction)
         body, offset = places[joint]
@@ -87,9 +88,9 @@ def tour_scenario(run_id: int, robot: CompiledRobot) -> Scenario:
     return Scenario(f"tour-{run_id:04d}", tuple(pushes), duration=LENGTH, noise_seed=run_id)
 
 
-def force_share(robot: CompiledRobot) -> float:
+def force_share(robot: RobotModel) -> float:
     """What forces are multiplied by: the ratio of masses on the biped of 60 kg, 1 on robots that exist."""
-    return robot.robot.mass / G1_MASS if Similarity.of(robot.robot) == SAME else 1.0
+    return robot.mass / G1_MASS if Similarity.of(robot) == SAME else 1.0
 
 
 def run_id_of(scenario_id: str) -> int:

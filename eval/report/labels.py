@@ -10,6 +10,7 @@ from typing import Any
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
 from ..record.words import direction_words
+from ..score.effort import measures_of
 from ..score.kinds import KINDS
 
 Row = Mapping[str, Any]
@@ -65,14 +66,11 @@ def scenario_words(scenario: Scenario) -> str:
 
 def effort_words(row: Row) -> str:
     """What an episode took, as far as its row tells; empty where it does not."""
-    measures = row.get("measures", {})
-    told = {name: measures.get(name) for name in ("smallest_margin", "trunk_excursion", "energy")}
-    if any(value is None for value in told.values()):
+    measures = measures_of(row)
+    margin, lean, energy = (measures.get(name) for name in ("smallest_margin", "trunk_excursion", "energy"))
+    if margin is None or lean is None or energy is None:
         return ""
-    return (
-        f"margin {100.0 * told['smallest_margin']:.0f} cm, lean {math.degrees(told['trunk_excursion']):.0f} "
-        f"deg, {told['energy'] / 1000.0:.1f} kJ"
-    )
+    return f"margin {100.0 * margin:.0f} cm, lean {math.degrees(lean):.0f} deg, {energy / 1000.0:.1f} kJ"
 
 
 def outcome_words(row: Row) -> str:

@@ -16,7 +16,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..output.provenance import versions
 from ..processes.cluster import RayPool, RayWorkers
-from ..processes.pool import WorkerPool
+from ..processes.pool import Pool, WorkerPool
 from .batch import batch_episodes, plans_batches, rollout_batch
 from .environments import code_digest, make_env, own_env, preset_digest
 from .one import rollout
@@ -188,7 +188,7 @@ def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) 
         )
 
 
-def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> WorkerPool[S] | RayPool[S]:
+def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> Pool[S]:
     """Worker processes here, or those of the Ray cluster that `workers` are of; `start` makes a state."""
     if isinstance(workers, RayWorkers):
         return RayPool(workers, same_installation, installation(), start, *arguments)

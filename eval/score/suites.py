@@ -262,6 +262,12 @@ def default_suite(env_id: str) -> str:
     return "quick-1" if env_label(env_id).startswith("Pendulum") else "quick"
 
 
+def pushes_on(env_id: str, suite: str | None, errors: ModelErrors, profile: str) -> Suite:
+    """A suite by name or file, or the default one, on robots of an environment: errors, profile and size."""
+    named = get_suite(default_suite(env_id) if suite is None else suite, env_id)
+    return on_robots(named, errors, profile, env_id)
+
+
 def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     """A built-in suite by name, of the size of an environment's robot, or one from a JSON file as it is."""
     if name_or_file in SUITES:

@@ -14,8 +14,8 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..processes.cluster import RayPool, RayWorkers
-from ..processes.pool import WorkerPool
+from ..processes.cluster import RayWorkers
+from ..processes.pool import Pool
 from ..rollout.batch import rollout_batch
 from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
@@ -91,7 +91,7 @@ class Scorer:
 
     def __init__(self, env_id: str, policy: str, workers: int = 1):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
-        self._pool: WorkerPool[None] | RayPool[None] | None = None
+        self._pool: Pool[None] | None = None
 
     def __enter__(self) -> Scorer:
         if self.workers > 1 or isinstance(self.workers, RayWorkers):

@@ -49,14 +49,14 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
         from ...ceiling.settings import CeilingSettings
         from ...output.tables import print_table
         from ...score.report import COLUMNS, evaluation_title
-        from ...score.suites import get_suite, on_robots
+        from ...score.suites import pushes_on
         from ...sensitivity.run import sample_of
 
         settings = CeilingSettings(
             policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
             generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
         )  # fmt: skip
-        suite = on_robots(get_suite(self.suite, self.env_id), self.model_errors, self.profile, self.env_id)
+        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
         if self.sample is not None:
             suite = sample_of(suite, self.sample)
         found = ceiling(

@@ -35,10 +35,10 @@ class Corrections(EnvOptions, RobotOptions):
         from ...output.progress import progress_bars
         from ...output.work import Work, about, episode_seconds
         from ...rollout.policy_source import acting_in
-        from ...score.suites import get_suite, on_robots
+        from ...score.suites import pushes_on
         from ...sensitivity.run import sample_of
 
-        suite = on_robots(get_suite(self.suite, self.env_id), self.model_errors, self.profile, self.env_id)
+        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
         suite = sample_of(suite, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"

@@ -59,10 +59,9 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
 
     def pushes_under(self, profile: str) -> Suite:
         """The suite, with the model errors and a profile in every scenario."""
-        from ...score.suites import default_suite, get_suite, on_robots
+        from ...score.suites import pushes_on
 
-        suite = get_suite(default_suite(self.env) if self.suite is None else self.suite, self.env_id)
-        return on_robots(suite, self.model_errors, profile, self.env_id)
+        return pushes_on(self.env_id, self.suite, self.model_errors, profile)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -99,14 +99,9 @@ class Play(EnvOptions, PushOptions, RobotOptions):
         return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")
 
     def _of_suite(self, name: str | None) -> Scenario:
-        from ...score.suites import default_suite, get_suite, on_robots
+        from ...score.suites import pushes_on
 
-        suite = on_robots(
-            get_suite(default_suite(self.env) if name is None else name, self.env_id),
-            self.model_errors,
-            self.profile,
-            self.env_id,
-        )
+        suite = pushes_on(self.env_id, name, self.model_errors, self.profile)
         ids = [scenario.id for scenario in suite.scenarios]
         wanted = ids[0] if self.scenario is None else self.scenario
         if wanted not in ids:
