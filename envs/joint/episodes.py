@@ -28,7 +28,7 @@ from .core import JointCore, JointResidualCore
 from .reward import JOINT_REWARD_TERMS, write_rewards
 
 DEFAULT_SCALE = 0.2  # of a motor's largest torque, which a residual of 1 adds
-DEFAULT_GATE = (0.02, 0.06)  # [m] an undisturbed walk stays below the first
+DEFAULT_GATE = (0.03, 0.10)  # [m] an undisturbed walk stays below the first
 Gate = Sequence[float] | None
 
 
