@@ -45,6 +45,12 @@ def mirrored_body(body: str) -> str:
     return next((body.replace(side, other) for side, other in parts if side in body), body)
 
 
+def require_body(body: object) -> None:
+    """Raise UnknownNameError for a body that no push may name; which held joints there are a robot tells."""
+    if not (isinstance(body, str) and body.startswith(LINK)):
+        require_choice("push body", body, BODIES)
+
+
 @dataclass(frozen=True)
 class GaitEvent:
     """A moment of the gait: a fraction of the planned duration of one step.
@@ -106,8 +112,7 @@ class Push:
         object.__setattr__(self, "offset", require_vector("Push.offset [m]", self.offset, OFFSET_MAX))
         duration = require_number("Push.duration [s]", self.duration, 0.0, DURATION_MAX, open_low=True)
         object.__setattr__(self, "duration", duration)
-        if not (isinstance(self.body, str) and self.body.startswith(LINK)):
-            require_choice("push body", self.body, BODIES)
+        require_body(self.body)
         require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
             object.__setattr__(self, "start", require_number("Push.start [s]", self.start, 0.0))
@@ -207,7 +212,7 @@ def polar_push(
     direction: float,
     duration: float,
     start: float | GaitEvent,
-    body: Body = "pelvis",
+    body: Body | str = "pelvis",
     frame: PushFrame = "world",
 ) -> Push:
     """A horizontal push of `magnitude` [N] towards `direction` psi [rad], counter-clockwise from forward.

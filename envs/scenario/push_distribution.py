@@ -15,7 +15,7 @@ from ...controllers.validation import require_integer, require_keys, require_num
 from .command import FASTEST_TURN, Command
 from .error_ranges import ErrorRanges
 from .model_errors import EXACT_MODEL
-from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, polar_push
+from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, polar_push, require_body
 from .scenario import SETTLE_TIME, Scenario
 
 TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
@@ -28,7 +28,8 @@ class PushDistribution:
 
     Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
     equal probability and a uniform speed up to its maximum. Where `turn` is not 0, half of the robots turn
-    besides, at a uniform rate to either side. Model errors come from `errors`.
+    besides, at a uniform rate to either side. The push acts on the CoM of one of `bodies`, all of them
+    equally likely; one that is named twice is drawn twice as often. Model errors come from `errors`.
     """
 
     impulse_min: float = 5.0  # [N s]
@@ -43,6 +44,7 @@ class PushDistribution:
     sideways_speed: float = 0.2  # [m/s], to either side
     turn: float = 0.0  # fastest, of the half of the robots that turns [rad/s]
     settle_time: float = SETTLE_TIME  # [s]
+    bodies: tuple[str, ...] = ("pelvis",)  # that pushes act on, as `Push.body` names them
     errors: ErrorRanges | None = None  # of the robot, drawn anew for every scenario
 
     def __post_init__(self) -> None:
@@ -68,6 +70,11 @@ class PushDistribution:
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
         require_number("PushDistribution.turn [rad/s]", self.turn, 0.0, FASTEST_TURN)
         require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        if not self.bodies:
+            raise InvalidValueError("PushDistribution.bodies must name at least one body")
+        for body in self.bodies:
+            require_body(body)
 
     def scaled(self, scale: Similarity) -> PushDistribution:
         """The same distribution for a robot of another size."""
@@ -99,6 +106,10 @@ class PushDistribution:
         """Rate at which a robot turns [rad/s], of two uniform draws: 0 in the lower half of the first one."""
         return (2.0 * side - 1.0) * self.turn if share >= 0.5 else 0.0
 
+    def body(self, rng: np.random.Generator) -> str:
+        """The body that a push acts on; no draw where there is only one."""
+        return self.bodies[0 if len(self.bodies) == 1 else int(rng.integers(len(self.bodies)))]
+
     def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
         """Draw one scenario; of one distribution all take equally many draws, so that episodes compare."""
         u = rng.random(8)
@@ -111,11 +122,10 @@ class PushDistribution:
         command = self.command(kind, float(u[5]), bool(u[6] < 0.5))
         if self.turn:
             command = replace(command, turn=self.turning(*rng.random(2).tolist()))
+        force, body = float(impulse / self.push_duration), self.body(rng)
         return Scenario(
             id=scenario_id or f"random-{noise_seed:08x}",
-            pushes=(
-                polar_push(float(impulse / self.push_duration), float(direction), self.push_duration, event),
-            ),
+            pushes=(polar_push(force, float(direction), self.push_duration, event, body),),
             command=command,
             stance_side="left" if u[7] < 0.5 else "right",
             settle_time=self.settle_time,
@@ -126,6 +136,7 @@ class PushDistribution:
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `errors` is left out where it is not given."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "errors"}
+        values["bodies"] = list(self.bodies)
         return values if self.errors is None else {**values, "errors": self.errors.to_dict()}
 
     @classmethod

@@ -9,11 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from ...controllers.model.frame import side_sign
+from ...controllers.model.similarity import Similarity
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.snapshot.robot_snapshot import RobotSnapshot
-from .success_table import SuccessTable
+from .success_table import WIDTH, SuccessTable
 
 STANCE, HEADING = "gait.stance", "gait.heading"  # rows of a snapshot
 
@@ -59,7 +60,7 @@ class PushStarts:
     Args:
         episodes: of n robots.
         walks: that are put back.
-        pushes: impulse, direction, duration and settling time of most pushes.
+        pushes: impulse, direction, body, duration and settling time of most pushes.
         easy: of the others.
         easy_share: in [0, 1].
         floor: least probability of accepting a push.
@@ -78,8 +79,9 @@ class PushStarts:
     ):
         self._episodes, self._walks, self._rng = episodes, walks, rng
         self._pushes, self._easy, self._easy_share = pushes, easy, easy_share
-        self.table = SuccessTable(pushes.impulse_max, floor)
-        self._bins: list[tuple[int, int] | None] = [None] * episodes.n
+        width = WIDTH * Similarity.of(episodes.robot).impulse
+        self.tables = {body: SuccessTable(pushes.impulse_max, floor, width) for body in pushes.bodies}
+        self._bins: list[tuple[str, tuple[int, int]] | None] = [None] * episodes.n  # body, bin of its table
 
     def begin(self, k: int) -> None:
         """Put robot k into a walk that is pushed."""
@@ -89,27 +91,31 @@ class PushStarts:
             self._put(k, walk, self._easy, *self._draw(self._easy))
             return
         while True:
-            impulse, psi = self._draw(self._pushes)
-            place = self.table.bin_of(relative(psi, walk), impulse)
-            if self._rng.random() < self.table.probability(place):
+            impulse, psi, body = self._draw(self._pushes)
+            place = self.tables[body].bin_of(relative(psi, walk), impulse)
+            if self._rng.random() < self.tables[body].probability(place):
                 break
             walk = self._walks[self._rng.integers(len(self._walks))]
-        self._bins[k] = place
-        self._put(k, walk, self._pushes, impulse, psi)
+        self._bins[k] = body, place
+        self._put(k, walk, self._pushes, impulse, psi, body)
 
     def ended(self, k: int, recovered: bool) -> None:
         """Count the end of a push that is not an easy one."""
-        if (place := self._bins[k]) is not None:
-            self.table.tell(place, recovered)
+        if (found := self._bins[k]) is not None:
+            body, place = found
+            self.tables[body].tell(place, recovered)
 
-    def _draw(self, pushes: PushDistribution) -> tuple[float, float]:
-        """Impulse [N s] and direction [rad]."""
-        impulse = self._rng.uniform(pushes.impulse_min, pushes.impulse_max)
-        return float(impulse), float(self._rng.uniform(pushes.direction_min, pushes.direction_max))
+    def _draw(self, pushes: PushDistribution) -> tuple[float, float, str]:
+        """Impulse [N s], direction [rad] and body."""
+        impulse = float(self._rng.uniform(pushes.impulse_min, pushes.impulse_max))
+        psi = float(self._rng.uniform(pushes.direction_min, pushes.direction_max))
+        return impulse, psi, pushes.body(self._rng)
 
-    def _put(self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float) -> None:
+    def _put(
+        self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
+    ) -> None:
         start = walk.time + float(self._rng.random()) / self._episodes.control_hz
-        push = polar_push(impulse / pushes.push_duration, psi, pushes.push_duration, start)
+        push = polar_push(impulse / pushes.push_duration, psi, pushes.push_duration, start, body)
         scenario = replace(walk.scenario, pushes=(push,), duration=None, settle_time=pushes.settle_time)
         self._episodes.restore(k, walk, scenario)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 DIRECTIONS = 8  # bins of the angle
-WIDTH = 20.0  # of a bin of impulses [N s]
+WIDTH = 20.0  # of a bin of impulses, of the biped [N s]
 RATE = 0.05  # of the running mean of a bin
 UNKNOWN = 0.5  # share that a bin begins with
 
@@ -21,17 +21,18 @@ class SuccessTable:
     Args:
         largest: impulse [N s].
         floor: least probability, in (0, 1].
+        width: of a bin of impulses [N s].
     """
 
-    def __init__(self, largest: float, floor: float):
-        self.floor = floor
-        self.shares = np.full((DIRECTIONS, max(1, math.ceil(largest / WIDTH))), UNKNOWN)
+    def __init__(self, largest: float, floor: float, width: float = WIDTH):
+        self.floor, self.width = floor, width
+        self.shares = np.full((DIRECTIONS, max(1, math.ceil(largest / width))), UNKNOWN)
 
     def bin_of(self, psi: float, impulse: float) -> tuple[int, int]:
         """Bin of a direction [rad], counter-clockwise from forward, and an impulse [N s]."""
         turned = psi / math.tau % 1.0
         return min(int(turned * DIRECTIONS), DIRECTIONS - 1), min(
-            int(impulse / WIDTH), self.shares.shape[1] - 1
+            int(impulse / self.width), self.shares.shape[1] - 1
         )
 
     def probability(self, place: tuple[int, int]) -> float:

@@ -1,5 +1,6 @@
 """Random pushes: drawn from the generator alone, within their bounds, and of sizes that a push may have."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -68,8 +69,27 @@ def test_turning_by_hand(share, side, rate):
     assert PushDistribution(turn=0.6).turning(share, side) == rate
 
 
+def test_pushes_act_on_the_bodies_named_as_often_as_they_are_named():
+    """And are otherwise those of the pelvis alone."""
+    bodies = ("trunk", "left_foot", "left_foot", "link:elbow")
+    anywhere = [PushDistribution(bodies=bodies).sample(np.random.default_rng(seed)) for seed in range(800)]
+    pelvis = [PushDistribution().sample(np.random.default_rng(seed)) for seed in range(800)]
+    for one, other in zip(anywhere, pelvis, strict=True):
+        assert replace(one, pushes=(replace(one.pushes[0], body="pelvis"),)) == other
+    seen = Counter(scenario.pushes[0].body for scenario in anywhere)
+    assert set(seen) == set(bodies)
+    assert 360 < seen["left_foot"] < 440
+    assert all(160 < seen[body] < 240 for body in ("trunk", "link:elbow"))
+
+
+@pytest.mark.parametrize(("bodies", "words"), [((), "at least one body"), (("arm",), "push body 'arm'")])
+def test_a_distribution_refuses_bodies_that_no_push_names(bodies, words):
+    with pytest.raises(PushRecoveryError, match=words):
+        PushDistribution(bodies=bodies)
+
+
 def test_distribution_round_trip_and_bounds():
-    distribution = PushDistribution(impulse_max=40.0)
+    distribution = PushDistribution(impulse_max=40.0, bodies=("trunk", "link:elbow"))
     assert PushDistribution.from_dict(distribution.to_dict()) == distribution
     with pytest.raises(InvalidValueError, match=r"impulse_max.*\[5"):
         PushDistribution(impulse_max=1.0)

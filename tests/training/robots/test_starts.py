@@ -1,6 +1,7 @@
 """Walks that are put back at the moment of a push."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -72,19 +73,35 @@ def test_only_hard_pushes_are_counted(episodes, walks):
     for beginning in (hard, easy):
         beginning.begin(0)
         beginning.ended(0, True)
-    assert (hard.table.shares != 0.5).sum() == 1
-    assert (easy.table.shares == 0.5).all()
+    assert (hard.tables["pelvis"].shares != 0.5).sum() == 1
+    assert (easy.tables["pelvis"].shares == 0.5).all()
 
 
 def test_kinds_that_are_always_recovered_from_are_drawn_seldom(episodes, walks):
     """Half of the directions at the floor of 0.05: of 200 pushes about 1 in 21 comes from there."""
     beginning = starts(episodes, walks, 0.0, floor=0.05)
-    beginning.table.shares[:4] = 1.0
+    beginning.tables["pelvis"].shares[:4] = 1.0
     seen = []
     for _ in range(200):
         beginning.begin(0)
-        seen.append(beginning._bins[0][0])
+        seen.append(beginning._bins[0][1][0])
     assert 2 <= sum(place < 4 for place in seen) <= 22
+
+
+def test_each_body_has_a_table_of_its_own(episodes, walks):
+    """A foot that is always recovered from is drawn at the floor of 0.05."""
+    pushes = replace(HARD, bodies=("trunk", "left_foot"))
+    beginning = PushStarts(episodes, walks, pushes, EASY, 0.0, 0.05, np.random.default_rng(0))
+    beginning.tables["left_foot"].shares[:] = 1.0
+    seen = []
+    for _ in range(200):
+        beginning.begin(0)
+        (push,) = scenario_of(episodes, 0).pushes
+        assert beginning._bins[0][0] == push.body
+        seen.append(push.body)
+    assert 2 <= seen.count("left_foot") <= 22
+    beginning.ended(0, True)
+    assert (beginning.tables["trunk"].shares != 0.5).sum() == (seen[-1] == "trunk")
 
 
 def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():

@@ -22,6 +22,13 @@ def test_bins_are_eighths_of_a_turn_and_twenty_newton_seconds():
     assert table.bin_of(-math.pi / 2 - 0.1, 1e3) == (5, 4)
 
 
+def test_bins_of_another_robot_have_their_own_width():
+    table = SuccessTable(45.0, 0.1, 10.0)
+    assert table.shares.shape == (DIRECTIONS, 5)
+    assert table.bin_of(0.0, 19.9) == (0, 1)
+    assert table.bin_of(0.0, 45.0) == (0, 4)
+
+
 def test_a_share_follows_what_is_told_of_its_bin_alone():
     table = SuccessTable(40.0, 0.1)
     table.tell((1, 0), True)
