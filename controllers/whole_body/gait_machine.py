@@ -27,11 +27,20 @@ from .bounds import Bounds
 from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
 from .edge_cop import missing_cmp
 from .inverse_dynamics import Gains, Task, whole_body_torque
-from .kinematics import LEG_JOINT, PELVIS, Array, Ints, Physics, sole_position
+from .kinematics import (
+    LEG_JOINT,
+    PELVIS,
+    Array,
+    Heading,
+    Ints,
+    Physics,
+    sole_position,
+    upright_error,
+)
 from .mass_matrix import com_velocity
 from .motors import clip_torque
 from .swing_foot import quintic_step, swing_update
-from .turning import PELVIS_YAW, SWING, exchange_soles, turn_references
+from .turning import PELVIS_YAW, SWING, exchange_soles, given_yaw, turn_references
 from .turning import SIZE as YAWS
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
@@ -80,6 +89,7 @@ class GaitSettings(NamedTuple):
     height_drop: float  # how far the CoM is lowered for a long step [m]
     height_lead: float  # the CoM is at the height of the step this long before T [s]
     height_time: float  # shortest horizon of the height reference [s]
+    twist_max: float = math.pi  # a pelvis that is twisted off its yaw by more turns the next sole, too [rad]
 
 
 def resting_gait(n: int) -> Gait:
@@ -184,8 +194,8 @@ def lever_and_missing(
 
 @njit(cache=True, forceinline=True)
 def move_references(
-    phys: Physics, gait: Gait, k: int, s: GaitSettings, sole: Vector, target: Point, travel: Point,
-    remaining: float, dt: float,
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, sole: Vector, facing: Heading, target: Point,
+    travel: Point, remaining: float, dt: float,
 ) -> int:  # fmt: skip
     """Move the references of CoM height, swing sole and yaw on by a physics step; bits of the bounds met.
 
@@ -195,6 +205,7 @@ def move_references(
         k: the robot.
         s: constants.
         sole: centre of the stance sole [m].
+        facing: cosine and sine of its heading.
         target: where the swing sole is to land [m].
         travel: of the CoM until then [m].
         remaining: until touchdown [s].
@@ -210,7 +221,9 @@ def move_references(
     landing = gait.plan[k, DURATION] + s.landing_delay
     swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
     gait.swing[k, 2] += lift[FLOOR]
-    turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, dt)
+    twist = -upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
+    given = given_yaw(twist, s.twist_max)
+    turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
     return met
 
 
@@ -234,12 +247,12 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
     travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
-    met = move_references(phys, gait, k, s, sole, target, travel, remaining, dt)
+    facing = ahead.cos, ahead.sin
+    met = move_references(phys, gait, k, s, sole, facing, target, travel, remaining, dt)
     acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
     waist = plan[TRUNK], -sign * plan[TRUNK + 1]
     yaws = vector_of(gait.yaw[k], SWING), vector_of(gait.yaw[k], PELVIS_YAW)
     planned = (plan[COP], sign * plan[COP + 1]), missing
-    facing = ahead.cos, ahead.sin
     task = Task(
         stance, acceleration, vector_of(gait.height[k], 0), facing, gait.swing[k], waist, *yaws, *planned
     )

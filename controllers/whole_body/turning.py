@@ -2,7 +2,8 @@
 
 Within a step the heading, the canonical frame's x axis, stays: it is the stance sole's. The references below
 are yaws beyond it. At touchdown the heading advances by the yaw of the sole that lands; the pelvis, half-way
-between the soles by then, turns on at the commanded rate. No reference jumps.
+between the soles by then, turns on at the commanded rate. No reference jumps. A pelvis that has been twisted
+off its yaw turns the next sole, too, where a robot gives way to it: a sole has little friction against yaw.
 """
 
 from __future__ import annotations
@@ -18,11 +19,21 @@ from .swing_foot import ARRIVAL_LEAD, SHORTEST, quintic_step
 SIZE = 7  # swing sole: yaw, rate, acceleration; pelvis: the same; yaw at which the sole is to land
 SWING, PELVIS_YAW, LANDING = 0, 3, 6
 TURN = 2  # column of a command: velocity x, y [m/s], turn [rad/s]
+LARGEST_GIVEN = 0.8  # yaw by which a sole lands turned for a twisted pelvis [rad]
+
+
+@njit(cache=True, forceinline=True)
+def given_yaw(twist: float, most: float) -> float:
+    """Yaw by which the next sole lands turned [rad] where the pelvis is `twist` off its yaw.
+
+    sign(twist) min(max(|twist| - most, 0), LARGEST_GIVEN)
+    """
+    return math.copysign(min(max(abs(twist) - most, 0.0), LARGEST_GIVEN), twist)
 
 
 @njit(cache=True, forceinline=True)
 def turn_references(
-    yaw: NDArray, rate: float, duration: float, remaining: float, final: float, dt: float
+    yaw: NDArray, rate: float, duration: float, remaining: float, final: float, given: float, dt: float
 ) -> None:
     """Advance the yaw references (7,) of one robot by dt, in place.
 
@@ -32,10 +43,11 @@ def turn_references(
         duration: of the step until its sole lands [s].
         remaining: until T [s].
         final: from this long before T on, the yaw at landing stays [s].
+        given: see `given_yaw` [rad].
         dt: physics step [s].
     """
     if remaining >= final:
-        yaw[LANDING] = rate * duration
+        yaw[LANDING] = rate * duration + given
     goal = yaw[LANDING]
     horizon = max(remaining - ARRIVAL_LEAD, SHORTEST)
     yaw[0], yaw[1], yaw[2] = quintic_step(yaw[0], yaw[1], yaw[2], goal, 0.0, horizon, dt)
