@@ -28,6 +28,8 @@ LEAST = 0.5  # of an impulse by drag; less is a click [N s]
 CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
 SEEN = 0.8  # how long a push that was given is shown [s]
 CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
+PHONE = 0.7  # width over height of a window, below which viser's panel covers the lower 60 % of it
+PHONE_CAMERA, PHONE_LOOK_AT = (-3.6, -3.3, 1.5), (0.0, 0.0, -1.4)  # the robot above that panel [m]
 AIMED, GIVEN = (245, 95, 85), (225, 30, 25)  # colours of arrows; the pointer has an orange one of viser
 WALK = "/walk"  # the frame that moves so that the first robot stays in view
 
@@ -49,6 +51,7 @@ class App:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.set_panel_label("push-recovery play")
         server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
+        server.on_client_connect(look_above_the_panel)
         self._walk = server.scene.add_frame(WALK, show_axes=False)
         add_floor(server, f"{WALK}/floor")
         self._robots: list[tuple[Any, RobotMeshes, FloorMarks, Any]] = []
@@ -163,6 +166,13 @@ def add_floor(server: Any, name: str) -> None:
         name, infinite_grid=True, fade_distance=20.0,
         cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
     )  # fmt: skip
+
+
+def look_above_the_panel(client: Any) -> None:
+    """Move the camera of a phone so that the panel covers nothing of the robot."""
+    if client.camera.aspect < PHONE:
+        with client.atomic():
+            client.camera.position, client.camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
 
 
 def camera_axes(wxyz: Any) -> Array:

@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser.app import camera_axes  # noqa: E402
+from push_recovery.eval.play.browser.app import PHONE_LOOK_AT, camera_axes  # noqa: E402
 from push_recovery.eval.play.browser.gate import Gate  # noqa: E402
 from push_recovery.eval.play.browser.open import open_app  # noqa: E402
 from push_recovery.eval.play.drag import IMPULSE_PER_METRE, metres_per_pixel  # noqa: E402
@@ -29,6 +29,7 @@ FLAGS = [
 ]  # fmt: skip
 PATIENCE = 240.0  # [s]
 PICTURE = (800, 320)  # the panel covers the right 335 pixels
+PHONE = (390, 844)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
@@ -67,12 +68,11 @@ def played():
     session.close()
 
 
-def on_the_screen(played, point):
+def on_the_screen(camera, point, picture=PICTURE):
     """Pixel and depth [m] of a point in the scene, by a pinhole camera."""
-    camera = next(iter(played.app.server.get_clients().values())).camera
     x, y, depth = camera_axes(camera.wxyz).T @ (np.asarray(point) - camera.position)
-    focal = PICTURE[1] / 2 / np.tan(camera.fov / 2)
-    return PICTURE[0] / 2 + focal * x / depth, PICTURE[1] / 2 + focal * y / depth, depth
+    focal = picture[1] / 2 / np.tan(camera.fov / 2)
+    return picture[0] / 2 + focal * x / depth, picture[1] / 2 + focal * y / depth, depth
 
 
 def test_it_asks_for_nothing_outside(played):
@@ -86,14 +86,14 @@ def test_it_asks_for_nothing_outside(played):
 
 def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
     app, mouse, pixels = played.app, played.page.mouse, 20
-    x, y, depth = on_the_screen(played, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
+    camera = next(iter(app.server.get_clients().values())).camera
+    x, y, depth = on_the_screen(camera, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
     x, y = round(x), round(y)
     mouse.move(x, y)
     mouse.down()
     for way in (8, 14, pixels, pixels):  # past what counts as a click
         mouse.move(x + way, y)
         played.page.wait_for_timeout(100)
-    camera = next(iter(app.server.get_clients().values())).camera
     of_a_pixel = IMPULSE_PER_METRE * metres_per_pixel(depth, camera.fov, PICTURE[1])
     expected = of_a_pixel * pixels
     wait(app, lambda: app.aimed.text and float(app.aimed.text.split()[0]) > 0.9 * expected, "the arrow")
@@ -154,6 +154,26 @@ def test_two_windows_see_the_same_robot(played):
         page.get_by_text("paused").wait_for()
     other.close()
     wait(played.app, lambda: len(played.app.server.get_clients()) == 1, "the second window's end")
+
+
+def test_on_a_phone_the_robot_is_above_the_panel(played):
+    server = played.app.server
+    others = set(server.get_clients())
+    browser = played.page.context.browser
+    page = browser.new_page(viewport={"width": PHONE[0], "height": PHONE[1]}, device_scale_factor=2)
+    page.set_default_timeout(1e3 * PATIENCE)
+    page.goto(f"http://{played.address}/")
+    wait(played.app, lambda: set(server.get_clients()) - others, "the phone's connection")
+    (new,) = set(server.get_clients()) - others
+    camera = server.get_clients()[new].camera
+    wait(played.app, lambda: np.allclose(camera.look_at, PHONE_LOOK_AT, atol=1e-3), "the phone's camera")
+    name = on_the_screen(camera, (0.0, 0.0, played.app._pelvis[2] + 0.75), PHONE)
+    floor = on_the_screen(camera, (0.0, 0.0, 0.0), PHONE)
+    assert name[1] > 0.05 * PHONE[1]
+    assert floor[1] - name[1] > 0.2 * PHONE[1]  # it's not too small to be seen
+    assert page.get_by_text("push-recovery play").bounding_box()["y"] > floor[1] + 20
+    page.close()
+    wait(played.app, lambda: set(server.get_clients()) == others, "the phone's end")
 
 
 def connected(address, **head):
