@@ -6,120 +6,145 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.patches import FancyBboxPatch, Rectangle
+from push_recovery.eval.reproduction.figures import style
 
 COLOURS = {"controllers": "#cfe3f5", "envs": "#d9efd3", "eval": "#fbe3c8", "training": "#e6dbf2"}
 INK = "#333333"
-BOX = (1.98, 0.95)  # width and height of a room
+# All lengths are in inches; 8 points are read well where the picture is as wide as a page.
+SIZE = (7.2, 7.0)  # of the picture
+BOX = (1.32, 0.62)  # of a room
+PITCH = (1.89, 0.99)  # from one room to the next
+EDGE = 0.1  # around it all
+LIST = 1.06  # from the bottom to the top of the list of rooms that are not drawn
+GAP = 0.03  # between an arrow and a room
+WORDS: Any = {"size": 8, "color": INK, "linespacing": 1.05}
 
 
 class Room(NamedTuple):
-    """A folder of the tree and where it is drawn."""
+    """A folder of the tree, and its place: column from the left and row from the top."""
 
     folder: str
     says: str
-    x: float
-    y: float
+    column: int
+    row: int
 
 
 ROOMS = (
-    Room("envs/sensing", "sensors of its own,\nor the true state", 0.0, 5.0),
-    Room("controllers/estimation", "what is seen", 2.7, 5.0),
-    Room("controllers/stage_1", "where and when\nto step", 5.4, 5.0),
-    Room("controllers/stage_2", "CoP and trunk", 8.1, 5.0),
-    Room("controllers/policies", "planner, arms", 10.8, 5.0),
-    Room("envs/physics", "MuJoCo", 0.0, 3.4),
-    Room("envs/biped", "a period of n robots", 2.7, 3.4),
-    Room("controllers/whole_body", "gait machine,\ntorques", 5.4, 3.4),
-    Room("envs/residual", "corrections", 8.1, 3.4),
-    Room("controllers/baselines", "the field's planners", 10.8, 3.4),
-    Room("envs/scenario", "pushes, command,\nmodel errors", 0.0, 1.9),
-    Room("envs/episode", "start, reward, end", 2.7, 1.9),
-    Room("envs/pendulum", "the theory's model", 5.4, 1.9),
-    Room("training", "PPO", 8.1, 1.9),
-    Room("envs/joint", "actions on the joints", 10.8, 1.9),
-    Room("eval/rollout", "outcomes", 0.0, 0.4),
-    Room("eval/score", "suites, statistics", 2.7, 0.4),
-    Room("eval/frontier", "largest push, F*", 5.4, 0.4),
-    Room("eval/sensitivity", "what outcomes\nhang on", 8.1, 0.4),
-    Room("eval/cli", "the command line", 10.8, 0.4),
+    Room("envs/sensing", "sensors, or\nthe true state", 0, 0),
+    Room("controllers/estimation", "what is seen", 1, 0),
+    Room("controllers/stage_1", "where and\nwhen to step", 2, 0),
+    Room("controllers/stage_2", "CoP and trunk", 3, 0),
+    Room("controllers/baselines", "the field's\nplanners", 2, 1),
+    Room("controllers/policies", "planner, arms", 3, 1),
+    Room("envs/physics", "MuJoCo", 0, 2),
+    Room("envs/biped", "a period of\nn robots", 1, 2),
+    Room("controllers/whole_body", "gait machine,\ntorques", 2, 2),
+    Room("envs/residual", "corrections", 3, 2),
+    Room("envs/pendulum", "the theory's\nmodel", 0, 3),
+    Room("envs/episode", "start, reward,\nend", 1, 3),
+    Room("envs/joint", "actions on\nthe joints", 2, 3),
+    Room("training", "PPO", 3, 3),
+    Room("envs/scenario", "pushes, command,\nmodel errors", 1, 4),
+    Room("eval/rollout", "outcomes", 2, 4),
+    Room("eval/score", "suites, statistics", 3, 4),
+    Room("eval/frontier", "largest push, F*", 3, 5),
+    Room("eval/sensitivity", "what outcomes\nhang on", 2, 5),
+    Room("eval/cli", "the command line", 1, 5),
 )
-BELOW = (
-    "Beneath all of it, in controllers/: model (robot, gait box, frame, nominal gait, largest push), "
-    "settings (presets), solvers, compiled; joints (PD control, proprioception), "
-    "learned (networks).\n"
-    "Beside them, in envs/: snapshot (a robot put back); in eval/: processes (workers, locks), output (rows, "
-    "tables), measures (effort), shipped (what was learned), learned (how, and what it adds),\n"
-    "api (Python functions), bench, tuning, ceiling, robots (made of models), export (ONNX), "
-    "protocols (pushes of others), leaderboard,\n"
-    "report (a page), reproduction, record (time histories), film (moving pictures), play (a robot to push)."
+BELOW = (  # rooms that what is drawn rests on
+    ("controllers", "model, settings, solvers, compiled, joints (PD control), learned (networks)"),
+    ("envs", "snapshot (a robot put back)"),
+    (
+        "eval",
+        "processes, output (tables), measures (effort), shipped (what was learned), learned (how),\n"
+        "api, bench, tuning, ceiling, robots, export (ONNX), protocols (of others), leaderboard,\n"
+        "report, reproduction, record (time histories), film, play (a robot to push)",
+    ),
 )
 FLOW = (  # from, to, what goes along
     ("envs/sensing", "controllers/estimation", "readings"),
-    ("controllers/estimation", "controllers/stage_1", "observation"),
-    ("controllers/stage_1", "controllers/stage_2", "step, DCM goal"),
+    ("controllers/estimation", "controllers/stage_1", "observed"),
+    ("controllers/stage_1", "controllers/stage_2", "step,\nDCM goal"),
     ("controllers/stage_2", "controllers/policies", "CoP, trunk"),
     ("controllers/baselines", "controllers/policies", "step"),
     ("controllers/policies", "envs/residual", "action"),
     ("envs/residual", "controllers/whole_body", "action"),
     ("controllers/whole_body", "envs/biped", "torque"),
-    ("envs/biped", "envs/physics", "torque, push"),
+    ("envs/biped", "envs/physics", "torque,\npush"),
     ("envs/physics", "envs/sensing", "state"),
     ("envs/scenario", "envs/episode", "push"),
     ("envs/scenario", "eval/rollout", "scenario"),
     ("envs/episode", "envs/biped", "start, push"),
-    ("envs/episode", "envs/pendulum", "start, push"),
+    ("envs/episode", "envs/pendulum", "start,\npush"),
     ("eval/rollout", "eval/score", "rows"),
     ("eval/score", "eval/frontier", ""),
     ("eval/frontier", "eval/sensitivity", ""),
     ("eval/sensitivity", "eval/cli", "report"),
-    ("training", "envs/residual", "learned action"),
+    ("training", "envs/residual", "learned\naction"),
     ("training", "envs/joint", ""),
 )
 
 
-def draw() -> Any:
+def draw() -> Figure:
     """The rooms, coloured by package, and what goes from one to the next."""
-    figure = Figure(figsize=(13.8, 6.3), facecolor="white")
-    axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
-    axes.set(xlim=(-0.2, 13.1), ylim=(-0.75, 6.5))
+    figure = Figure(figsize=SIZE, facecolor="white")
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, SIZE[0]), ylim=(0, SIZE[1]))
     axes.axis("off")
-    at = {room.folder: (room.x, room.y) for room in ROOMS}
+    middles = {room.folder: _middle(room) for room in ROOMS}
     for room in ROOMS:
-        colour = COLOURS[room.folder.split("/")[0]]
-        patch = FancyBboxPatch((room.x, room.y), *BOX, "round,pad=0.03", fc=colour, ec=INK, lw=0.8)
-        axes.add_patch(patch)
-        middle = room.x + BOX[0] / 2
-        axes.text(middle, room.y + 0.76, room.folder, ha="center", va="center", weight="bold", size=8.5)
-        axes.text(middle, room.y + 0.33, room.says, ha="center", va="center", size=8, color=INK)
+        package, _, name = room.folder.rpartition("/")
+        middle = middles[room.folder]
+        look = {"fc": COLOURS[package or name], "ec": INK, "lw": 0.8}
+        corner = middle - np.array(BOX) / 2
+        axes.add_patch(FancyBboxPatch(corner, *BOX, "round,pad=0,rounding_size=0.05", **look))
+        axes.text(*middle + (0, 0.17), name, ha="center", va="center", weight="bold", size=9.5)
+        axes.text(*middle - (0, 0.11), room.says, ha="center", va="center", **WORDS)
     for start, end, word in FLOW:
-        _arrow(axes, at[start], at[end], word)
-    axes.text(0.0, 6.25, "one planning period, 10 ms", style="italic", size=9)
-    axes.text(0.0, -0.55, BELOW, size=8, color=INK)
+        _arrow(axes, middles[start], middles[end], word)
+    inside = middles["controllers/estimation"][0], middles["controllers/policies"][1]
+    axes.text(*inside, "one planning\nperiod, 10 ms", ha="center", va="center", style="italic", size=9.5)
+    _list(axes)
     return figure
 
 
-def _arrow(axes: Any, start: tuple[float, float], end: tuple[float, float], word: str) -> None:
-    """From the side of one box that faces the other, with a word beside it."""
-    (x0, y0), (x1, y1) = start, end
-    width, height = BOX
-    if y0 == y1:
-        side = 1 if x1 > x0 else -1
-        tail = x0 + (width + 0.06 if side > 0 else -0.06), y0 + height / 2
-        head = x1 + (-0.06 if side > 0 else width + 0.06), y1 + height / 2
-        place, align = ((tail[0] + head[0]) / 2, tail[1] + 0.1), "center"
+def _middle(room: Room) -> Any:
+    left, top = EDGE + BOX[0] / 2, SIZE[1] - EDGE - BOX[1] / 2
+    return np.array([left + room.column * PITCH[0], top - room.row * PITCH[1]])
+
+
+def _arrow(axes: Any, start: Any, end: Any, word: str) -> None:
+    """From the side of one box to that of the other that faces it, with a word above or beside it."""
+    way = np.sign(end - start) * (np.array(BOX) / 2 + GAP)
+    tail, head = start + way, end - way
+    look = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", head, tail, arrowprops=look)
+    if start[1] == end[1]:
+        axes.text(*(tail + head) / 2 + (0, 0.06), word, ha="center", va="bottom", **WORDS)
     else:
-        down = y1 < y0
-        tail = x0 + width / 2, y0 + (-0.06 if down else height + 0.06)
-        head = x1 + width / 2, y1 + (height + 0.06 if down else -0.06)
-        shift, align = ((-0.2, 0.06), "right") if x0 != x1 else ((0.08, -0.04), "left")
-        place = (tail[0] + head[0]) / 2 + shift[0], (tail[1] + head[1]) / 2 + shift[1]
-    axes.annotate("", head, tail, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0})
-    lines = word.replace(", ", ",\n")
-    axes.text(*place, lines, ha=align, va="bottom" if align == "center" else "center", size=7, color=INK)
+        axes.text(*(tail + head) / 2 + (0.08, 0), word, ha="left", va="center", **WORDS)
+
+
+def _list(axes: Any) -> None:
+    """The colours of the packages, and the rooms that are not drawn."""
+    y = LIST
+    for package, rooms in BELOW:
+        axes.add_patch(Rectangle((EDGE, y - 0.13), 0.14, 0.14, fc=COLOURS[package], ec=INK, lw=0.8))
+        axes.text(EDGE + 0.22, y, package, weight="bold", size=9, va="top")
+        axes.text(EDGE + 1.15, y, f"also {rooms}", va="top", size=8, color=INK)
+        y -= 0.23
+
+
+def main() -> None:
+    """Write the picture into the directory given, docs/pictures by default."""
+    directory = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "pictures")
+    with style.print_style():
+        _, svg = style.save(draw(), directory, "architecture")
+    svg.unlink()
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures")
-    draw().savefig(folder / "architecture.png", dpi=130)
+    main()
