@@ -15,7 +15,7 @@ SMALL = Scale(length=0.5, mass=0.1, foot_length=0.6, foot_width=0.7, leg=0.55, w
 PURE = {  # numbers without a unit, accelerations and shares of the weight, which are alike, and numerics
     "planner": {"alpha_duration", "first_interval_min"},
     "limits": set(),
-    "gait": {"forced_phase"},
+    "gait": {"forced_phase", "twist_max"},
     "gains": {"damping"},
     "bounds": {"friction", "com_price", "height_price", "swing_price", "row_price"},
 }

@@ -1,12 +1,20 @@
 """Turning: its references, the walk on a circle, how it is judged."""
 
+import json
+
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import COMMAND
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
-from push_recovery.controllers.whole_body.turning import SIZE, exchange_soles, turn_references, turned_command
+from push_recovery.controllers.whole_body.turning import (
+    SIZE,
+    exchange_soles,
+    given_yaw,
+    turn_references,
+    turned_command,
+)
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.episode.recovery import GaitMonitor, record_touchdown
 from push_recovery.envs.pendulum.env import PendulumEpisodes
@@ -18,9 +26,9 @@ POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 RATE, DURATION, FINAL, DT = 0.4, 0.5, 0.055, 0.002
 
 
-def follow(yaw: np.ndarray, rate: float, begin: float, end: float) -> None:
+def follow(yaw: np.ndarray, rate: float, begin: float, end: float, given: float = 0.0) -> None:
     for i in range(round(begin / DT), round(end / DT)):
-        turn_references(yaw, rate, DURATION, DURATION - i * DT, FINAL, DT)
+        turn_references(yaw, rate, DURATION, DURATION - i * DT, FINAL, given, DT)
 
 
 def walk(command: Command, seconds: float, changes: tuple[CommandChange, ...] = ()):
@@ -50,6 +58,46 @@ def test_the_sole_lands_at_rest_and_the_pelvis_half_way_at_the_commanded_rate():
         assert yaw[3] == pytest.approx(0.5 * RATE * DURATION, abs=1e-4)
         assert yaw[4] == pytest.approx(RATE, abs=1e-2)
         exchange_soles(yaw)
+
+
+def test_a_sole_lands_turned_for_a_pelvis_that_is_twisted():
+    """What is given comes on top of the command, and the pelvis ends half-way."""
+    yaw = np.zeros(SIZE)
+    follow(yaw, RATE, 0.0, DURATION, given=-0.5)
+    assert yaw[0] == pytest.approx(RATE * DURATION - 0.5, abs=1e-5)
+    assert yaw[3] == pytest.approx(0.5 * (RATE * DURATION - 0.5), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("twist", "most", "given"),
+    [(0.3, 0.1, 0.2), (-0.3, 0.1, -0.2), (0.1, 0.1, 0.0), (-0.05, 0.1, 0.0), (2.0, 0.1, 0.8),
+     (-2.0, 0.1, -0.8), (3.1, np.pi, 0.0)],
+)  # fmt: skip
+def test_what_is_given_by_hand(twist, most, given):
+    assert given_yaw(twist, most) == pytest.approx(given, abs=1e-15)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_that_gives_way_turns_with_a_twist_instead_of_against_it(side, tmp_path):
+    """60 N m about the vertical for 0.1 s, by a pair of forces; told to keep its heading."""
+    twist = tuple(
+        Push((sign * 600.0, 0.0, 0.0), 0.1, 1.0, offset=(0.0, -0.05 * sign * side, 0.0))
+        for sign in (1.0, -1.0)
+    )
+    preset, heading = tmp_path / "preset.json", {}
+    for twist_max in (np.pi, 0.05):
+        gait = {"gait": {"twist_max": twist_max}}
+        about = {"format": "push-recovery preset", "format_version": 1, "base": "biped", "biped": gait}
+        preset.write_text(json.dumps(about))
+        episodes = BipedEpisodes(1, preset=str(preset))
+        episodes.begin(0, Scenario("a", twist, duration=100.0))
+        for _ in range(400):
+            episodes.step(POLICY.predict(episodes.core.observation)[0])
+        heading[twist_max] = episodes.motion().heading.item(0)
+        assert episodes.failure()[0] == 0
+        assert yaw_of(episodes, PELVIS) == pytest.approx(heading[twist_max], abs=0.02)
+    assert heading[np.pi] == 0.0
+    assert side * heading[0.05] > 0.05
 
 
 def test_no_reference_jumps_where_the_feet_change_roles():
