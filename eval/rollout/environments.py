@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import re
 import sys
 from contextlib import closing
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from .user_object import import_from_here
 
 ROBOT_FILE = ".robot.json"
 OF_REFERENCE = ("Biped", "Pendulum")  # how ids of the robot of 60 kg begin
-ON_JOINTS = ("PushRecovery/BipedJoint-v0", "PushRecovery/BipedJointResidual-v0")  # forms of DEFAULT_ENV
+ON_JOINTS = re.compile("(JointResidual|Joint)(?=-v)")  # what the id of a form on the joints has besides
 
 
 def env_ids() -> list[str]:
@@ -114,17 +115,15 @@ def has_own_robot(env: Any, policy: Any) -> bool:
 
 
 def own_form(policy: Any, env_id: str) -> str | None:
-    """The form of the biped's environment whose actions a policy file gives, where that is another one.
+    """The form on the joints of a robot's environment whose actions a policy file gives, if it does.
 
     Robot, pushes and judgement are the same there, so its rows stand beside those of `env_id`.
     """
     name = EnvName.parse(env_id)
-    if not (
-        isinstance(policy, str) and name == EnvName("", DEFAULT_ENV, name.preset) and is_policy_file(policy)
-    ):
+    if name.module or name.robot or not (isinstance(policy, str) and is_policy_file(policy)):
         return None
     form = read_policy(policy)[2].env_id
-    if form not in ON_JOINTS:
+    if form == name.id or ON_JOINTS.sub("", form) != name.id:
         return None
     return f"{form}@{name.preset}" if name.preset else form
 

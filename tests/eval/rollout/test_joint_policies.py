@@ -16,12 +16,13 @@ from push_recovery.eval.rollout.workers import Runner
 
 JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
 SIZES = {JOINT: 58, RESIDUAL: 94, BIPED_ENV: 36}
+G1 = "PushRecovery/G1JointResidual-v0"
 PUSHED = Scenario("pushed", (Push((60.0, 90.0, 0.0), 0.1, 0.4),), duration=1.2)
 
 
 def save_zero(path, env_id) -> str:
     """A policy file whose action is zero everywhere."""
-    inputs, outputs = SIZES[env_id], 7 if env_id == BIPED_ENV else 14
+    inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
     network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
     normalisation = Normalisation(np.zeros(inputs), np.ones(inputs))
     about = PolicyDescription(env_id, BIPED, BIPED_LIMITS)
@@ -45,6 +46,14 @@ def test_the_random_policy_fits_single_and_vector_form(env_id):
 def test_arms_give_no_actions_of_joints(env_id):
     with pytest.raises(InvalidValueError, match=rf"'two-stage' gives gait actions, but {env_id} takes 14"):
         make_policy("two-stage", make_env(env_id))
+
+
+def test_each_robot_has_forms_of_its_own(tmp_path):
+    file = save_zero(tmp_path / "g1", G1)
+    assert own_form(file, "PushRecovery/G1-v0") == G1
+    assert own_form(file, "PushRecovery/G1-v0@g1") == f"{G1}@g1"
+    for other in (G1, BIPED_ENV, "PushRecovery/G1Residual-v0", "PushRecovery/T1-v0", f"my_robot:{BIPED_ENV}"):
+        assert own_form(file, other) is None
 
 
 def test_a_file_stands_beside_the_planner_in_the_form_that_it_acts_in(tmp_path):
