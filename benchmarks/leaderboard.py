@@ -15,7 +15,7 @@ from pathlib import Path
 from push_recovery.eval.cli.main import main as push_recovery
 from push_recovery.eval.rollout.names import default_workers
 from push_recovery.eval.shipped.names import shipped_names
-from tables import ADAPTS
+from tables import compared
 
 from push_recovery import evaluate
 
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=32, help="rows of each policy that are run again")
     parser.add_argument("--workers", type=int, default=default_workers())
     options = parser.parse_args(argv)
-    policies = [*ADAPTS, *(name for name in shipped_names() if name.startswith("residual-seed"))]
+    policies = [*compared(), *(name for name in shipped_names() if name.startswith("residual-seed"))]
     found = evaluate(policies, options.suite, workers=options.workers)
     words = {"--suite": options.suite, "--board": options.board, "--sample": options.sample}
     words["--workers"] = options.workers

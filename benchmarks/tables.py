@@ -41,7 +41,7 @@ COLUMNS = ("policy", "what it may adapt", "recovered", "share (95 % interval)", 
 
 def main() -> None:
     """Evaluate, and write the table between its marks."""
-    policies = [name for name in ADAPTS if name not in LEARNED or name in shipped_names()]
+    policies = compared()
     found = evaluate(policies, SUITE, workers=default_workers())
     text = PAGE.read_text(encoding="utf-8")
     mark = f"<!-- figures: push-recovery evaluate --suite {SUITE} "
@@ -50,6 +50,11 @@ def main() -> None:
     content = f"{figures(policies, found)}\n\n{table(found)}\n"
     PAGE.write_text(text[:begin] + content + text[end:], encoding="utf-8")
     print(f"table: {PAGE}")
+
+
+def compared() -> list[str]:
+    """The arms, and the learned policies that are there."""
+    return [name for name in ADAPTS if name not in LEARNED or name in shipped_names()]
 
 
 def figures(policies: list[str], found: Evaluation) -> str:
