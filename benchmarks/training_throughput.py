@@ -1,7 +1,9 @@
 """What PPO keeps of the environment's own throughput: python benchmarks/training_throughput.py [ROUNDS].
 
-Planning periods a second of (a) robots that the planner leads, pushed as in training, and (b) as many robots
-under PPO with its updates; in turns, so that both meet the same machine.
+Planning periods a second of (a) robots that the planner leads from the beginning of a walk on, pushed as in
+training, (b) robots that the planner leads in the very episodes of training, which begin at the push and end
+with the recovery, put back included, and (c) as many robots under PPO with its updates; in turns, so that all
+meet the same machine. A period in which a robot is caught costs more than one in which it walks.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ UPDATES = 4  # of PPO a round; the environment alone steps as often
 
 
 def main() -> None:
-    """Print both rates of each round, and the median of their ratios."""
+    """Print the rates of each round, and the medians of PPO's shares of the other two."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
     settings = TrainingSettings("residual", walks=128)
     env = make_env(settings)
@@ -25,25 +27,34 @@ def main() -> None:
     venv = make_vec_env(settings, env, 0)
     model = make_ppo(settings, venv, 0, None)
     model.learn(settings.rollout)  # compiled, warm
-    alone, shared = venv.unwrapped.episodes.alike(settings.n_envs, 2), []
+    robots = venv.unwrapped
+    alone = robots.episodes.alike(settings.n_envs, 2)
     walker = env.env.policy
     rng = np.random.default_rng(0)
     for k in range(alone.n):
         alone.begin(k, alone.drawn(settings.drawn_pushes, rng))
+    shares = []
     for number in range(rounds):
         periods = UPDATES * settings.n_steps * settings.periods
-        began = time.perf_counter()
+        times = [time.perf_counter()]
         for _ in range(periods):
             over = alone.step(walker.predict(alone.core.observation)[0])
             for k in np.flatnonzero(over.failed | over.truncated).tolist():
                 alone.begin(k, alone.drawn(settings.drawn_pushes, rng))
-        middle = time.perf_counter()
+        times.append(time.perf_counter())
+        nothing = np.zeros((robots.num_envs, *robots.action_space.shape), np.float32)
+        for _ in range(UPDATES * settings.n_steps):
+            robots.step(nothing)
+        times.append(time.perf_counter())
         model.learn(UPDATES * settings.rollout, reset_num_timesteps=False)
-        end = time.perf_counter()
-        rates = [alone.n * periods / seconds for seconds in (middle - began, end - middle)]
-        shared.append(rates[1] / rates[0])
-        print(f"round {number}: environment {rates[0]:.0f}, PPO {rates[1]:.0f} periods/s, {shared[-1]:.2f}")
-    print(f"median share: {np.median(shared):.2f}")
+        times.append(time.perf_counter())
+        walking, caught, ppo = alone.n * periods / np.diff(times)
+        shares.append((ppo / walking, ppo / caught))
+        print(
+            f"round {number}: walks {walking:.0f}, episodes of training {caught:.0f}, PPO {ppo:.0f} "
+            f"periods/s, {shares[-1][0]:.2f} and {shares[-1][1]:.2f}"
+        )
+    print("median shares: {:.2f} and {:.2f}".format(*np.median(shares, axis=0)))
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ from ..sensing.sensors import seed_sensors
 from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import GAIT_CALLS, Arena, PeriodCalls, View, arena_constants, substeps
-from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, level_floors
+from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, lay_floor, level_floors
 from .plant.kicks import Kicks
 from .posture import posture
 from .robots.biped.robot import biped
@@ -194,6 +194,28 @@ class BipedCore:
         """Parts of the address table that lie after the arena."""
         return ()
 
+    def assign(self, k: int, scenario: Scenario) -> None:
+        """Give robot k what a scenario says: model, floor, errors, sensing, pushes, new commands, kicks.
+
+        It has to be put somewhere next, as `reset` does, or by `put_back`.
+        """
+        check_biped_errors(scenario.errors)
+        for push in scenario.pushes:
+            require_choice("push body", push.body, tuple(self.body.pushed))
+        self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
+        assign_floor(self.floors, k, scenario)
+        if has_tiles(self.simulations.models[k]):
+            connect_floor(self.floors, k, self.body, self.simulations.models[k], self.simulations.data[k])
+        pushes = assign_pushes(self.pushes, k, scenario, self.body.pushed)
+        schedule = assign_changes(self.schedule, k, scenario)
+        comes = self.senses.assign(k, scenario.sensing)
+        if comes or pushes is not self.pushes or schedule is not self.schedule:
+            self.pushes, self.schedule = pushes, schedule
+            self._bind()
+        if self.body.indices.trunk == self.body.indices.pelvis:
+            self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
+        self.kicks.assign(k, scenario.kicks)
+
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
 
@@ -201,19 +223,13 @@ class BipedCore:
         that of the nominal robot, each sole on its tiles where the floor has them; model errors act from
         here on.
         """
-        check_biped_errors(scenario.errors)
-        for push in scenario.pushes:
-            require_choice("push body", push.body, tuple(self.body.pushed))
+        self.assign(k, scenario)
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
-        assign_floor(self.floors, k, scenario)
         soles = self._soles(k, stance, start.swing[0], sign * start.swing[1])
         com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
-        self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
-        if self.senses.assign(k, scenario.sensing):
-            self._bind()
         if self.senses.of(k):
             seed_sensors(self.senses.last.sensors, k, counter_seed(scenario.noise_seed), stance)
         self.put(k, qpos, qvel)
@@ -225,14 +241,6 @@ class BipedCore:
         self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
         self.gait.plan[k] = gait
         self.previous_action[k] = action
-        pushes = assign_pushes(self.pushes, k, scenario, self.body.pushed)
-        schedule = assign_changes(self.schedule, k, scenario)
-        if pushes is not self.pushes or schedule is not self.schedule:
-            self.pushes, self.schedule = pushes, schedule
-            self._bind()
-        self.kicks.assign(k, scenario.kicks)
-        if self.body.indices.trunk == self.body.indices.pelvis:
-            self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
         self.contacts.time[k] = 0.0
         self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
@@ -251,8 +259,7 @@ class BipedCore:
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""
         if has_tiles(self.simulations.models[k]):
-            simulations = self.simulations
-            connect_floor(self.floors, k, self.body, simulations.models[k], simulations.data[k], qpos)
+            lay_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         self._stateless.discard(k)
         if self.senses.of(k):
@@ -261,6 +268,11 @@ class BipedCore:
             self.errors.physical[k] = self.errors.believes[k] = 1
         if self.errors.believes[k]:
             believe(self.simulations.handles, k)
+
+    def put_back(self, k: int, state: Array) -> None:
+        """Put the simulation of robot k into a `state` of `simulations`; the arrays stay as they are."""
+        self.simulations.restore(k, state)
+        self._stateless.discard(k)
 
     def bounds_met(self, k: int) -> BoundsReport:
         """The limits that robot k has met since its first push began."""

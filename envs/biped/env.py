@@ -96,7 +96,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
         simulations = self.core.simulations
         tile_places(simulations.models[k])[:] = snapshot.rows[TILES]
-        simulations.restore(k, snapshot.rows[SIMULATION])
+        self.core.put_back(k, snapshot.rows[SIMULATION])
         self.core.kicks.pass_over(k, snapshot.rows[KICKED].item())
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:

@@ -25,8 +25,12 @@ class Core(Protocol):
     world: Array  # (n, 6) DCM, CoP and CMP in the world [m]
     pushes: Pushes  # replaced by a larger one where a scenario has more pushes than fit
 
+    def assign(self, k: int, scenario: Scenario) -> None:
+        """Give robot k what a scenario says: errors, pushes and changes to come; put it somewhere next."""
+        ...
+
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
-        """Put robot k at the start of a nominal step, whose `gait` (7,) and `action` (7,) are given."""
+        """Put robot k at the start of a nominal step of a scenario; `gait` (7,), `action` (7,) are its."""
         ...
 
     def step(self, gaits: Array, actions: Array) -> None:

@@ -147,25 +147,28 @@ class GaitEpisodes(ABC, Generic[C]):
         Raises:
             InvalidValueError: a command to turn for a robot that does not, or a kick for one that takes none.
         """
-        self._check_turns(scenario)
-        if scenario.kicks and not self.takes_kicks:
-            raise InvalidValueError(
-                f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
-                f"{scenario.kicks[0]} in scenario {scenario.id!r}"
-            )
+        self._assign(k, scenario)
         sign = side_sign(SIDES.index(scenario.stance_side))
         gait = self.nominal(scenario.command.vx, sign * scenario.command.vy)
         start = nominal_start(
             gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
         )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
-        self._scenarios[k] = scenario
         self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
-        if self.robots is None or self.core.pushes.start is not self.robots.push_start:
-            self._bind()  # the core has new arrays where more pushes came
+        self._bind_if_new()
         self.monitor.reset(k)
         self.planned[k] = gait.duration
         self._episodes.before[k] = self.core.previous_action[k]
+
+    def _assign(self, k: int, scenario: Scenario) -> None:
+        """Give robot k what a scenario says; it has to be put somewhere next."""
+        self._check_turns(scenario)
+        if scenario.kicks and not self.takes_kicks:
+            raise InvalidValueError(
+                f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
+                f"{scenario.kicks[0]} in scenario {scenario.id!r}"
+            )
+        self._scenarios[k] = scenario
         self._episodes.pushes[k] = len(scenario.pushes)
         self._episodes.changed[k] = max(scenario.last_change, scenario.last_kick)
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
@@ -202,7 +205,9 @@ class GaitEpisodes(ABC, Generic[C]):
         snapshot.check_made_for(self._made_for(then))
         scenario = then if scenario is None else require_kind("scenario", scenario, Scenario)
         kept = snapshot.check_scenario(scenario)
-        self.begin(k, scenario)  # model, floor and sensors, room for all pushes, and the pushes to come
+        self._assign(k, scenario)
+        self.core.assign(k, scenario)
+        self._bind_if_new()
         self._put_beside_arrays(k, snapshot)
         for name, array in self._arrays(k).items():
             if name.startswith("pushes."):
@@ -243,6 +248,11 @@ class GaitEpisodes(ABC, Generic[C]):
         self.core.step(gaits, asked)
         end_period(self._table, self._constants, gaits, self._ends)
         return self._period
+
+    def _bind_if_new(self) -> None:
+        """The core has new arrays where more pushes came than fitted."""
+        if self.robots is None or self.core.pushes.start is not self.robots.push_start:
+            self._bind()
 
     def _bind(self) -> None:
         """Write the address table anew."""

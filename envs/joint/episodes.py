@@ -176,9 +176,8 @@ class JointResidualEpisodes(OnJointsEpisodes):
         band = "without a gate" if self.gate is None else f"with the gate {self.gate.band}"
         return super()._made_for(scenario) | {"planner below": f"{self.policy} {band}"}
 
-    def begin(self, k: int, scenario: Scenario) -> None:
-        """As that of `GaitEpisodes`."""
-        super().begin(k, scenario)
+    def _assign(self, k: int, scenario: Scenario) -> None:
+        super()._assign(k, scenario)
         self._planned[k] = False
 
     def step(self, actions: NDArray[np.float32]) -> Period:

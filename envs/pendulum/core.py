@@ -61,9 +61,15 @@ class PendulumCore:
         self.margin = np.zeros(n)
         self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
 
+    def assign(self, k: int, scenario: Scenario) -> None:
+        """Give pendulum k the errors, the pushes and the changes of command of a scenario."""
+        assign_errors(self.errors, k, scenario, self.dt)
+        self.pushes = assign_pushes(self.pushes, k, scenario)
+        self.schedule = assign_changes(self.schedule, k, scenario)
+
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""
-        assign_errors(self.errors, k, scenario, self.dt)
+        self.assign(k, scenario)
         s = self.state
         for field in s:
             field[k] = 0
@@ -74,8 +80,6 @@ class PendulumCore:
         s.lift[k] = start.swing[0], sign * start.swing[1]
         s.plan[k] = gait
         self.command[k, :2], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
-        self.pushes = assign_pushes(self.pushes, k, scenario)
-        self.schedule = assign_changes(self.schedule, k, scenario)
         self._look(k, k + 1)
 
     def gaits(self, actions: NDArray[Any]) -> Array:

@@ -72,14 +72,18 @@ def has_tiles(model: mujoco.MjModel) -> bool:
 
 
 def connect_floor(
-    floors: Floor, k: int, robot: CompiledRobot, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array
+    floors: Floor, k: int, robot: CompiledRobot, model: mujoco.MjModel, data: mujoco.MjData
 ) -> None:
-    """Let the boxes of robot k's own model follow its feet, from a posture (nq,) on."""
+    """Let the boxes of robot k's own model follow its feet."""
     first = model.geom(FIRST_TILE).id
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
     feet = [data.geom_xpos[model.geom(foot).id].ctypes.data for foot in robot.plan.sole_boxes]
     floors.places[k] = [model.geom_pos[first:].ctypes.data, *feet]
+
+
+def lay_floor(floors: Floor, k: int, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
+    """Put the boxes of robot k, which `connect_floor` knows, under its feet in a posture (nq,)."""
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
     place_tiles(floors, k)
 
 
