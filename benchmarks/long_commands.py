@@ -18,13 +18,16 @@ TRAINING = (
 )  # fmt: skip
 # The recipes of a shipped policy would take an hour: their names stand for short runs here.
 SHORT_RECIPE = """
-from dataclasses import replace
-from push_recovery.eval.cli.main import main
-from push_recovery.training.recipes import RECIPES
-RECIPES["residual"] = replace(
-    RECIPES["residual"], timesteps=1024, n_envs=8, n_steps=32, walks=8, checkpoint_every=256,
-    evaluate_every=512, evaluation_scenarios=8)
-raise SystemExit(main())
+from push_recovery.eval.cli import main as command_line
+def shortened(argv, run=command_line._run):  # within `main`, which turns Ctrl-C into an exit code
+    from dataclasses import replace
+    from push_recovery.training.recipes import RECIPES
+    RECIPES["residual"] = replace(
+        RECIPES["residual"], timesteps=1024, n_envs=8, n_steps=32, walks=8, checkpoint_every=256,
+        evaluate_every=512, evaluation_scenarios=8)
+    return run(argv)
+command_line._run = shortened
+raise SystemExit(command_line.main())
 """
 ROLLOUT = 256  # timesteps; a run that was interrupted within one ends less than one later
 MODULE = ("-m", "push_recovery")

@@ -92,6 +92,13 @@ class PresetFile:
                 sections[name] = {**sections.get(name, {}), **values}
         return sections
 
+    @property
+    def made_for(self) -> Values | None:
+        """Field of `RobotModel` -> value of the robot that it is for, by it or its base; None: for any."""
+        if "robot" in self.found or self.base == NEUTRAL:
+            return self.found.get("robot")
+        return named_preset(self.base).made_for
+
     def has_own_robot(self, arm: str) -> bool:
         """Whether an arm walks another robot, or another timing of its touchdown, than the common one."""
         delays = self.config(arm).touchdown_delay, self.config().touchdown_delay

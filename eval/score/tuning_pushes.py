@@ -11,6 +11,7 @@ from functools import cache
 
 from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.model.robot import RobotModel
+from ...controllers.model.similarity import SAME, Similarity
 from ...controllers.validation import require_choice
 from ...envs.episode.profile import EXACT, HARDWARE, Profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -18,7 +19,7 @@ from ...envs.scenario.physics_options import PhysicsOptions
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
 from .stratified import BLOCK, stratified_scenario, stratified_uniforms
-from .suites import Suite
+from .suites import Suite, of_size
 from .varied import varied_scenarios
 
 TUNING, VARIED = "tuning", "tuning-varied"
@@ -73,19 +74,25 @@ DRAWN: dict[str, Callable[[str, int], list[Scenario]]] = {TUNING: _pelvis_pushes
 
 
 @cache
-def tuning_suite(name: str, scenarios: int, errors: ModelErrors = EXACT_MODEL) -> Suite:
-    """The first `scenarios` of a suite of SEEDS; every whole block of 256 is stratified.
+def tuning_suite(
+    name: str,
+    scenarios: int,
+    errors: ModelErrors = EXACT_MODEL,
+    robot: tuple[str, Similarity] = ("biped", SAME),
+) -> Suite:
+    """The first `scenarios` of a suite of SEEDS, for a robot of a name and size.
 
-    With `errors`, every second robot is off by them, half of these with the mass error negated.
+    Every whole block of 256 is stratified. With `errors`, every second robot is off by them, half of these
+    with the mass error negated.
 
     Raises:
         UnknownNameError: listing the valid names.
     """
     require_choice("tuning suite", name, list(SEEDS))
     kind = name.removesuffix(held_out_of(""))
-    drawn, version = DRAWN[kind](name, scenarios), VERSIONS[kind]
+    suite = of_size(Suite(name, VERSIONS[kind], tuple(DRAWN[kind](name, scenarios))), *robot)
     if errors == EXACT_MODEL:
-        return Suite(name, version, tuple(drawn))
+        return suite
     both = errors, replace(errors, mass=-errors.mass)
-    spoilt = [replace(s, errors=both[i // 2 % 2]) if i % 2 else s for i, s in enumerate(drawn)]
-    return Suite(f"{name}-half-{'-'.join(errors.names)}", version, tuple(spoilt))
+    spoilt = [replace(s, errors=both[i // 2 % 2]) if i % 2 else s for i, s in enumerate(suite.scenarios)]
+    return Suite(f"{suite.name}-half-{'-'.join(errors.names)}", suite.version, tuple(spoilt))

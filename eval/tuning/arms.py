@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import default_directory
 from ..processes.writer import Writer
 from ..rollout.environments import code_digest
-from .candidate import space_of
+from .candidate import space_of, whose
 from .settings import TuningSettings
 from .study import OnTrial, Study, tune
 
@@ -36,6 +36,10 @@ def place_of(settings: TuningSettings, policies: Sequence[str]) -> Path:
     return default_directory("tune", _configuration(settings, policies))
 
 
+def nothing() -> None:
+    """Tell nobody."""
+
+
 def tune_arms(
     settings: TuningSettings,
     policies: Sequence[str],
@@ -44,6 +48,7 @@ def tune_arms(
     directory: Path | None = None,
     overwrite: bool = False,
     on_trial: Mapping[str, OnTrial] | None = None,
+    on_begin: Callable[[], object] = nothing,
 ) -> ArmStudies:
     """Search for each arm in a directory of its own name; what is there already is not run again.
 
@@ -55,6 +60,7 @@ def tune_arms(
         directory: of the arms' directories and of preset.json; by default under runs/.
         overwrite: start over where a directory holds trials.
         on_trial: by arm, called after each of its trials.
+        on_begin: called once the directory is this run's.
 
     Raises:
         PushRecoveryError: unknown names, impossible values, a directory of another study, or one to which
@@ -63,6 +69,7 @@ def tune_arms(
     each = check_arms(settings, policies)
     directory = directory or place_of(settings, list(each))
     with Writer(directory):
+        on_begin()
         studies = {
             name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
             for name, own in each.items()
@@ -90,7 +97,8 @@ def _merged(settings: TuningSettings, studies: Mapping[str, Study]) -> PresetFil
     """The start with the arms' own settings of every study put in."""
     start = load_preset(settings.preset)
     arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
-    return replace(start, arms=arms, found={name: study.preset.found for name, study in studies.items()})
+    found = {name: study.preset.found for name, study in studies.items()}
+    return replace(start, arms=arms, found={**whose(start), **found})
 
 
 def _configuration(settings: TuningSettings, policies: Sequence[str]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The fields of planner and biped that are tuned, with bounds and units.
+"""The fields of planner and biped that are tuned, with bounds and units; `space_of` scales those of robots.
 
 Left out are weights that only scale a whole cost (alpha_step, beta_cop, com_price), what another field
 implies (freeze, which is the gait machine's commit), hardware, numerical constants and switches.
@@ -106,6 +106,8 @@ ROBOT = (
     _price("height_price"), _price("pelvis_price"), _price("heading_price"), _price("swing_price"),
     _price("swing_turn_price"), _price("waist_price"),
 )  # fmt: skip
+
+OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
 
 
 def planner_dimensions(policy: str) -> tuple[Dimension, ...]:

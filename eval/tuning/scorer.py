@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from contextlib import closing
+from functools import cache, lru_cache
 from pathlib import Path
 from types import TracebackType
+from typing import Any
+
+import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.policies.arms import make_policy
@@ -17,11 +21,11 @@ from ...envs.scenario.scenario import Scenario
 from ..processes.cluster import RayWorkers
 from ..processes.pool import Pool
 from ..rollout.batch import rollout_batch
+from ..rollout.environments import EnvName, env_ids, make_env
 from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
-TUNED_ENVS = (BIPED, PENDULUM)
 Job = tuple[str, str, str, bytes, Sequence[Scenario]]  # arguments of `run_scenarios`
 RECOVERED, STANDING, FALLEN = 1.0, 0.5, 0.0  # worth of an episode; standing without having settled
 
@@ -34,17 +38,36 @@ def worth(outcome: Outcome) -> float:
 
 
 def check_env(env_id: str) -> str:
-    """The id of an environment whose planner can be tuned; raises UnknownNameError for another one."""
-    name = env_id.removeprefix("push_recovery:")
-    if name not in TUNED_ENVS:
-        raise UnknownNameError("environment to tune", env_id, TUNED_ENVS)
-    return name
+    """The id of an environment whose planner can be tuned: the pendulum's, or that of a robot's gait.
+
+    Raises:
+        UnknownNameError: there is none, or it is one of a form that has no planner, or another below.
+        InvalidValueError: it names a preset, or the robot cannot be loaded.
+    """
+    name = EnvName.parse(env_id)
+    if name.preset:
+        raise InvalidValueError(f"a study starts at a preset of its own: say --preset {name.preset}")
+    own_episodes(env_id)  # which registers the id
+    tuned = {gym.spec(own).entry_point for own in (BIPED, PENDULUM)}
+    if gym.spec(name.full_id).entry_point not in tuned:
+        valid = [own for own in env_ids() if gym.spec(own).entry_point in tuned]
+        raise UnknownNameError("environment to tune", env_id, valid)
+    return env_id.removeprefix("push_recovery:")
+
+
+@cache
+def own_episodes(env_id: str) -> GaitEpisodes:
+    """Episodes of one robot of an environment, with its own preset."""
+    with closing(make_env(env_id)) as env:
+        inner: Any = env.unwrapped
+        return inner.episodes
 
 
 def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisodes:
     """Episodes of n robots of an environment with a preset, by name or file, that a policy walks."""
-    if env_id == BIPED:
-        return BipedEpisodes(n, preset, arm=policy)
+    own = own_episodes(env_id)
+    if isinstance(own, BipedEpisodes):
+        return BipedEpisodes(n, preset, robot=own.description, arm=policy)
     return PendulumEpisodes(n, preset=preset)
 
 
@@ -84,7 +107,7 @@ class Scorer:
     """Runs one arm of one environment under preset files; a context manager.
 
     Args:
-        env_id: one of TUNED_ENVS.
+        env_id: for `check_env`.
         policy: name of the arm.
         workers: processes, or those of a Ray cluster; they change no result. One means this process.
     """

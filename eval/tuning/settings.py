@@ -10,7 +10,7 @@ from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..score.tuning_pushes import DRAWN, MOST, TUNING, VARIED
 from .dimensions import planner_dimensions
-from .scorer import BIPED, check_env
+from .scorer import PENDULUM, check_env, own_episodes
 
 SPACES = ("planner", "robot", "both")
 LEAST = 8  # scenarios
@@ -41,27 +41,25 @@ class TuningSettings:
         planner_dimensions(self.policy)  # knows the arms that can be tuned
         if self.space not in SPACES:
             raise UnknownNameError("space to tune", self.space, SPACES)
-        if self.space != "planner" and self.env_id != BIPED:
+        if self.space != "planner" and self.env_id == PENDULUM:
             raise InvalidValueError(
-                f"space {self.space!r} is that of {BIPED}; {self.env_id} has the space 'planner' only"
+                f"space {self.space!r} is that of robots; {PENDULUM} has the space 'planner' only"
             )
         require_integer("seed", self.seed)
         for name in ("scenarios", "held_out"):
             if not LEAST <= require_integer(name, getattr(self, name)) <= MOST:
                 raise InvalidValueError(f"{name} must be in [{LEAST}, {MOST}], got {getattr(self, name)}")
         if not self.preset:
-            object.__setattr__(self, "preset", "biped" if self.env_id == BIPED else "default")
+            object.__setattr__(self, "preset", own_episodes(self.env_id).preset)
         self._check_suite()
 
     def _check_suite(self) -> None:
         if not self.suite:
-            plain = self.env_id != BIPED or self.errors != EXACT_MODEL
+            plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
             object.__setattr__(self, "suite", TUNING if plain else VARIED)
         require_choice("tuning suite", self.suite, list(DRAWN))
-        if self.suite == VARIED and self.env_id != BIPED:
-            raise InvalidValueError(
-                f"suite {VARIED!r} is that of {BIPED}; {self.env_id} takes {TUNING!r} only"
-            )
+        if self.suite == VARIED and self.env_id == PENDULUM:
+            raise InvalidValueError(f"suite {VARIED!r} is that of robots; {PENDULUM} takes {TUNING!r} only")
         if self.suite == VARIED and self.errors != EXACT_MODEL:
             raise InvalidValueError(
                 f"every second robot of suite {VARIED!r} has the errors of the profile hardware already, "

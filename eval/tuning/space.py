@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -35,6 +35,11 @@ class Dimension:
     def label(self) -> str:
         """Group and name, as options and tables call it."""
         return f"{self.group}.{self.name}"
+
+    def times(self, factor: float) -> Dimension:
+        """The same dimension of a robot whose value is so many times as large; the unit of a factor stays."""
+        unit = self.unit if self.scale == "log" else self.unit * factor
+        return replace(self, low=self.low * factor, high=self.high * factor, unit=unit)
 
     def coordinate(self, value: float, start: float) -> float:
         """Units from `start` to `value`."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import RowFile, default_directory
-from ..rollout.environments import code_digest
+from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
 from ..score.tuning_pushes import held_out_of, tuning_suite
 from .candidate import preset_of, space_of
@@ -76,8 +76,9 @@ def tune(
             another run is writing.
     """
     space = space_of(settings)
-    suite = tuning_suite(settings.suite, settings.scenarios, settings.errors)
-    held_out = tuning_suite(held_out_of(settings.suite), settings.held_out, settings.errors)
+    pushed = settings.errors, robot_of(settings.env_id)
+    suite = tuning_suite(settings.suite, settings.scenarios, *pushed)
+    held_out = tuning_suite(held_out_of(settings.suite), settings.held_out, *pushed)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
@@ -123,4 +124,5 @@ def configuration(settings: TuningSettings, space: Space, suites: tuple[Suite, .
     return {
         "format": FORMAT, "tune": settings.to_dict(), "start": start, "space": space.to_dict(),
         "suites": [suite.summary() for suite in suites], "code": code_digest(),
+        **preset_digest(settings.env_id),
     }  # fmt: skip

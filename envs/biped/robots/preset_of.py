@@ -21,7 +21,7 @@ def check_preset(preset: str, robot: RobotModel, limits: GaitLimits) -> None:
         robot: of the environment.
         limits: the preset's.
     """
-    made_for = load_preset(preset).found.get("robot")
+    made_for = load_preset(preset).made_for
     if isinstance(made_for, dict) and (told := differences(made_for, asdict(robot))):
         raise InvalidValueError(
             f"preset {preset!r} was made for another robot than the environment's: {told}"

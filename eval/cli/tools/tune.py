@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -65,7 +66,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
-        from ...output.progress import progress_bars
+        from ...output.progress import Bars, progress_bars
         from ...output.work import Work, about, robot_seconds
         from ...tuning.arms import check_arms, place_of, tune_arms
         from ...tuning.report import print_arms, summary
@@ -75,14 +76,21 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
         place = self.directory or place_of(self.settings, list(each))
         work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), place)
-        with progress_bars(list(each), self.trials, work) as bars:
+        bars: list[Bars] = []
 
-            def show(row: Row, best: Row, policy: str) -> None:
-                bars.set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
+        def show(row: Row, best: Row, policy: str) -> None:
+            bars[0].set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
 
-            shown = {name: partial(show, policy=name) for name in each}
+        with ExitStack() as stack:
             found = tune_arms(
-                self.settings, self.policies, self.trials, self.processes, place, self.overwrite, shown
+                self.settings,
+                self.policies,
+                self.trials,
+                self.processes,
+                place,
+                self.overwrite,
+                {name: partial(show, policy=name) for name in each},
+                lambda: bars.append(stack.enter_context(progress_bars(list(each), self.trials, work))),
             )
         if self.json:
             self.print_json(summary(found))

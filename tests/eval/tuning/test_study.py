@@ -125,11 +125,11 @@ def test_a_trial_at_another_point_is_refused(study, tmp_path):
     [
         ({"env_id": "PushRecovery/BipedResidual-v0"}, "unknown environment to tune 'PushRecovery/BipedRes"),
         ({"space": "all"}, r"^unknown space to tune 'all' \(valid: planner, robot, both\)$"),
-        ({"space": "both"}, f"^space 'both' is that of {BIPED}; {PENDULUM} has the space 'planner' only$"),
+        ({"space": "both"}, f"^space 'both' is that of robots; {PENDULUM} has the space 'planner' only$"),
         ({"scenarios": 4}, r"scenarios must be in \[8, 1024\], got 4"),
         ({"held_out": 1025}, r"held_out must be in \[8, 1024\], got 1025"),
         ({"suite": "hard"}, r"^unknown tuning suite 'hard' \(valid: tuning, tuning-varied\)$"),
-        ({"suite": "tuning-varied"}, f"^suite 'tuning-varied' is that of {BIPED}; {PENDULUM} takes 'tu"),
+        ({"suite": "tuning-varied"}, f"^suite 'tuning-varied' is that of robots; {PENDULUM} takes 'tu"),
         ({"seed": -1}, "seed must be an integer >= 0, got -1"),
     ],
 )  # fmt: skip

@@ -1,0 +1,94 @@
+"""A robot of another size, and without a waist: what is searched, on which pushes, and whose preset it is."""
+
+import json
+from importlib.util import find_spec
+
+import gymnasium as gym
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
+from push_recovery.eval.rollout.environments import robot_of
+from push_recovery.eval.score.tuning_pushes import tuning_suite
+from push_recovery.eval.tuning.arms import tune_arms
+from push_recovery.eval.tuning.candidate import preset_of, space_of
+from push_recovery.eval.tuning.scorer import check_env
+from push_recovery.eval.tuning.settings import TuningSettings
+
+pytestmark = pytest.mark.skipif(
+    any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"
+)
+T1 = "PushRecovery/T1-v0"
+MASS, HEIGHT = 31.614357 / 60.0, 0.54 / 0.8  # of T1, over the biped's
+
+
+@pytest.fixture(scope="module")
+def both():
+    fields = "planner", "limits", "gait", "gains", "bounds"
+    settings = [TuningSettings(env, "two-stage", "both", fields) for env in (T1, "PushRecovery/Biped-v0")]
+    return [{dimension.label: dimension for dimension in space_of(own).dimensions} for own in settings]
+
+
+def test_it_starts_at_its_own_preset():
+    settings = TuningSettings(T1, "two-stage", "both")
+    assert (settings.preset, settings.suite) == ("t1", "tuning-varied")
+    space = space_of(settings)
+    start = space.settings([0.0] * len(space.dimensions))
+    assert start["gains"]["swing_max"] == load_preset("t1").robot()["gains"]["swing_max"]
+    assert start["planner"]["alpha_duration"] == load_preset("t1").config("two-stage").alpha_duration
+
+
+def test_bounds_and_units_are_as_much_larger_as_its_own_values(both):
+    t1, biped = both
+    apex = load_preset("t1").robot()["gait"]["apex"] / load_preset("biped").robot()["gait"]["apex"]
+    assert t1["gait.apex"].low == pytest.approx(apex * 0.02, rel=1e-6)
+    assert t1["gait.apex"].high == pytest.approx(apex * 0.12, rel=1e-6)
+    assert t1["gait.apex"].unit == pytest.approx(apex * 0.006, rel=1e-6)
+    shortest = [load_preset(name).robot()["limits"]["length_min"] for name in ("t1", "biped")]
+    assert t1["limits.length_min"].low == pytest.approx(shortest[0] / shortest[1] * -0.55, rel=1e-6)
+    assert t1["gains.swing_kp"].unit == biped["gains.swing_kp"].unit == 1.2  # a factor
+    assert t1["bounds.friction"] == biped["bounds.friction"]  # a pure number that both have alike
+
+
+def test_without_a_waist_nothing_of_a_trunk_is_searched(both):
+    t1, biped = both
+    assert set(biped) - set(t1) == {
+        "planner.beta_trunk", "planner.beta_trunk_rate", "planner.beta_trunk_angle",
+        "planner.beta_trunk_limit", "planner.trunk_gravity", "planner.tail_sampling_time",
+        "bounds.waist_price",
+    }  # fmt: skip
+    assert set(t1) < set(biped)
+
+
+def test_what_is_found_is_its_own_on_pushes_of_its_size(tmp_path):
+    settings = TuningSettings(
+        T1, "stage-1", only=("planner.push_threshold", "planner.push_carry"), scenarios=8, held_out=8
+    )
+    found = tune_arms(settings, ["stage-1"], 1, directory=tmp_path)
+    config = json.loads((tmp_path / "stage-1" / "config.json").read_text())
+    names = [suite["name"] for suite in config["suites"]]
+    assert names == ["tuning-varied@t1", "tuning-varied-held-out@t1"]
+    gym.make(f"push_recovery:{T1}", preset=str(found.path)).close()
+    with pytest.raises(InvalidValueError, match=r"mass 31.61 there and 60 here"):
+        gym.make("push_recovery:PushRecovery/Biped-v0", preset=str(found.path))
+    with pytest.raises(InvalidValueError, match=r"mass 31.61 there and 60 here"):
+        gym.make("push_recovery:PushRecovery/Biped-v0", preset=str(found.studies["stage-1"].path))
+    again = TuningSettings(T1, "stage-1", preset=str(found.path), scenarios=8)
+    assert preset_of(again, {}).made_for == load_preset("t1").made_for
+
+
+def test_pushes_go_with_mass_and_times_with_the_root_of_the_height():
+    ours, theirs = tuning_suite("tuning", 8), tuning_suite("tuning", 8, robot=robot_of(T1))
+    for a, b in zip(ours.scenarios, theirs.scenarios, strict=True):
+        assert b.pushes[0].force == pytest.approx([MASS * force for force in a.pushes[0].force])
+        assert b.pushes[0].duration == pytest.approx(HEIGHT**0.5 * a.pushes[0].duration)
+        assert b.settle_time == pytest.approx(HEIGHT**0.5 * a.settle_time)
+
+
+def test_forms_without_a_planner_of_their_own_and_presets_in_the_name_are_refused():
+    with pytest.raises(UnknownNameError, match="environment to tune 'PushRecovery/T1Residual-v0'"):
+        check_env("PushRecovery/T1Residual-v0")
+    with pytest.raises(UnknownNameError, match="environment to tune 'PushRecovery/BipedJoint-v0'"):
+        check_env("PushRecovery/BipedJoint-v0")
+    with pytest.raises(InvalidValueError, match=r"^a study starts at a preset of its own: say --preset t1$"):
+        check_env(f"{T1}@t1")
