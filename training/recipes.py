@@ -16,6 +16,8 @@ RESIDUAL = TrainingSettings("residual")
 # What corrects torques has to know how to turn by itself
 TURNING = replace(TRAINING_PUSHES, turn=FASTEST_TURN)
 JOINT_RESIDUAL = TrainingSettings("joint-residual", pushes=TURNING, log_std=-2.5, gamma=0.995)
+# An action on joints lasts half as long: as many seconds of simulation as `residual` has
+LONG = 8_000_000
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`
@@ -28,7 +30,7 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
     # Imitation only: PPO has made it worse (docs/imitation.md)
     "joint": TrainingSettings("joint", policy_layers=(256, 256), timesteps=0),
-    "joint-residual": JOINT_RESIDUAL,
+    "joint-residual": replace(JOINT_RESIDUAL, timesteps=LONG),
     "joint-residual-hardware": replace(
         JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),
         value_first=100_000, learning_rate=2e-4, timesteps=2_000_000,
