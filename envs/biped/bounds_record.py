@@ -81,8 +81,14 @@ class BoundsReport(NamedTuple):
 
 
 def plan_bounds(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, final: float) -> Array:
-    """`PlanBounds` as an array (EDGES,); a step is final from `final` [s] before T on."""
-    inertia = robot.trunk_inertia
+    """`PlanBounds` as an array (EDGES,); a step is final from `final` [s] before T on.
+
+    A robot without a waist meets no bound of the trunk.
+    """
+    acceleration, gravity, torque, lean = np.inf, 0.0, np.inf, np.inf
+    if robot.trunk_pitch or robot.trunk_roll:
+        acceleration, gravity = limits.trunk_acceleration_max, config.trunk_gravity / robot.trunk_inertia
+        torque, lean = robot.trunk_torque_max / robot.trunk_inertia, LEAN_SHARE * robot.trunk_angle_max
     return np.array(
         PlanBounds(
             length_min=limits.length_min,
@@ -92,10 +98,10 @@ def plan_bounds(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, fi
             duration_min=limits.duration_min,
             cop_x_max=limits.cop_x_max - config.cop_margin_x,
             cop_y_max=limits.cop_y_max - config.cop_margin_y,
-            trunk_acceleration_max=limits.trunk_acceleration_max,
-            gravity=config.trunk_gravity / inertia,
-            torque=robot.trunk_torque_max / inertia,
-            lean=LEAN_SHARE * robot.trunk_angle_max,
+            trunk_acceleration_max=acceleration,
+            gravity=gravity,
+            torque=torque,
+            lean=lean,
             swing_acceleration=config.swing_acceleration,
             final=final,
         )

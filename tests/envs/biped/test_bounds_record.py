@@ -1,6 +1,7 @@
 """Which bounds a biped meets, each by the smallest change that meets it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,17 @@ def test_a_plan_meets_the_bound_that_it_lies_on_and_no_other(index, bound, sign,
     assert plan_bits() == 0
     assert plan_bits([(index, bound)]) == bit
     assert plan_bits([(index, bound - sign * 0.02)]) == 0
+
+
+def test_without_a_waist_no_bound_of_a_trunk_is_met():
+    leaning, bent = OBSERVATION.copy(), MIDDLE.copy()
+    leaning[15:17] = 1.0
+    bent[5:] = BIPED_LIMITS.trunk_acceleration_max
+    met = bits.TRUNK_TORQUE | bits.TRUNK_LEAN
+    for waist, expected in (((False, False), 0), ((True, False), met), ((False, True), met)):
+        robot = replace(BIPED, trunk_pitch=waist[0], trunk_roll=waist[1])
+        edges = record_of.plan_bounds(robot, BIPED_LIMITS, preset_config("biped"), FINAL)
+        assert record_of.plan_bounds_met(leaning, bent, 0, edges) == expected
 
 
 def test_the_step_is_as_soon_as_the_swing_foot_allows():
