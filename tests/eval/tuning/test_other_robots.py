@@ -6,7 +6,7 @@ from importlib.util import find_spec
 import gymnasium as gym
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.controllers.settings.presets import PresetFile, load_preset
 from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
 from push_recovery.eval.rollout.environments import robot_of
 from push_recovery.eval.score.tuning_pushes import tuning_suite
@@ -47,7 +47,12 @@ def test_bounds_and_units_are_as_much_larger_as_its_own_values(both):
     shortest = [load_preset(name).robot()["limits"]["length_min"] for name in ("t1", "biped")]
     assert t1["limits.length_min"].low == pytest.approx(shortest[0] / shortest[1] * -0.55, rel=1e-6)
     assert t1["gains.swing_kp"].unit == biped["gains.swing_kp"].unit == 1.2  # a factor
-    assert t1["bounds.friction"] == biped["bounds.friction"]  # a pure number that both have alike
+
+
+def test_a_field_that_is_zero_keeps_the_bipeds_bounds(both, tmp_path):
+    PresetFile("t1", biped={"gait": {"early": 0.0}}).save(tmp_path / "late.json")
+    settings = TuningSettings(T1, "two-stage", "both", ("gait.early",), str(tmp_path / "late.json"))
+    assert space_of(settings).dimensions == (both[1]["gait.early"],)
 
 
 def test_without_a_waist_nothing_of_a_trunk_is_searched(both):
