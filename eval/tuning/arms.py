@@ -36,10 +36,6 @@ def place_of(settings: TuningSettings, policies: Sequence[str]) -> Path:
     return default_directory("tune", _configuration(settings, policies))
 
 
-def nothing() -> None:
-    """Tell nobody."""
-
-
 def tune_arms(
     settings: TuningSettings,
     policies: Sequence[str],
@@ -48,7 +44,7 @@ def tune_arms(
     directory: Path | None = None,
     overwrite: bool = False,
     on_trial: Mapping[str, OnTrial] | None = None,
-    on_begin: Callable[[], object] = nothing,
+    on_begin: Callable[[], object] = lambda: None,
 ) -> ArmStudies:
     """Search for each arm in a directory of its own name; what is there already is not run again.
 
