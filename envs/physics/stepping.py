@@ -41,6 +41,7 @@ LEFT = MEASURED[len(STATE) :]  # what mj_step2 leaves and mj_step1 does not comp
 SIZES = ("ngeom", "npair", "nbvh", "nbvhdynamic", "narena")  # of a model that its data depend on
 STEP = ("mj_step2", "mj_step1")
 INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
+AS_SIMULATED = mujoco.mjtDisableBit.mjDSBL_AUTORESET.value | mujoco.mjtDisableBit.mjDSBL_ISLAND.value
 BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of all mj_rne
 
 
@@ -192,9 +193,12 @@ class Simulations:
 
 
 def simulated(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy in whose state not-a-number stays, where MuJoCo would begin anew in silence."""
+    """A copy in whose state not-a-number stays, where MuJoCo would begin anew in silence.
+
+    A robot is one island of constraints, so that nothing is looked for besides; the steps have the same bits.
+    """
     model = copy.copy(model)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
+    model.opt.disableflags |= AS_SIMULATED
     return model
 
 
