@@ -67,11 +67,12 @@ def _shaped(robot: CompiledRobot, uneven: bool, collisions: bool) -> mujoco.MjMo
     """The robot over tiles, with collisions, or both; never modified."""
     if not uneven and not collisions:
         return robot.model
-    spec = robot.description.spec()
+    solid = robot.description.solid if collisions else None
+    spec = (solid or robot.description.spec)()
     if uneven:
         add_tiles(spec, robot.plan)
     if collisions:
-        add_collisions(spec, robot.plan)
+        add_collisions(spec, robot)
     return robot.compiled(spec)
 
 

@@ -38,6 +38,7 @@ class RobotDescription:
     preset: str = "biped"  # settings of planner, gait machine and whole-body control, by name or file
     model: RobotModel | None = None  # what the planner knows of it; None: read from the compiled model
     looks: Callable[[], mujoco.MjSpec] | None = None  # the same robot for the eye; None: as in the physics
+    solid: Callable[[], mujoco.MjSpec] | None = None  # with all shapes that may collide; None: it has them
 
     def __post_init__(self) -> None:
         require_number("RobotDescription.com_height [m]", self.com_height, 0.0, open_low=True)

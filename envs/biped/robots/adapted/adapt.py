@@ -10,7 +10,7 @@ import mujoco
 
 from .....controllers.errors import InvalidValueError, UnknownNameError
 from ..description import RobotDescription
-from .bare import drop_shapes
+from .bare import NONE, SOLID, VISUAL, drop_shapes
 from .feet import add_feet
 from .joints import add_motors, fix_joints, largest_torques
 from .model_place import read_model
@@ -21,10 +21,10 @@ from .sketch import can_be_shown, draw_limbs
 
 @dataclass(frozen=True)
 class AdaptedSpec:
-    """Makes the spec of a robot file, each time a fresh one; with the model's own shapes to be looked at."""
+    """Makes the spec of a robot file, each time a fresh one, with the model's own shapes of a kind."""
 
     robot: RobotFile
-    visual: bool = False
+    shapes: str = NONE  # or VISUAL or SOLID
 
     def __call__(self) -> mujoco.MjSpec:
         """The spec.
@@ -35,7 +35,7 @@ class AdaptedSpec:
         robot, spec = self.robot, read_model(self.robot.model)
         spec.compiler.discardvisual = False  # as it is for a URDF, whose floor would go
         torques = largest_torques(spec)
-        shapes = self.visual and can_be_shown(spec)
+        shapes = self.shapes if can_be_shown(spec) else NONE
         drop_shapes(spec, shapes, dict(robot.fixed))
         add_root(spec, robot.plan.pelvis)
         fix_joints(spec, robot.fixed)
@@ -44,7 +44,7 @@ class AdaptedSpec:
         add_motors(spec, robot, torques)
         set_options(spec)
         add_world(spec)
-        if self.visual and not shapes:
+        if self.shapes != shapes:  # which cannot be read
             draw_limbs(spec)
         add_feet(spec, robot)
         return spec
@@ -85,7 +85,8 @@ def description_of(robot: RobotFile) -> RobotDescription:
         robot.plan,
         robot.com_height,
         robot.preset,
-        looks=AdaptedSpec(robot, True),
+        looks=AdaptedSpec(robot, VISUAL),
+        solid=AdaptedSpec(robot, SOLID),
     )
 
 

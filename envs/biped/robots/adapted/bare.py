@@ -1,4 +1,4 @@
-"""A model without its shapes: meshes are for the eye, and the physics needs none of them."""
+"""A model without its shapes, or with those alone that are looked at or that collide."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import mujoco
 from .....controllers.errors import InvalidValueError
 
 SHAPES = 1e-12  # least mass of a body that counts [kg]
+NONE, VISUAL, SOLID = "none", "visual", "solid"  # shapes that are left: those for the eye, or that collide
+HULL = 32  # corners of the convex hull that a mesh collides with, at most
 VISUAL_GROUP = 1  # of the shapes that are drawn
 COLLISION_GROUPS = (3, 4, 5)  # of the shapes that models draw on demand only
 
 
-def drop_shapes(spec: mujoco.MjSpec, keep_visual: bool = False, fixed: Collection[str] = ()) -> None:
-    """Take all shapes out of a model, or leave those that are for the eye and let nothing touch them.
+def drop_shapes(spec: mujoco.MjSpec, left: str = NONE, fixed: Collection[str] = ()) -> None:
+    """Take shapes out of a model but for those of a kind that are `left`, and let nothing touch any of them.
 
     Masses and inertias stay; where the model takes them from its shapes they are written down before. What
     couples the `fixed` joints to each other goes with them.
@@ -32,18 +34,24 @@ def drop_shapes(spec: mujoco.MjSpec, keep_visual: bool = False, fixed: Collectio
             "joints that follow others may be named in 'fixed' with them"
         )
     write_inertias(spec)
+    paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     things = spec.sensors, spec.keys, spec.pairs, spec.excludes, spec.actuators, spec.lights, spec.sites
     for part in chain(*things):
         spec.delete(part)
     for geom in list(spec.geoms):
-        if not keep_visual or geom.parent.name == "world" or geom.group in COLLISION_GROUPS:
+        solid = bool(geom.contype or geom.conaffinity) or geom.name in paired
+        wanted = solid if left == SOLID else geom.group not in COLLISION_GROUPS
+        if left == NONE or geom.parent.name == "world" or not wanted:
             spec.delete(geom)
             continue
         geom.contype = geom.conaffinity = 0
         geom.group = VISUAL_GROUP
-    if not keep_visual:
+    if left == NONE:
         for part in (*spec.meshes, *spec.materials, *spec.textures):
             spec.delete(part)
+    if left == SOLID:
+        for mesh in spec.meshes:
+            mesh.maxhullvert = HULL
 
 
 def write_inertias(spec: mujoco.MjSpec) -> None:
