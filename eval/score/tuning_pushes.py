@@ -1,4 +1,4 @@
-"""Pushes to tune on, from seeds of their own: of every kind under three profiles, or at the pelvis alone.
+"""Pushes to tune on, from seeds of their own: of every kind, at the pelvis alone, or punches of the tour.
 
 Of each there are two suites: one that a search meets, and one that is held out for what it has found.
 """
@@ -13,21 +13,24 @@ from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.model.robot import RobotModel
 from ...controllers.model.similarity import SAME, Similarity
 from ...controllers.validation import require_choice
+from ...envs.biped.robots.compiled_robot import CompiledRobot
 from ...envs.episode.profile import EXACT, HARDWARE, Profile
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.physics_options import PhysicsOptions
 from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.scenario.scenario import Scenario
+from ..protocols.excerpts import excerpt
 from .stratified import BLOCK, stratified_scenario, stratified_uniforms
-from .suites import Suite, of_size
+from .suites import OF_ROBOT, Suite, of_size
 from .varied import varied_scenarios
 
-TUNING, VARIED = "tuning", "tuning-varied"
-VERSIONS = {TUNING: "1", VARIED: "2"}
+TUNING, VARIED, PUNCHES = "tuning", "tuning-varied", "tuning-punches"
+VERSIONS = {TUNING: "1", VARIED: "2", PUNCHES: "1"}
 SEEDS = {
     TUNING: 20260401, f"{TUNING}-held-out": 20260402,
     VARIED: 20261203, f"{VARIED}-held-out": 20261204,
 }  # fmt: skip
+FIRST_RUN = {PUNCHES: 3000, f"{PUNCHES}-held-out": 5000}  # of the tour, whose protocol has 0-63
 BLOCKS = 4
 MOST = BLOCKS * BLOCK  # scenarios of a suite
 SHARE = (0.4, 2.0)  # of F*, whose step box is the paper's: on the biped about half is lost
@@ -71,6 +74,7 @@ def _varied_pushes(name: str, scenarios: int) -> list[Scenario]:
 
 
 DRAWN: dict[str, Callable[[str, int], list[Scenario]]] = {TUNING: _pelvis_pushes, VARIED: _varied_pushes}
+TUNING_SUITES = (*DRAWN, PUNCHES)
 
 
 @cache
@@ -91,6 +95,27 @@ def tuning_suite(
     require_choice("tuning suite", name, list(SEEDS))
     kind = name.removesuffix(held_out_of(""))
     suite = of_size(Suite(name, VERSIONS[kind], tuple(DRAWN[kind](name, scenarios))), *robot)
+    return _spoilt(suite, errors)
+
+
+def punched_suite(
+    name: str, scenarios: int, robot: CompiledRobot, errors: ModelErrors = EXACT_MODEL
+) -> Suite:
+    """The first `scenarios` of a suite of FIRST_RUN: excerpts of the tour, on a robot as the tour has them.
+
+    With `errors`, some robots are off as in `tuning_suite`.
+
+    Raises:
+        UnknownNameError: listing the valid names.
+    """
+    require_choice("tuning suite", name, list(FIRST_RUN))
+    first = FIRST_RUN[name]
+    drawn = tuple(excerpt(f"{name}-{i:04d}", first + i, robot) for i in range(scenarios))
+    return _spoilt(Suite(f"{name}{OF_ROBOT}{robot.description.name}", VERSIONS[PUNCHES], drawn), errors)
+
+
+def _spoilt(suite: Suite, errors: ModelErrors) -> Suite:
+    """The suite with errors of every second robot."""
     if errors == EXACT_MODEL:
         return suite
     both = errors, replace(errors, mass=-errors.mass)

@@ -8,7 +8,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ..score.tuning_pushes import DRAWN, MOST, TUNING, VARIED
+from ..score.tuning_pushes import MOST, PUNCHES, TUNING, TUNING_SUITES, VARIED
 from .dimensions import planner_dimensions
 from .scorer import PENDULUM, check_env, own_episodes
 
@@ -31,7 +31,7 @@ class TuningSettings:
     only: tuple[str, ...] = ()  # groups or fields of it; none: all of it
     preset: str = ""  # to start from, by name or file; the environment's own by default
     seed: int = 0
-    suite: str = ""  # one of `suite.DRAWN`; by default pushes of every kind where the robot takes them
+    suite: str = ""  # one of TUNING_SUITES; by default pushes of every kind where the robot takes them
     scenarios: int = 256  # of it
     held_out: int = 256  # of the one held out
     errors: ModelErrors = EXACT_MODEL  # of every second robot, see `tuning_suite`
@@ -57,9 +57,11 @@ class TuningSettings:
         if not self.suite:
             plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
             object.__setattr__(self, "suite", TUNING if plain else VARIED)
-        require_choice("tuning suite", self.suite, list(DRAWN))
-        if self.suite == VARIED and self.env_id == PENDULUM:
-            raise InvalidValueError(f"suite {VARIED!r} is that of robots; {PENDULUM} takes {TUNING!r} only")
+        require_choice("tuning suite", self.suite, list(TUNING_SUITES))
+        if self.suite in {VARIED, PUNCHES} and self.env_id == PENDULUM:
+            raise InvalidValueError(
+                f"suite {self.suite!r} is that of robots; {PENDULUM} takes {TUNING!r} only"
+            )
         if self.suite == VARIED and self.errors != EXACT_MODEL:
             raise InvalidValueError(
                 f"every second robot of suite {VARIED!r} has the errors of the profile hardware already, "

@@ -12,9 +12,10 @@ import numpy as np
 
 from ...controllers.settings.presets import PresetFile, load_preset
 from ..output.rows import RowFile, default_directory
+from ..protocols.watched import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
-from ..score.tuning_pushes import held_out_of, tuning_suite
+from ..score.tuning_pushes import PUNCHES, held_out_of, punched_suite, tuning_suite
 from .candidate import preset_of, space_of
 from .findings import findings
 from .scorer import Scorer
@@ -76,9 +77,8 @@ def tune(
             another run is writing.
     """
     space = space_of(settings)
-    pushed = settings.errors, robot_of(settings.env_id)
-    suite = tuning_suite(settings.suite, settings.scenarios, *pushed)
-    held_out = tuning_suite(held_out_of(settings.suite), settings.held_out, *pushed)
+    suite = _suite(settings, settings.suite, settings.scenarios)
+    held_out = _suite(settings, held_out_of(settings.suite), settings.held_out)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
@@ -95,6 +95,13 @@ def tune(
         study = Study(settings, space, rows, preset, directory)
         preset.save(study.path)
     return study
+
+
+def _suite(settings: TuningSettings, name: str, scenarios: int) -> Suite:
+    """The first scenarios of a suite, for the robot of the settings."""
+    if settings.suite == PUNCHES:
+        return punched_suite(name, scenarios, biped_of(settings.env_id), settings.errors)
+    return tuning_suite(name, scenarios, settings.errors, robot_of(settings.env_id))
 
 
 def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: OnTrial | None) -> list[Row]:

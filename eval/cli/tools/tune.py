@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 EPISODE = 6.5  # [s]
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
+PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-punches"]
 ERRORS = (
     "Model errors of every second robot; half of these robots have the mass error negated (docs/tuning.md)."
 )
@@ -35,9 +36,10 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
     """Groups or fields of the space, such as limits or gait.apex (by default all of it)."""
     trials: Count = field(default=100, metadata=within(1))
     """Number of trials of each planner."""
-    suite: Annotated[Literal["tuning", "tuning-varied"] | None, arg(help_behavior_hint="")] = None
+    suite: Annotated[PushesToTuneOn | None, arg(help_behavior_hint="")] = None
     """Pushes of the search: tuning has single pushes at the pelvis, tuning-varied has pushes of every kind
-    under both profiles (by default the latter on the biped)."""
+    under both profiles, tuning-punches has punches of the tour (docs/protocols.md) all over the robot (by
+    default tuning-varied on robots)."""
     scenarios: Count = field(default=256, metadata=within(8))
     """Number of scenarios of a trial that is not stopped early."""
     held_out: Count = field(default=256, metadata=within(8))

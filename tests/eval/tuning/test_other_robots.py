@@ -8,8 +8,9 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.settings.presets import PresetFile, load_preset
 from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
+from push_recovery.eval.protocols.watched import biped_of
 from push_recovery.eval.rollout.environments import robot_of
-from push_recovery.eval.score.tuning_pushes import tuning_suite
+from push_recovery.eval.score.tuning_pushes import punched_suite, tuning_suite
 from push_recovery.eval.tuning.arms import tune_arms
 from push_recovery.eval.tuning.candidate import preset_of, space_of
 from push_recovery.eval.tuning.scorer import check_env
@@ -97,3 +98,13 @@ def test_forms_without_a_planner_of_their_own_and_presets_in_the_name_are_refuse
         check_env("PushRecovery/BipedJoint-v0")
     with pytest.raises(InvalidValueError, match=r"^a study starts at a preset of its own: say --preset t1$"):
         check_env(f"{T1}@t1")
+
+
+def test_it_is_tuned_on_punches_of_the_tour(tmp_path):
+    fields, suite = ("planner.push_carry", "planner.push_threshold"), "tuning-punches"
+    settings = TuningSettings(T1, "stage-1", only=fields, suite=suite, scenarios=8, held_out=8)
+    found = tune_arms(settings, ["stage-1"], 1, directory=tmp_path).studies["stage-1"]
+    config = json.loads((tmp_path / "stage-1" / "config.json").read_text())
+    suites = [punched_suite(name, 8, biped_of(T1)) for name in (suite, f"{suite}-held-out")]
+    assert [(own["name"], own["sha256"]) for own in config["suites"]] == [(s.name, s.sha256) for s in suites]
+    assert found.start["score"] <= found.best["score"]
