@@ -20,6 +20,15 @@ JOINT_RESIDUAL = TrainingSettings("joint-residual", pushes=TURNING, log_std=-2.5
 LONG = 8_000_000
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
+# Half on the pelvis, where `hard` has them, the others where the tour's punches bring a G1 down
+ON_G1 = replace(
+    TRAINING_PUSHES, impulse_min=30.0,
+    bodies=(
+        *8 * ("pelvis",), *2 * ("trunk",), "left_foot", "right_foot",
+        *2 * ("link:left_elbow_joint",), "link:left_shoulder_yaw_joint",
+        *2 * ("link:right_elbow_joint",), "link:right_shoulder_yaw_joint",
+    ),
+)  # fmt: skip
 RECIPES = {  # in the order of `eval.shipped.names.NAMES`
     "residual": RESIDUAL,
     **{f"residual-seed{seed}": replace(RESIDUAL, seed=seed) for seed in range(1, 5)},
@@ -35,7 +44,7 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
         JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),
         value_first=100_000, learning_rate=2e-4, timesteps=2_000_000,
     ),
-    "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0"),
+    "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),
 }  # fmt: skip
 
 
