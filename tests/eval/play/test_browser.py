@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser.app import PHONE_LOOK_AT, camera_axes  # noqa: E402
+from push_recovery.eval.play.browser.app import PHONE_CAMERA, PHONE_LOOK_AT, camera_axes  # noqa: E402
 from push_recovery.eval.play.browser.gate import Gate  # noqa: E402
 from push_recovery.eval.play.browser.open import open_app  # noqa: E402
 from push_recovery.eval.play.drag import IMPULSE_PER_METRE, metres_per_pixel  # noqa: E402
@@ -166,7 +166,12 @@ def test_on_a_phone_the_robot_is_above_the_panel(played):
     wait(played.app, lambda: set(server.get_clients()) - others, "the phone's connection")
     (new,) = set(server.get_clients()) - others
     camera = server.get_clients()[new].camera
-    wait(played.app, lambda: np.allclose(camera.look_at, PHONE_LOOK_AT, atol=1e-3), "the phone's camera")
+    told = [PHONE_CAMERA, PHONE_LOOK_AT]
+    wait(
+        played.app,
+        lambda: np.allclose([camera.position, camera.look_at], told, atol=1e-3),
+        "the phone's camera",
+    )
     name = on_the_screen(camera, (0.0, 0.0, played.app._pelvis[2] + 0.75), PHONE)
     floor = on_the_screen(camera, (0.0, 0.0, 0.0), PHONE)
     assert name[1] > 0.05 * PHONE[1]
