@@ -5,16 +5,16 @@ Their run ids are none of the protocol's, so what is tuned on them has met none 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...controllers.model.similarity import Similarity
 from ...envs.biped.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.command import FASTEST_TURN, Command
-from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
 from .follower import FASTEST_X, FASTEST_Y, SLOWEST_X
-from .places import places_of
-from .tour import PUNCH_DURATION, force_share, punches
+from .tour import tour_scenario
 
 TAKEN = (12, 14, 16)  # punches of a run, all under the whole ceiling
 FIRST, APART, SPREAD = 1.0, 2.5, 0.3  # when the first comes, how far apart they are, drawn later by up to [s]
@@ -24,14 +24,9 @@ IN_PLACE, STRAIGHT, KINDS = 0, 1, 4  # of commands; the others are of everything
 
 def excerpt(scenario_id: str, run_id: int, robot: CompiledRobot) -> Scenario:
     """Punches of a run on a robot told to turn in place, to walk straight on, or all at once."""
-    rng, found, places = np.random.default_rng(run_id), punches(run_id), places_of(robot)
-    share, pushes = force_share(robot.robot), []
-    for i, number in enumerate(TAKEN):
-        joint, direction, force = found[number]
-        x, y, z = (round(force * share * part, 3) + 0.0 for part in direction)
-        start = round(FIRST + APART * i + SPREAD * float(rng.random()), 4)
-        body, offset = places[joint]
-        pushes.append(Push((x, y, z), PUNCH_DURATION, start, body, offset))
+    rng, whole = np.random.default_rng(run_id), tour_scenario(run_id, robot)
+    starts = [round(FIRST + APART * i + SPREAD * float(rng.random()), 4) for i in range(len(TAKEN))]
+    pushes = [replace(whole.pushes[i], start=start) for i, start in zip(TAKEN, starts, strict=True)]
     velocity, kind = Similarity.of(robot.robot).velocity, int(rng.integers(KINDS))
     forward = 0.0 if kind == IN_PLACE else velocity * rng.uniform(SLOWEST_X, FASTEST_X)
     left = 0.0 if kind in {IN_PLACE, STRAIGHT} else velocity * rng.uniform(-FASTEST_Y, FASTEST_Y)

@@ -8,7 +8,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ..score.tuning_pushes import MOST, PUNCHES, TUNING, TUNING_SUITES, VARIED
+from ..score.tuning_pushes import MOST, TUNING, TUNING_SUITES, VARIED
 from .dimensions import planner_dimensions
 from .scorer import PENDULUM, check_env, own_episodes
 
@@ -58,7 +58,7 @@ class TuningSettings:
             plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
             object.__setattr__(self, "suite", TUNING if plain else VARIED)
         require_choice("tuning suite", self.suite, list(TUNING_SUITES))
-        if self.suite in {VARIED, PUNCHES} and self.env_id == PENDULUM:
+        if self.suite != TUNING and self.env_id == PENDULUM:
             raise InvalidValueError(
                 f"suite {self.suite!r} is that of robots; {PENDULUM} takes {TUNING!r} only"
             )
