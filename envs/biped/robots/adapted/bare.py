@@ -46,12 +46,15 @@ def drop_shapes(spec: mujoco.MjSpec, left: str = NONE, fixed: Collection[str] = 
             continue
         geom.contype = geom.conaffinity = 0
         geom.group = VISUAL_GROUP
-    if left == NONE:
-        for part in (*spec.meshes, *spec.materials, *spec.textures):
-            spec.delete(part)
-    if left == SOLID:
-        for mesh in spec.meshes:
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name not in used:
+            spec.delete(mesh)
+        elif left == SOLID:
             mesh.maxhullvert = HULL
+    if left == NONE:
+        for part in (*spec.materials, *spec.textures):
+            spec.delete(part)
 
 
 def write_inertias(spec: mujoco.MjSpec) -> None:

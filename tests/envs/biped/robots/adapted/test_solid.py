@@ -124,3 +124,4 @@ def test_thighs_of_robots_that_exist_meet_when_legs_cross(name, thighs, hips):
     assert not meetings(solid, stance[7:])
     assert pair in meetings(solid, crossed[7:])
     assert pair not in meetings(body.model, crossed[7:])
+    assert set(range(solid.nmesh)) <= set(solid.geom_dataid.tolist())  # no mesh that nothing collides with
