@@ -146,10 +146,12 @@ class RayPool(Pool[S]):
                 self._waiting.remove(ready)
                 continue
             except self._ray.exceptions.RayError as ended:
+                self._waiting.remove(ready)
                 raise WorkerError(
                     f"a worker of the Ray cluster ended {RETRIES + 1} times: {ended}"
                 ) from ended
             if error is not None:
+                self._waiting.remove(ready)  # it ends by itself; to end it, too, can bring Ray down
                 raise WorkerError(error)
             yield number, result
 

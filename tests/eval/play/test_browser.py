@@ -30,6 +30,7 @@ FLAGS = [
 PATIENCE = 240.0  # [s]
 PICTURE = (800, 320)  # the panel covers the right 335 pixels
 PHONE = (390, 844)
+CURSORS = "[...document.querySelectorAll('canvas')].map(canvas => canvas.style.cursor)"
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
@@ -75,6 +76,26 @@ def on_the_screen(camera, point, picture=PICTURE):
     return picture[0] / 2 + focal * x / depth, picture[1] / 2 + focal * y / depth, depth
 
 
+def hover(played, point):
+    """Move the mouse to a point of the scene until the page shows that what is there can be dragged.
+
+    The page says where its camera is a while after it has connected. Returns pixel and depth.
+    """
+    camera = next(iter(played.app.server.get_clients().values())).camera
+    found = ()
+
+    def shown():
+        nonlocal found
+        x, y, depth = on_the_screen(camera, point)
+        found = round(x), round(y), depth
+        for way in (1, 0):
+            played.page.mouse.move(found[0] + way, found[1])
+        return "pointer" in played.page.evaluate(CURSORS)
+
+    wait(played.app, shown, "a body under the mouse")
+    return found
+
+
 def test_it_asks_for_nothing_outside(played):
     assert f"http://{played.address}/" in played.asked
     assert f"ws://{played.address}" in {url.rstrip("/") for url in played.asked}
@@ -87,9 +108,7 @@ def test_it_asks_for_nothing_outside(played):
 def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
     app, mouse, pixels = played.app, played.page.mouse, 20
     camera = next(iter(app.server.get_clients().values())).camera
-    x, y, depth = on_the_screen(camera, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
-    x, y = round(x), round(y)
-    mouse.move(x, y)
+    x, y, depth = hover(played, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
     mouse.down()
     for way in (8, 14, pixels, pixels):  # past what counts as a click
         mouse.move(x + way, y)
