@@ -1,0 +1,72 @@
+"""What turning the upper body gives to the angular momentum about the CoM: python benchmarks/flywheel_inertia.py.
+
+In the walking posture, soles and CoM at rest: dL / d(rate) of the waist's pitch and roll, and of pelvis and
+trunk together about the hips [kg m^2], beside the inertia that the planner counts on, which is that of all that
+the waist carries about its axis. Momentum over m h is the change of the CoM's velocity that it is worth.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.biped.robots.indices import MISSING
+
+ROBOTS = ("biped", "g1", "t1", "jvrc1")
+AXES = {"pitch": 1, "roll": 0}  # components of an angular momentum
+
+
+def placed(robot: CompiledRobot) -> mujoco.MjData:
+    """The robot at its walking height on two soles."""
+    model, half = robot.robot, 0.5 * robot.robot.pelvis_width
+    soles = np.array([[0.0, half, 0.0], [0.0, -half, 0.0]])
+    data = mujoco.MjData(robot.model)
+    data.qpos[:], data.qvel[:] = posture(robot, np.array([0.0, 0.0, model.com_height]), np.zeros(3), soles)
+    mujoco.mj_forward(robot.model, data)
+    return data
+
+
+def momentum(robot: CompiledRobot, data: mujoco.MjData, rates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angular momentum about the CoM, (3,) [kg m^2/s], at given rates (nv,); the legs keep soles and CoM."""
+    model, indices = robot.model, robot.indices
+    legs = [int(model.jnt_dofadr[joint]) for leg in indices.legs for joint in leg]
+    rows = []
+    for sole in indices.soles:
+        place, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacSite(model, data, place, turn, sole)
+        rows += [place, turn]
+    com = np.zeros((3, model.nv))
+    mujoco.mj_jacSubtreeCom(model, data, com, indices.pelvis)
+    jacobian, free = np.vstack([*rows, com]), [0, 1, 2, *legs]
+    data.qvel[:] = rates
+    data.qvel[free] = np.linalg.solve(jacobian[:, free], -jacobian @ rates)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    return data.subtree_angmom[indices.pelvis].copy()
+
+
+def main() -> None:
+    """Print the table."""
+    print("| robot | the planner's | waist pitch | waist roll | all about the hips, pitch | roll |")
+    print("|---|---|---|---|---|---|")
+    for name in ROBOTS:
+        robot = compiled_robot(robot_description(name))
+        data, model, cells = placed(robot), robot.robot, []
+        for joint, axis in zip(robot.indices.joints[1:3], AXES.values(), strict=True):
+            rates = np.zeros(robot.model.nv)
+            if joint != MISSING:
+                rates[robot.model.jnt_dofadr[joint]] = 1.0
+            cells.append(abs(momentum(robot, data, rates)[axis]))
+        for axis in AXES.values():
+            rates = np.zeros(robot.model.nv)
+            rates[3 + axis] = 1.0
+            cells.append(abs(momentum(robot, data, rates)[axis]))
+        told = f"{model.trunk_inertia:.2f}" if cells[0] or cells[1] else "-"
+        print(f"| {name} | {told} | " + " | ".join(f"{cell:.2f}" if cell else "-" for cell in cells) + " |")
+
+
+if __name__ == "__main__":
+    main()
