@@ -1,8 +1,8 @@
-"""What turning the upper body gives to the angular momentum about the CoM: python benchmarks/flywheel_inertia.py.
+"""The angular momentum that turning the upper body gives: python benchmarks/flywheel_inertia.py.
 
-In the walking posture, soles and CoM at rest: dL / d(rate) of the waist's pitch and roll, and of pelvis and
-trunk together about the hips [kg m^2], beside the inertia that the planner counts on, which is that of all that
-the waist carries about its axis. Momentum over m h is the change of the CoM's velocity that it is worth.
+In the walking posture, soles and CoM at rest: dL / d(rate) about the CoM, of the waist's pitch and roll, and
+of pelvis and trunk together about the hips [kg m^2], beside the inertia that the planner counts on, which is
+that of all that the waist carries about its axis. L / (m h) is the change of velocity that it is worth.
 """
 
 from __future__ import annotations
