@@ -16,7 +16,7 @@ from push_recovery.envs.biped.robots.description import robot_description
 from push_recovery.envs.biped.robots.indices import MISSING
 
 ROBOTS = ("biped", "g1", "t1", "jvrc1")
-AXES = {"pitch": 1, "roll": 0}  # components of an angular momentum
+AXES = 1, 0  # pitch and roll, as components of an angular momentum
 
 
 def placed(robot: CompiledRobot) -> mujoco.MjData:
@@ -29,20 +29,15 @@ def placed(robot: CompiledRobot) -> mujoco.MjData:
     return data
 
 
-def momentum(robot: CompiledRobot, data: mujoco.MjData, rates: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angular momentum about the CoM, (3,) [kg m^2/s], at given rates (nv,); the legs keep soles and CoM."""
-    model, indices = robot.model, robot.indices
-    legs = [int(model.jnt_dofadr[joint]) for leg in indices.legs for joint in leg]
-    rows = []
-    for sole in indices.soles:
-        place, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        mujoco.mj_jacSite(model, data, place, turn, sole)
-        rows += [place, turn]
-    com = np.zeros((3, model.nv))
-    mujoco.mj_jacSubtreeCom(model, data, com, indices.pelvis)
-    jacobian, free = np.vstack([*rows, com]), [0, 1, 2, *legs]
-    data.qvel[:] = rates
-    data.qvel[free] = np.linalg.solve(jacobian[:, free], -jacobian @ rates)
+def momentum(robot: CompiledRobot, data: mujoco.MjData, dof: int) -> NDArray[np.float64]:
+    """Angular momentum about the CoM, (3,) [kg m^2/s], at 1 rad/s of one joint; legs keep soles and CoM."""
+    model, indices, rows = robot.model, robot.indices, np.zeros((15, robot.model.nv))
+    mujoco.mj_jacSubtreeCom(model, data, rows[:3], indices.pelvis)
+    for row, sole in zip((3, 9), indices.soles, strict=True):
+        mujoco.mj_jacSite(model, data, rows[row : row + 3], rows[row + 3 : row + 6], sole)
+    data.qvel[:] = 0.0
+    data.qvel[dof] = 1.0
+    data.qvel[indices.moving_dof] = np.linalg.solve(rows[:, indices.moving_dof], -rows[:, dof])
     mujoco.mj_forward(model, data)
     mujoco.mj_subtreeVel(model, data)
     return data.subtree_angmom[indices.pelvis].copy()
@@ -55,15 +50,10 @@ def main() -> None:
     for name in ROBOTS:
         robot = compiled_robot(robot_description(name))
         data, model, cells = placed(robot), robot.robot, []
-        for joint, axis in zip(robot.indices.joints[1:3], AXES.values(), strict=True):
-            rates = np.zeros(robot.model.nv)
-            if joint != MISSING:
-                rates[robot.model.jnt_dofadr[joint]] = 1.0
-            cells.append(abs(momentum(robot, data, rates)[axis]))
-        for axis in AXES.values():
-            rates = np.zeros(robot.model.nv)
-            rates[3 + axis] = 1.0
-            cells.append(abs(momentum(robot, data, rates)[axis]))
+        for joint, axis in zip(robot.indices.joints[1:3], AXES, strict=True):
+            dof = int(robot.model.jnt_dofadr[joint])
+            cells.append(0.0 if joint == MISSING else abs(momentum(robot, data, dof)[axis]))
+        cells += [abs(momentum(robot, data, 3 + axis)[axis]) for axis in AXES]  # of the pelvis
         told = f"{model.trunk_inertia:.2f}" if cells[0] or cells[1] else "-"
         print(f"| {name} | {told} | " + " | ".join(f"{cell:.2f}" if cell else "-" for cell in cells) + " |")
 

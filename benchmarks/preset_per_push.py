@@ -49,8 +49,8 @@ def chosen(
 ) -> int:
     """Pushes recovered from where each fold takes the presets that did best on like pushes of the others."""
     distance = np.sum((places[:, None] - places[None]) ** 2, axis=2)
-    weight = np.exp(-0.5 * distance / width**2) * (fold[:, None] != fold[None])
-    weight += 1e-6 * (fold[:, None] != fold[None])  # where nothing is near, the best of all
+    weight = np.exp(-0.5 * distance / width**2) + 1e-6  # where nothing is near, the best of all
+    weight *= fold[:, None] != fold[None]
     mean = weight @ recovered.T / weight.sum(axis=1, keepdims=True)
     return int(recovered.T[np.arange(len(places)), mean.argmax(axis=1)].sum())
 

@@ -76,12 +76,11 @@ def on_the_screen(camera, point, picture=PICTURE):
     return picture[0] / 2 + focal * x / depth, picture[1] / 2 + focal * y / depth, depth
 
 
-def hover(played, point):
+def hover(played, camera, point):
     """Move the mouse to a point of the scene until the page shows that what is there can be dragged.
 
     The page says where its camera is a while after it has connected. Returns pixel and depth.
     """
-    camera = next(iter(played.app.server.get_clients().values())).camera
     found = ()
 
     def shown():
@@ -108,7 +107,7 @@ def test_it_asks_for_nothing_outside(played):
 def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
     app, mouse, pixels = played.app, played.page.mouse, 20
     camera = next(iter(app.server.get_clients().values())).camera
-    x, y, depth = hover(played, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
+    x, y, depth = hover(played, camera, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
     mouse.down()
     of_a_pixel = IMPULSE_PER_METRE * metres_per_pixel(depth, camera.fov, PICTURE[1])
     expected = of_a_pixel * pixels
