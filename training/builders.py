@@ -113,12 +113,14 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     Raises:
         InvalidValueError: the environment does not allow what they say.
     """
-    settings = replace(settings, hold=settings.periods, teacher=settings.taught)
+    settings = replace(settings, hold=settings.periods)
     episodes = own_episodes(settings, env, 1)
     blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
+    # A network that has to walk by itself learns nothing from ends alone
+    rewards = tuple(reversed(REWARDS)) if settings.kind == "joint" else tuple(REWARDS)
     can = {
         "starts": STARTS if planned_for(episodes) else ("reset",),
-        "reward": tuple(REWARDS) if episodes is not None else ("environment",),
+        "reward": ("environment",) if episodes is None else rewards,
         "inputs": (OBSERVATION,) if episodes is None or settings.on_joints else blocks,
     }
     for name in ("starts", "reward"):
@@ -174,13 +176,13 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     size = Similarity.of(episodes.robot)
     pushes, easy = settings.drawn_pushes.scaled(size), settings.easy_pushes.scaled(size)
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
+    shares = settings.easy_share, settings.least_acceptance
     if settings.starts == "reset":
-        return ResetStarts(episodes, pushes, pushing)
+        return ResetStarts(episodes, pushes, easy, *shares, pushing)
     walker: Policy = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
     if isinstance(episodes, JointResidualEpisodes):  # whose planner is within
         walker = Uncorrected(episodes.action_size)
     walks = take_walks(episodes, walker, pushes, settings.walks, walking)
-    shares = settings.easy_share, settings.least_acceptance
     return PushStarts(episodes, walks, pushes, easy, *shares, pushing)
 
 

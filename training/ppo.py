@@ -80,7 +80,7 @@ class Run:
         anew = checkpoint is None and settings.initial is not None
         first = initial_policy(settings, own) if anew else None
         self._report = report
-        taught = checkpoint is None and settings.taught  # then imitation tells of itself first
+        taught = checkpoint is None and settings.teacher  # then imitation tells of itself first
         if not taught:
             report(self.start, None)  # the walks from which robots are pushed take long
         seed = segment_seed(settings.seed, self.start)

@@ -37,8 +37,9 @@ RECIPES = {  # in the order of `eval.shipped.names.NAMES`
         learning_rate=2e-4, timesteps=2_000_000,
     ),
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
-    # Imitation only: PPO has made it worse (docs/imitation.md)
-    "joint": TrainingSettings("joint", policy_layers=(256, 256), timesteps=0),
+    # Imitation only: from nothing PPO survives more and keeps less to its command (docs/training.md)
+    "joint": TrainingSettings("joint", teacher=True, reward="recovery", policy_layers=(256, 256),
+                              timesteps=0),
     "joint-residual": replace(JOINT_RESIDUAL, timesteps=LONG),
     "joint-residual-hardware": replace(
         JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),

@@ -60,9 +60,9 @@ class TrainingSettings:
     scale: Suppress[tuple[float, ...] | None] = None  # (7,) in action units; None: that of `ResidualAction`
     gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
     """DCM errors at which the gate of a residual begins to open and is open [m]; None: always open"""
-    teacher: bool | None = None
+    teacher: bool = False
     """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/imitation.md) rather
-    than untrained; None: yes for the kind joint"""
+    than untrained"""
     initial: Annotated[str | None, arg(metavar="{None|NAME|FILE}")] = None
     """policy that the run begins as, with its layers and inputs; None: untrained, or as the teacher shows"""
     value_first: int = 0  # number of timesteps at first in which only the value network learns
@@ -77,7 +77,7 @@ class TrainingSettings:
     `pushes` to come; None: push where robots can be put back"""
     reward: Literal["recovery", "environment"] | None = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
-    the environment's own reward; None: recovery where robots share one core"""
+    the environment's own reward; None: recovery where robots share one core, but environment for joint"""
     profile: str = "exact"  # profile of the robots: exact or hardware
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
     """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
@@ -204,12 +204,6 @@ class TrainingSettings:
     def periods(self) -> int:
         """Planning periods for which a learned action is held."""
         return self.hold or (1 if self.on_joints else 2)
-
-    @property
-    def taught(self) -> bool:
-        """Whether the policy begins as what the planner shows."""
-        shown = self.kind == "joint" and self.initial is None
-        return shown if self.teacher is None else self.teacher
 
     @property
     def initial_log_std(self) -> tuple[float, ...]:

@@ -75,5 +75,3 @@ def test_the_settings_of_a_run_of_before_are_read(settings):
 def test_a_run_has_one_teacher():
     with pytest.raises(InvalidValueError, match="initial must be None beside a teacher, got 'joint'"):
         TrainingSettings("joint", teacher=True, initial="joint")
-    assert TrainingSettings("joint").taught
-    assert not TrainingSettings("joint", initial="joint").taught

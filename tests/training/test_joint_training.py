@@ -58,8 +58,7 @@ def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypat
     """Two rounds with six robots: the first policy is the taught one, and going on shows nothing again."""
     few = {"robots": 6, "rounds": 2, "periods": 10, "batches": 4, "last_batches": 4, "batch_size": 32}
     monkeypatch.setattr(ppo, "ImitationSettings", lambda **given: ImitationSettings(**given, **few))
-    settings = replace(SHORT, timesteps=0)
-    assert settings.taught
+    settings = replace(SHORT, timesteps=0, teacher=True)
     result = train(settings, tmp_path / "run")
     said = capsys.readouterr().err
     assert re.search(r"^imitation of the planner, before PPO: .*; output in .*taught$", said, flags=re.M)
@@ -78,15 +77,14 @@ def test_what_a_kind_leaves_open():
         kind: TrainingSettings(kind=kind) for kind in ("residual", "scratch", "joint", "joint-residual")
     }
     assert [one.periods for one in by_kind.values()] == [2, 2, 1, 1]
-    assert [one.taught for one in by_kind.values()] == [False, False, True, False]
-    assert not replace(by_kind["joint"], teacher=False).taught
+    assert not any(one.teacher for one in by_kind.values())
     with pytest.raises(InvalidValueError, match="teacher must be False but for the kind joint"):
         replace(by_kind["residual"], teacher=True)
 
 
 @pytest.mark.parametrize(("kind", "sizes"), [("joint", (58, 14)), ("joint-residual", (94, 14))])
 def test_a_short_run_leaves_a_policy_that_is_scored_where_it_acts(tmp_path, kind, sizes):
-    result = train(replace(SHORT, kind=kind, env_id=ENVS[kind], teacher=False), tmp_path / "run")
+    result = train(replace(SHORT, kind=kind, env_id=ENVS[kind]), tmp_path / "run")
     policy = NetworkPolicy.load(result.policy)
     assert (policy.observation_size, policy.action_size) == sizes
     assert policy.description.env_id == ENVS[kind]
