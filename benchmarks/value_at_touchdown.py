@@ -14,10 +14,10 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.model.nominal_gait import NOMINAL_SIZE, nominal_gait_kernel
-from push_recovery.controllers.model.nominal_start import step_start_dcm_kernel
-from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
+from push_recovery.controllers.model.observation import COMMAND, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.episode.recovery import nominal_dcm_kernel, started_dcm_kernel
 from push_recovery.eval.rollout.names import default_workers
 from push_recovery.eval.score.shifts import HARD
 from push_recovery.eval.score.stratified import pelvis_scenarios
@@ -37,13 +37,13 @@ def touchdowns(cells: int) -> tuple[Array, NDArray[np.bool_]]:
     robot, low, high = episodes.robot, episodes.limits.low, episodes.limits.high
     planner = make_policy("two-stage", robot, episodes.limits, episodes.preset)
     delay = planner.config.touchdown_delay  # type: ignore[union-attr]
-    nominal = np.empty(NOMINAL_SIZE)
+    nominal, start, started, level = np.empty(NOMINAL_SIZE), np.empty(2), np.empty(2), np.zeros(2)
 
     def state(obs: Array) -> Array:
         nominal_gait_kernel(*obs[COMMAND][:2], robot.pelvis_width, low, high, robot.omega, delay, nominal)
-        start = step_start_dcm_kernel(nominal, robot.pelvis_width, robot.omega, delay, 0.0)
-        error = obs[DCM] * np.exp(-robot.omega * obs[ELAPSED]) - start
-        return np.concatenate([error, obs[TRUNK_ANGLE], obs[TRUNK_RATE]]) / UNITS
+        nominal_dcm_kernel(nominal, robot.pelvis_width, robot.omega, delay, 0.0, start)
+        started_dcm_kernel(obs, level, 0.0, robot.omega, started)
+        return np.concatenate([started - start, obs[TRUNK_ANGLE], obs[TRUNK_RATE]]) / UNITS
 
     scenarios, states, recovered = pelvis_scenarios("value", HARD, cells, SEED), [], []
     for first in range(0, len(scenarios), ROBOTS):

@@ -116,8 +116,9 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     settings = replace(settings, hold=settings.periods)
     episodes = own_episodes(settings, env, 1)
     blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
-    # A network that has to walk by itself learns nothing from ends alone
-    rewards = tuple(reversed(REWARDS)) if settings.kind == "joint" else tuple(REWARDS)
+    rewards = ("recovery", "environment")
+    if settings.kind == "joint":  # which has to walk by itself and learns nothing from ends alone
+        rewards = ("environment", "recovery")
     can = {
         "starts": STARTS if planned_for(episodes) else ("reset",),
         "reward": ("environment",) if episodes is None else rewards,

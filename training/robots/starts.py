@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,50 +31,14 @@ class Starts(Protocol):
         ...
 
 
-class Curriculum:
-    """Which pushes are taken: by the success on their kind, one `SuccessTable` for each body.
+class ChosenStarts:
+    """Episodes whose pushes are chosen by the success on their kind, one `SuccessTable` for each body.
+
+    A share of them is drawn from other, easy pushes instead, so that nothing that is easy is forgotten.
 
     Args:
         episodes: of n robots.
-        pushes: that are taken or left.
-        floor: least probability of taking one.
-        rng: of the draws.
-    """
-
-    def __init__(
-        self, episodes: GaitEpisodes, pushes: PushDistribution, floor: float, rng: np.random.Generator
-    ):
-        self._rng = rng
-        width = WIDTH * Similarity.of(episodes.robot).impulse
-        self.tables = {body: SuccessTable(pushes.impulse_max, floor, width) for body in pushes.bodies}
-        self._bins: list[tuple[str, tuple[int, int]] | None] = [None] * episodes.n  # body, bin of its table
-
-    def takes(self, k: int, body: str, psi: float, impulse: float) -> bool:
-        """Whether robot k gets this push; its end counts then."""
-        place = self.tables[body].bin_of(psi, impulse)
-        self._bins[k] = body, place
-        return self._rng.random() < self.tables[body].probability(place)
-
-    def leaves(self, k: int) -> None:
-        """Robot k gets a push of others, which does not count."""
-        self._bins[k] = None
-
-    def ended(self, k: int, recovered: bool) -> None:
-        """What came of the push of robot k."""
-        if (found := self._bins[k]) is not None:
-            body, place = found
-            self.tables[body].tell(place, recovered)
-
-
-class ResetStarts:
-    """Episodes from the beginning of a nominal step on, with a push to come.
-
-    Pushes are taken by the success on their kind, or drawn from easy ones, as those of `PushStarts`; the
-    direction of a kind is that in the world, since nobody knows yet which step will be pushed in.
-
-    Args:
-        episodes: of n robots.
-        pushes: of most scenarios.
+        pushes: of most episodes.
         easy: of the others.
         easy_share: in [0, 1].
         floor: least probability of taking a push.
@@ -92,73 +56,76 @@ class ResetStarts:
     ):
         self._episodes, self._rng = episodes, rng
         self._pushes, self._easy, self._easy_share = pushes, easy, easy_share
-        self.curriculum = Curriculum(episodes, pushes, floor, rng)
+        width = WIDTH * Similarity.of(episodes.robot).impulse
+        self.tables = {body: SuccessTable(pushes.impulse_max, floor, width) for body in pushes.bodies}
+        self._bins: list[tuple[str, tuple[int, int]] | None] = [None] * episodes.n  # body, bin of its table
+
+    def ended(self, k: int, recovered: bool) -> None:
+        """Count the end of a push that is not an easy one."""
+        if (found := self._bins[k]) is not None:
+            body, place = found
+            self.tables[body].tell(place, recovered)
+
+    def _is_easy(self, k: int) -> bool:
+        """Whether robot k gets an easy push, whose end does not count."""
+        self._bins[k] = None
+        return self._rng.random() < self._easy_share
+
+    def _takes(self, k: int, body: str, psi: float, impulse: float) -> bool:
+        """Whether robot k gets this push, direction [rad] and impulse [N s]; its end counts then."""
+        place = self.tables[body].bin_of(psi, impulse)
+        self._bins[k] = body, place
+        return self._rng.random() < self.tables[body].probability(place)
+
+
+class ResetStarts(ChosenStarts):
+    """Episodes from the beginning of a nominal step on, with a push to come; arguments of `ChosenStarts`.
+
+    The direction of a kind is that in the world, since nobody knows yet which step will be pushed in.
+    """
 
     def begin(self, k: int) -> None:
         """Begin a scenario that is drawn."""
-        if self._rng.random() < self._easy_share:
-            self.curriculum.leaves(k)
+        if self._is_easy(k):
             self._episodes.begin(k, self._episodes.drawn(self._easy, self._rng))
             return
         while True:
             scenario = self._episodes.drawn(self._pushes, self._rng)
             (push,) = scenario.pushes
-            if self.curriculum.takes(k, push.body, push.direction, push.impulse_magnitude):
+            if self._takes(k, push.body, push.direction, push.impulse_magnitude):
                 break
         self._episodes.begin(k, scenario)
 
-    def ended(self, k: int, recovered: bool) -> None:
-        """Count the end of a push that is not an easy one."""
-        self.curriculum.ended(k, recovered)
 
-
-class PushStarts:
+class PushStarts(ChosenStarts):
     """Episodes from the moment of a push on: a walk is put back, and pushed within the period to come.
-
-    Most pushes are taken by the success on their kind (`Curriculum`); a share of them is drawn from other,
-    easy ones instead, so that nothing that is easy is forgotten.
 
     Args:
         episodes: of n robots.
         walks: that are put back.
-        pushes: impulse, direction, body, duration and settling time of most pushes.
-        easy: of the others.
-        easy_share: in [0, 1].
-        floor: least probability of taking a push.
-        rng: of the draws.
+        chosen: the other arguments of `ChosenStarts`; of a push impulse, direction, body, duration and
+            settling time are drawn.
     """
 
-    def __init__(
-        self,
-        episodes: GaitEpisodes,
-        walks: list[RobotSnapshot],
-        pushes: PushDistribution,
-        easy: PushDistribution,
-        easy_share: float,
-        floor: float,
-        rng: np.random.Generator,
-    ):
-        self._episodes, self._walks, self._rng = episodes, walks, rng
-        self._pushes, self._easy, self._easy_share = pushes, easy, easy_share
-        self.curriculum = Curriculum(episodes, pushes, floor, rng)
+    def __init__(self, episodes: GaitEpisodes, walks: list[RobotSnapshot], *chosen: Any):
+        super().__init__(episodes, *chosen)
+        self._walks = walks
 
     def begin(self, k: int) -> None:
         """Put robot k into a walk that is pushed."""
-        walk = self._walks[self._rng.integers(len(self._walks))]
-        if self._rng.random() < self._easy_share:
-            self.curriculum.leaves(k)
+        walk = self._walk()
+        if self._is_easy(k):
             self._put(k, walk, self._easy, *self._draw(self._easy))
             return
         while True:
             impulse, psi, body = self._draw(self._pushes)
-            if self.curriculum.takes(k, body, relative(psi, walk), impulse):
+            if self._takes(k, body, relative(psi, walk), impulse):
                 break
-            walk = self._walks[self._rng.integers(len(self._walks))]
+            walk = self._walk()
         self._put(k, walk, self._pushes, impulse, psi, body)
 
-    def ended(self, k: int, recovered: bool) -> None:
-        """Count the end of a push that is not an easy one."""
-        self.curriculum.ended(k, recovered)
+    def _walk(self) -> RobotSnapshot:
+        return self._walks[self._rng.integers(len(self._walks))]
 
     def _draw(self, pushes: PushDistribution) -> tuple[float, float, str]:
         """Impulse [N s], direction [rad] and body."""

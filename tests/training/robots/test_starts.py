@@ -73,18 +73,18 @@ def test_only_hard_pushes_are_counted(episodes, walks):
     for beginning in (hard, easy):
         beginning.begin(0)
         beginning.ended(0, True)
-    assert (hard.curriculum.tables["pelvis"].shares != 0.5).sum() == 1
-    assert (easy.curriculum.tables["pelvis"].shares == 0.5).all()
+    assert (hard.tables["pelvis"].shares != 0.5).sum() == 1
+    assert (easy.tables["pelvis"].shares == 0.5).all()
 
 
 def test_kinds_that_are_always_recovered_from_are_drawn_seldom(episodes, walks):
     """Half of the directions at the floor of 0.05: of 200 pushes about 1 in 21 comes from there."""
     beginning = starts(episodes, walks, 0.0, floor=0.05)
-    beginning.curriculum.tables["pelvis"].shares[:4] = 1.0
+    beginning.tables["pelvis"].shares[:4] = 1.0
     seen = []
     for _ in range(200):
         beginning.begin(0)
-        seen.append(beginning.curriculum._bins[0][1][0])
+        seen.append(beginning._bins[0][1][0])
     assert 2 <= sum(place < 4 for place in seen) <= 22
 
 
@@ -92,16 +92,16 @@ def test_each_body_has_a_table_of_its_own(episodes, walks):
     """A foot that is always recovered from is drawn at the floor of 0.05."""
     pushes = replace(HARD, bodies=("trunk", "left_foot"))
     beginning = PushStarts(episodes, walks, pushes, EASY, 0.0, 0.05, np.random.default_rng(0))
-    beginning.curriculum.tables["left_foot"].shares[:] = 1.0
+    beginning.tables["left_foot"].shares[:] = 1.0
     seen = []
     for _ in range(200):
         beginning.begin(0)
         (push,) = scenario_of(episodes, 0).pushes
-        assert beginning.curriculum._bins[0][0] == push.body
+        assert beginning._bins[0][0] == push.body
         seen.append(push.body)
     assert 2 <= seen.count("left_foot") <= 22
     beginning.ended(0, True)
-    assert (beginning.curriculum.tables["trunk"].shares != 0.5).sum() == (seen[-1] == "trunk")
+    assert (beginning.tables["trunk"].shares != 0.5).sum() == (seen[-1] == "trunk")
 
 
 def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():
@@ -115,8 +115,8 @@ def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirr
     assert relative(0.7 + 2 * math.pi, walk(0, 0.2)) == pytest.approx(left)
 
 
-def reset_starts(episodes, easy_share, floor=1.0, pushes=HARD):
-    return ResetStarts(episodes, pushes, EASY, easy_share, floor, np.random.default_rng(5))
+def reset_starts(episodes, easy_share, floor=1.0):
+    return ResetStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize(("easy_share", "pushes"), [(0.0, HARD), (1.0, EASY)])
@@ -128,13 +128,13 @@ def test_starts_at_a_reset_are_drawn_from_the_distribution(episodes, easy_share,
     assert scenario_of(episodes, 1) == pushes.sample(rng)
     assert episodes.motion().time[1] == 0.0
     beginning.ended(1, True)
-    assert (beginning.curriculum.tables["pelvis"].shares != 0.5).sum() == 1 - easy_share
+    assert (beginning.tables["pelvis"].shares != 0.5).sum() == 1 - easy_share
 
 
 def test_at_a_reset_too_what_is_never_recovered_from_is_drawn_seldom(episodes):
     """Directions are those in the world: pushes to the left are hopeless, and 1 in 21 is one of them."""
     beginning = reset_starts(episodes, 0.0, floor=0.05)
-    beginning.curriculum.tables["pelvis"].shares[:4] = 0.0
+    beginning.tables["pelvis"].shares[:4] = 0.0
     left = 0
     for _ in range(200):
         beginning.begin(0)
