@@ -39,34 +39,28 @@ class Swing(NamedTuple):
     end: int
 
 
-G1_ARMS = "left_shoulder_pitch_joint", "right_shoulder_pitch_joint"
-T1_ARMS = "Left_Shoulder_Pitch", "Right_Shoulder_Pitch"
-JVRC1_ARMS = "L_SHOULDER_P", "R_SHOULDER_P"
+def of_waist(pitch: str, roll: str) -> tuple[Swing, ...]:
+    """Swings of a waist, by the names of its joints."""
+    return Swing("waist, pitch", PITCH, (pitch,), HIGH), Swing("waist, roll", ROLL, (roll,), HIGH)
+
+
+def of_arms(pitch: str, roll: str, sides: tuple[str, str]) -> tuple[Swing, ...]:
+    """Swings of shoulders, by the names of their joints after that of the side, left and right."""
+    both = sides[0] + pitch, sides[1] + pitch
+    return (
+        Swing("both arms, forward and up", PITCH, both, LOW),
+        Swing("both arms, back and up", PITCH, both, HIGH),
+        Swing("left arm, out and up", ROLL, (sides[0] + roll,), HIGH),
+    )
+
+
 SWINGS = {
-    "biped": (
-        Swing("waist, pitch", PITCH, ("waist_pitch",), HIGH),
-        Swing("waist, roll", ROLL, ("waist_roll",), HIGH),
-    ),
-    "g1": (
-        Swing("waist, pitch", PITCH, ("waist_pitch_joint",), HIGH),
-        Swing("waist, roll", ROLL, ("waist_roll_joint",), HIGH),
-        Swing("both arms, forward and up", PITCH, G1_ARMS, LOW),
-        Swing("both arms, back and up", PITCH, G1_ARMS, HIGH),
-        Swing("left arm, out and up", ROLL, ("left_shoulder_roll_joint",), HIGH),
-    ),
-    "t1": (
-        Swing("both arms, forward and up", PITCH, T1_ARMS, LOW),
-        Swing("both arms, back and up", PITCH, T1_ARMS, HIGH),
-        Swing("left arm, out and up", ROLL, ("Left_Shoulder_Roll",), HIGH),
-    ),
-    "jvrc1": (
-        Swing("waist, pitch", PITCH, ("WAIST_P",), HIGH),
-        Swing("waist, roll", ROLL, ("WAIST_R",), HIGH),
-        Swing("both arms, forward and up", PITCH, JVRC1_ARMS, LOW),
-        Swing("both arms, back and up", PITCH, JVRC1_ARMS, HIGH),
-        Swing("left arm, out and up", ROLL, ("L_SHOULDER_R",), HIGH),
-    ),
-}  # fmt: skip
+    "biped": of_waist("waist_pitch", "waist_roll"),
+    "g1": of_waist("waist_pitch_joint", "waist_roll_joint")
+    + of_arms("shoulder_pitch_joint", "shoulder_roll_joint", ("left_", "right_")),
+    "t1": of_arms("Shoulder_Pitch", "Shoulder_Roll", ("Left_", "Right_")),
+    "jvrc1": of_waist("WAIST_P", "WAIST_R") + of_arms("SHOULDER_P", "SHOULDER_R", ("L_", "R_")),
+}
 
 
 def times(way: NDArray[np.float64], acceleration: float, speed: float) -> NDArray[np.float64]:
