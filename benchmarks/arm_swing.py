@@ -21,7 +21,6 @@ import mujoco
 import numpy as np
 from flywheel_inertia import momentum, placed
 from numpy.typing import NDArray
-from push_recovery.controllers.model.robot import natural_frequency
 from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
 from push_recovery.envs.biped.robots.description import robot_description
 
@@ -96,10 +95,9 @@ def worth(robot: CompiledRobot, swing: Swing) -> tuple[float, float, float, floa
     acceleration = float(motor.forcerange[1]) / float(inertias.max())
     way = np.linspace(0.0, abs(ends[0] - starts[0]), POINTS)
     speed = float(motor.user[0]) if len(motor.user) and motor.user[0] > 0.0 else 1e3
-    at, height = times(way, acceleration, speed), robot.robot.com_height
-    omega, mass = natural_frequency(height), robot.robot.mass
-    scale = omega / (mass * height)
-    discounted = momenta * np.exp(-omega * at)
+    at, planned = times(way, acceleration, speed), robot.robot
+    scale = planned.omega / (planned.mass * planned.com_height)
+    discounted = momenta * np.exp(-planned.omega * at)
     at_once, fastest = (scale * float(np.trapezoid(moved, way)) for moved in (momenta, discounted))
     return float(way[-1]), at_once, fastest, float(at[-1])
 
