@@ -15,7 +15,13 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser.app import PHONE_CAMERA, PHONE_LOOK_AT, camera_axes  # noqa: E402
+from push_recovery.eval.play.browser.app import (  # noqa: E402
+    CAMERA,
+    LOOK_AT,
+    PHONE_CAMERA,
+    PHONE_LOOK_AT,
+    camera_axes,
+)
 from push_recovery.eval.play.browser.gate import Gate  # noqa: E402
 from push_recovery.eval.play.browser.open import open_app  # noqa: E402
 from push_recovery.eval.play.drag import IMPULSE_PER_METRE, metres_per_pixel  # noqa: E402
@@ -43,6 +49,12 @@ def wait(app, condition, what):
         time.sleep(0.03)
 
 
+def wait_for_camera(app, camera, position, look_at):
+    """A page tells its camera a while after it has connected; until then viser has another place for it."""
+    told = [position, look_at]
+    wait(app, lambda: np.allclose([camera.position, camera.look_at], told, atol=1e-3), "the page's camera")
+
+
 @pytest.fixture(scope="module")
 def played():
     """An app, and a page that looks at it."""
@@ -62,6 +74,8 @@ def played():
         address = f"127.0.0.1:{app.server.get_port()}"
         page.goto(f"http://{address}/")
         wait(app, app.server.get_clients, "the page's connection")
+        (client,) = app.server.get_clients().values()
+        wait_for_camera(app, client.camera, CAMERA, LOOK_AT)
         page.get_by_text("walks, 0.5 s").wait_for()
         yield SimpleNamespace(app=app, session=session, page=page, asked=asked, address=address)
         browser.close()
@@ -79,7 +93,7 @@ def on_the_screen(camera, point, picture=PICTURE):
 def hover(played, camera, point):
     """Move the mouse to a point of the scene until the page shows that what is there can be dragged.
 
-    The page says where its camera is a while after it has connected. Returns pixel and depth.
+    Returns pixel and depth.
     """
     found = ()
 
@@ -188,12 +202,7 @@ def test_on_a_phone_the_robot_is_above_the_panel(played):
     wait(played.app, lambda: set(server.get_clients()) - others, "the phone's connection")
     (new,) = set(server.get_clients()) - others
     camera = server.get_clients()[new].camera
-    told = [PHONE_CAMERA, PHONE_LOOK_AT]
-    wait(
-        played.app,
-        lambda: np.allclose([camera.position, camera.look_at], told, atol=1e-3),
-        "the phone's camera",
-    )
+    wait_for_camera(played.app, camera, PHONE_CAMERA, PHONE_LOOK_AT)
     name = on_the_screen(camera, (0.0, 0.0, played.app._pelvis[2] + 0.75), PHONE)
     floor = on_the_screen(camera, (0.0, 0.0, 0.0), PHONE)
     assert name[1] > 0.05 * PHONE[1]
