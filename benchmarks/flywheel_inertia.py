@@ -10,7 +10,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.biped.posture import jacobian_of_com_and_soles, posture
 from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
 from push_recovery.envs.biped.robots.description import robot_description
 from push_recovery.envs.biped.robots.indices import MISSING
@@ -31,10 +31,7 @@ def placed(robot: CompiledRobot) -> mujoco.MjData:
 
 def momentum(robot: CompiledRobot, data: mujoco.MjData, dof: int) -> NDArray[np.float64]:
     """Angular momentum about the CoM, (3,) [kg m^2/s], at 1 rad/s of one joint; legs keep soles and CoM."""
-    model, indices, rows = robot.model, robot.indices, np.zeros((15, robot.model.nv))
-    mujoco.mj_jacSubtreeCom(model, data, rows[:3], indices.pelvis)
-    for row, sole in zip((3, 9), indices.soles, strict=True):
-        mujoco.mj_jacSite(model, data, rows[row : row + 3], rows[row + 3 : row + 6], sole)
+    model, indices, rows = robot.model, robot.indices, jacobian_of_com_and_soles(robot, data)
     data.qvel[:] = 0.0
     data.qvel[dof] = 1.0
     data.qvel[indices.moving_dof] = np.linalg.solve(rows[:, indices.moving_dof], -rows[:, dof])

@@ -129,7 +129,8 @@ def _newton(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array)
         error = float(np.abs(lacks).max())
         if error < CONVERGED:
             break
-        step = np.linalg.lstsq(_jacobian(robot, data), lacks)[0]
+        jacobian = jacobian_of_com_and_soles(robot, data)[:, indices.moving_dof]
+        step = np.linalg.lstsq(jacobian, lacks)[0]
         data.qpos[moving] += step * min(1.0, LARGEST_STEP / np.abs(step).max())
     for joint in (*indices.legs[0], *indices.legs[1]):
         low, high = robot.model.jnt_range[joint]
@@ -149,18 +150,24 @@ def _lacks(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array) 
     return lacks
 
 
-def _jacobian(robot: CompiledRobot, data: mujoco.MjData) -> Array:
-    """Motion of CoM and both soles by the pelvis' velocity and the legs' rates, (15, 15)."""
+def jacobian_of_com_and_soles(robot: CompiledRobot, data: mujoco.MjData) -> Array:
+    """Velocities of the CoM (3) and of both soles (6 each) by qvel, (15, nv) [m/s], [rad/s].
+
+    Args:
+        robot: whose they are.
+        data: with the places of bodies and the CoM up to date, as after `mj_kinematics` and `mj_comPos`.
+    """
     rows = np.zeros((15, robot.model.nv))
     mujoco.mj_jacSubtreeCom(robot.model, data, rows[:3], 0)
     for row, site in zip((3, 9), robot.indices.soles, strict=True):
         mujoco.mj_jacSite(robot.model, data, rows[row : row + 3], rows[row + 3 : row + 6], site)
-    return rows[:, robot.indices.moving_dof]
+    return rows
 
 
 def _velocity(robot: CompiledRobot, data: mujoco.MjData, com_velocity: Array) -> Array:
     """Joint velocities for a velocity of the CoM; pelvis and trunk do not turn, the soles rest."""
     wanted, velocity = np.zeros(15), np.zeros(robot.model.nv)
     wanted[:3] = com_velocity
-    velocity[robot.indices.moving_dof] = np.linalg.solve(_jacobian(robot, data), wanted)
+    moving = robot.indices.moving_dof
+    velocity[moving] = np.linalg.solve(jacobian_of_com_and_soles(robot, data)[:, moving], wanted)
     return velocity
