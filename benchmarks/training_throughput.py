@@ -1,4 +1,4 @@
-"""What PPO keeps of the environment's own throughput: python benchmarks/training_throughput.py [ROUNDS].
+"""What PPO keeps of the throughput: python benchmarks/training_throughput.py [ROUNDS] [RECIPE].
 
 Planning periods a second of (a) robots that the planner leads from the beginning of a walk on, pushed as in
 training, (b) robots that the planner leads in the very episodes of training, which begin at the push and end
@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 from push_recovery.training.builders import completed, make_env, make_ppo, make_vec_env
-from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.recipes import get_recipe
 
 UPDATES = 4  # of PPO a round; the environment alone steps as often
 
@@ -21,7 +22,8 @@ UPDATES = 4  # of PPO a round; the environment alone steps as often
 def main() -> None:
     """Print the rates of each round, and the medians of PPO's shares of the other two."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    settings = TrainingSettings("residual", walks=128)
+    recipe = get_recipe(sys.argv[2] if len(sys.argv) > 2 else "residual")
+    settings = replace(recipe, walks=128)
     env = make_env(settings)
     settings = completed(settings, env)
     venv = make_vec_env(settings, env, 0)

@@ -54,4 +54,5 @@ def _outcomes(axes: Axes, summary: Summary) -> None:
         axes.bar(ANGLES, values, 34.0, bottom, color=colour, hatch=hatch, ec="white", lw=0.5, label=name)
         bottom += values
     axes.set_title("pushes lost by either", loc="left")
-    axes.legend(fontsize=8.0)
+    axes.set_ylim(0.0, 1.5 * max(bottom.max(), 1.0))  # the legend stands above the bars
+    axes.legend(fontsize=8.0, loc="upper left")
