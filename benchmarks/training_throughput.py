@@ -4,6 +4,7 @@ Planning periods a second of (a) robots that the planner leads from the beginnin
 training, (b) robots that the planner leads in the very episodes of training, which begin at the push and end
 with the recovery, put back included, and (c) as many robots under PPO with its updates; in turns, so that all
 meet the same machine. A period in which a robot is caught costs more than one in which it walks.
+RECIPE is that of a residual on the planner's decisions, by default of `residual`.
 """
 
 from __future__ import annotations
@@ -22,8 +23,7 @@ UPDATES = 4  # of PPO a round; the environment alone steps as often
 def main() -> None:
     """Print the rates of each round, and the medians of PPO's shares of the other two."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    recipe = get_recipe(sys.argv[2] if len(sys.argv) > 2 else "residual")
-    settings = replace(recipe, walks=128)
+    settings = replace(get_recipe(sys.argv[2] if len(sys.argv) > 2 else "residual"), walks=128)
     env = make_env(settings)
     settings = completed(settings, env)
     venv = make_vec_env(settings, env, 0)
