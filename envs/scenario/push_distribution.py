@@ -1,4 +1,4 @@
-"""Random scenarios with one push each: what `reset` draws from where it is given none."""
+"""Random scenarios: what `reset` draws from where it is given none."""
 
 from __future__ import annotations
 
@@ -15,21 +15,28 @@ from ...controllers.validation import require_integer, require_keys, require_num
 from .command import FASTEST_TURN, Command
 from .error_ranges import ErrorRanges
 from .model_errors import EXACT_MODEL
-from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, polar_push, require_body
+from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, Push, polar_push, require_body
 from .scenario import SETTLE_TIME, Scenario
 
 TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
 COMMAND_KINDS = ("in_place", "forward", "backward", "sideways")
+PUSHES_MAX = 100  # of a scenario
+LATEST_NEXT = 4  # steps after a push in which the next one comes
 
 
 @dataclass(frozen=True)
 class PushDistribution:
-    """Scenarios with one push each, drawn from a Generator; used by `reset` without a scenario.
+    """Scenarios with one push or more, drawn from a Generator; used by `reset` without a scenario.
 
     Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
     equal probability and a uniform speed up to its maximum. Where `turn` is not 0, half of the robots turn
     besides, at a uniform rate to either side. The push acts on the CoM of one of `bodies`, all of them
     equally likely; one that is named twice is drawn twice as often. Model errors come from `errors`.
+
+    Where `push_duration_max` is given, the duration is uniform in the logarithm from `push_duration` on. A
+    scenario has 1 to `pushes_max` pushes, all counts equally likely. Each of n pushes has the impulse drawn
+    divided by sqrt(n), on the same body for the same time; a later one comes in one of the four steps after
+    that of the push before, half of them in the direction of the first.
     """
 
     impulse_min: float = 5.0  # [N s]
@@ -37,7 +44,9 @@ class PushDistribution:
     direction_min: float = -math.pi  # psi, counter-clockwise from forward [rad]
     direction_max: float = math.pi  # [rad]
     phase_max: float = 0.9  # latest start, fraction of the step
-    push_duration: float = 0.1  # [s]
+    push_duration: float = 0.1  # least duration [s]
+    push_duration_max: float | None = None  # longest duration [s]; None: all take the least
+    pushes_max: int = 1  # largest number of pushes
     first_step: int = 4  # pushes start no earlier than this step
     forward_speed: float = 0.5  # [m/s]
     backward_speed: float = 0.25  # [m/s]
@@ -65,6 +74,10 @@ class PushDistribution:
                 f"PushDistribution.impulse_max / push_duration must be at most {FORCE_MAX:g} N, got "
                 f"{self.impulse_max:g} N s / {duration:g} s = {hardest:g} N"
             )
+        if self.push_duration_max is not None:
+            longest = self.push_duration_max
+            require_number("PushDistribution.push_duration_max [s]", longest, duration, DURATION_MAX)
+        require_integer("PushDistribution.pushes_max", self.pushes_max, 1, PUSHES_MAX)
         require_integer("PushDistribution.first_step", self.first_step, high=STEP_MAX)
         for name in ("forward_speed", "backward_speed", "sideways_speed"):
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
@@ -84,6 +97,7 @@ class PushDistribution:
             impulse_min=self.impulse_min * scale.impulse,
             impulse_max=self.impulse_max * scale.impulse,
             push_duration=self.push_duration * scale.time,
+            push_duration_max=None if self.push_duration_max is None else self.push_duration_max * scale.time,
             forward_speed=fastest.vx,
             backward_speed=self.backward_speed * scale.velocity,
             sideways_speed=fastest.vy,
@@ -110,6 +124,34 @@ class PushDistribution:
         """The body that a push acts on; no draw where there is only one."""
         return self.bodies[0 if len(self.bodies) == 1 else int(rng.integers(len(self.bodies)))]
 
+    def duration(self, rng: np.random.Generator) -> float:
+        """Of a push [s]; no draw where all last equally long."""
+        least, most = self.push_duration, self.push_duration_max
+        return least if most is None else least * (most / least) ** float(rng.random())
+
+    def with_later(self, push: Push, walk: Scenario, step: int, rng: np.random.Generator) -> tuple[Push, ...]:
+        """A push and those that come after it; no draw where there is one only.
+
+        Args:
+            push: of the whole impulse, which all of them share.
+            walk: whose steps they come in.
+            step: that the first one comes in, since reset.
+            rng: of the draws, whose number does not depend on that of the pushes.
+        """
+        if self.pushes_max == 1:
+            return (push,)
+        count = int(rng.integers(1, self.pushes_max + 1))
+        draws = rng.random((self.pushes_max - 1, 3))[: count - 1].tolist()
+        force = math.hypot(*push.force) / math.sqrt(count)
+        pushes = [polar_push(force, push.direction, push.duration, push.start, push.body)]
+        for pause, turn, phase in draws:
+            step += 1 + int(pause * LATEST_NEXT)
+            event = GaitEvent(step, walk.side_of_step(step), phase * self.phase_max)
+            other = self.direction_min + (2.0 * turn - 1.0) * (self.direction_max - self.direction_min)
+            psi = push.direction if turn < 0.5 else other
+            pushes.append(polar_push(force, psi, push.duration, event, push.body))
+        return tuple(pushes)
+
     def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
         """Draw one scenario; of one distribution all take equally many draws, so that episodes compare."""
         u = rng.random(8)
@@ -122,16 +164,19 @@ class PushDistribution:
         command = self.command(kind, float(u[5]), bool(u[6] < 0.5))
         if self.turn:
             command = replace(command, turn=self.turning(*rng.random(2).tolist()))
-        force, body = float(impulse / self.push_duration), self.body(rng)
-        return Scenario(
+        body, duration = self.body(rng), self.duration(rng)
+        push = polar_push(float(impulse / duration), float(direction), duration, event, body)
+        scenario = Scenario(
             id=scenario_id or f"random-{noise_seed:08x}",
-            pushes=(polar_push(force, float(direction), self.push_duration, event, body),),
+            pushes=(push,),
             command=command,
             stance_side="left" if u[7] < 0.5 else "right",
             settle_time=self.settle_time,
             noise_seed=noise_seed,
             errors=errors,
         )
+        step = event.step_index(scenario.stance_side)
+        return replace(scenario, pushes=self.with_later(push, scenario, step, rng))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `errors` is left out where it is not given."""

@@ -18,7 +18,10 @@ from ..score.varied import varied_scenarios
 RANGES: Mapping[str, PushDistribution] = MappingProxyType({"standard": PushDistribution(), "hard": HARD})
 KINDS = (*RANGES, "varied", *SHIFTS)
 LARGEST = 65536  # scenarios
-UNUSED = {"direction_min", "direction_max", "errors"}  # of a distribution: these suites push all round
+# Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
+UNUSED = {
+    "direction_min", "direction_max", "errors", "turn", "bodies", "push_duration_max", "pushes_max",
+}  # fmt: skip
 
 
 def new_suite(

@@ -16,7 +16,7 @@ from ...envs.scenario.push_distribution import PushDistribution
 from ...envs.snapshot.robot_snapshot import RobotSnapshot
 from .success_table import WIDTH, SuccessTable
 
-STANCE, HEADING = "gait.stance", "gait.heading"  # rows of a snapshot
+STANCE, HEADING, STEPS = "gait.stance", "gait.heading", "gait.steps"  # rows of a snapshot
 
 
 class Starts(Protocol):
@@ -91,8 +91,8 @@ class ResetStarts(ChosenStarts):
             return
         while True:
             scenario = self._episodes.drawn(self._pushes, self._rng)
-            (push,) = scenario.pushes
-            if self._takes(k, push.body, push.direction, push.impulse_magnitude):
+            first, impulse = scenario.pushes[0], math.hypot(*(p.impulse_magnitude for p in scenario.pushes))
+            if self._takes(k, first.body, first.direction, impulse):
                 break
         self._episodes.begin(k, scenario)
 
@@ -103,8 +103,8 @@ class PushStarts(ChosenStarts):
     Args:
         episodes: of n robots.
         walks: that are put back.
-        chosen: the other arguments of `ChosenStarts`; of a push impulse, direction, body, duration and
-            settling time are drawn.
+        chosen: the other arguments of `ChosenStarts`; of pushes impulse, direction, body, duration,
+            number and settling time are drawn.
     """
 
     def __init__(self, episodes: GaitEpisodes, walks: list[RobotSnapshot], *chosen: Any):
@@ -137,8 +137,10 @@ class PushStarts(ChosenStarts):
         self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
     ) -> None:
         start = walk.time + float(self._rng.random()) / self._episodes.control_hz
-        push = polar_push(impulse / pushes.push_duration, psi, pushes.push_duration, start, body)
-        scenario = replace(walk.scenario, pushes=(push,), duration=None, settle_time=pushes.settle_time)
+        duration, step = pushes.duration(self._rng), int(walk.rows[STEPS].item())
+        first = polar_push(impulse / duration, psi, duration, start, body)
+        drawn = pushes.with_later(first, walk.scenario, step, self._rng)
+        scenario = replace(walk.scenario, pushes=drawn, duration=None, settle_time=pushes.settle_time)
         self._episodes.restore(k, walk, scenario)
 
 

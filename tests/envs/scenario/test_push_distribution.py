@@ -82,6 +82,76 @@ def test_pushes_act_on_the_bodies_named_as_often_as_they_are_named():
     assert all(160 < seen[body] < 240 for body in ("trunk", "link:elbow"))
 
 
+def test_durations_are_uniform_in_the_logarithm_and_keep_the_impulse():
+    """A quarter of them in each of four ranges of equal ratio; what is drawn besides is what it was."""
+    ranges = PushDistribution(push_duration=0.02, push_duration_max=0.32)
+    pushes = [ranges.sample(np.random.default_rng(seed)).pushes[0] for seed in range(800)]
+    plain = [PushDistribution().sample(np.random.default_rng(seed)).pushes[0] for seed in range(800)]
+    for push, other in zip(pushes, plain, strict=True):
+        assert push.impulse_magnitude == pytest.approx(other.impulse_magnitude)
+        assert (push.direction, push.start) == (pytest.approx(other.direction), other.start)
+    counts, _ = np.histogram([push.duration for push in pushes], [0.02, 0.04, 0.08, 0.16, 0.32])
+    assert counts.sum() == 800
+    assert all(160 < count < 240 for count in counts)
+
+
+def test_later_pushes_share_the_impulse_and_come_within_four_steps():
+    """The root of the sum of their squares is what one push alone has."""
+    ranges = PushDistribution(pushes_max=3, phase_max=0.5, bodies=("trunk",))
+    plain = PushDistribution(phase_max=0.5, bodies=("trunk",))
+    pauses, same, fractions, counts = [], [], [], Counter()
+    for seed in range(900):
+        scenario, alone = (kind.sample(np.random.default_rng(seed)) for kind in (ranges, plain))
+        assert replace(scenario, pushes=alone.pushes) == alone
+        first, *later = scenario.pushes
+        (only,) = alone.pushes
+        assert (first.start, first.direction) == (only.start, pytest.approx(only.direction))
+        for push in scenario.pushes:
+            assert (push.duration, push.body) == (only.duration, "trunk")
+            assert push.impulse_magnitude**2 * len(scenario.pushes) == pytest.approx(
+                only.impulse_magnitude**2
+            )
+        counts[len(scenario.pushes)] += 1
+        step = first.start.step_index(scenario.stance_side)
+        for push in later:
+            assert push.start.side == scenario.side_of_step(push.start.step)
+            pauses.append(push.start.step - step)
+            step = push.start.step
+            same.append(push.direction == pytest.approx(first.direction))
+            fractions.append(push.start.fraction)
+    assert set(counts) == {1, 2, 3}
+    assert all(250 < count < 350 for count in counts.values())
+    assert set(pauses) == {1, 2, 3, 4}
+    assert all(180 < pauses.count(pause) < 270 for pause in range(1, 5))
+    assert 0.45 < np.mean(same) < 0.55
+    assert 0.0 <= min(fractions) < 0.01
+    assert 0.49 < max(fractions) <= 0.5
+
+
+def test_other_directions_of_later_pushes_fill_the_range():
+    ranges = PushDistribution(pushes_max=2, direction_min=0.5, direction_max=1.5)
+    pairs = [ranges.sample(np.random.default_rng(seed)).pushes for seed in range(1200)]
+    turns = [(pair[0].direction, pair[1].direction) for pair in pairs if len(pair) == 2]
+    other = [later for first, later in turns if later != pytest.approx(first)]
+    assert 0.5 <= min(other) < 0.52
+    assert 1.48 < max(other) <= 1.5
+    assert abs(np.mean(other) - 1.0) < 0.06
+
+
+def test_the_draws_do_not_depend_on_the_number_of_pushes():
+    """So that the scenarios after one of a single push and after one of three are the same."""
+    states = {}
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        count = len(PushDistribution(pushes_max=3).sample(rng).pushes)
+        alone = np.random.default_rng(seed)
+        PushDistribution().sample(alone)
+        alone.integers(1, 4)
+        alone.random(6)
+        states[count] = rng.bit_generator.state == alone.bit_generator.state
+    assert states == {1: True, 2: True, 3: True}
+
+
 @pytest.mark.parametrize(("bodies", "words"), [((), "at least one body"), (("arm",), "push body 'arm'")])
 def test_a_distribution_refuses_bodies_that_no_push_names(bodies, words):
     with pytest.raises(PushRecoveryError, match=words):
@@ -89,7 +159,9 @@ def test_a_distribution_refuses_bodies_that_no_push_names(bodies, words):
 
 
 def test_distribution_round_trip_and_bounds():
-    distribution = PushDistribution(impulse_max=40.0, bodies=("trunk", "link:elbow"))
+    distribution = PushDistribution(
+        impulse_max=40.0, bodies=("trunk", "link:elbow"), push_duration_max=0.3, pushes_max=2
+    )
     assert PushDistribution.from_dict(distribution.to_dict()) == distribution
     with pytest.raises(InvalidValueError, match=r"impulse_max.*\[5"):
         PushDistribution(impulse_max=1.0)
@@ -105,8 +177,12 @@ def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
 
 
 @pytest.mark.parametrize(
-    "values", [{"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}, {"turn": 0.7}]
-)
+    "values",
+    [
+        {"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}, {"turn": 0.7},
+        {"push_duration_max": 0.09}, {"push_duration_max": 3601.0}, {"pushes_max": 0}, {"pushes_max": 101},
+    ],
+)  # fmt: skip
 def test_a_distribution_refuses_what_it_could_not_draw(values):
     with pytest.raises(InvalidValueError, match=rf"PushDistribution\.{next(iter(values))}"):
         PushDistribution(**values)

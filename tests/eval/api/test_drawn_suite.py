@@ -31,7 +31,13 @@ def test_other_ranges():
     assert max(push.impulse_magnitude for push in pushes) == pytest.approx(180.0, abs=0.2)
 
 
-@pytest.mark.parametrize("pushes", [{"direction_min": 0.0}, {"errors": {}}, {"impuls": 1.0}])
+@pytest.mark.parametrize(
+    "pushes",
+    [
+        {"direction_min": 0.0}, {"errors": {}}, {"impuls": 1.0}, {"turn": 0.1}, {"bodies": ["trunk"]},
+        {"push_duration_max": 0.2}, {"pushes_max": 2},
+    ],
+)  # fmt: skip
 def test_ranges_that_would_do_nothing_are_refused(pushes):
     with pytest.raises((InvalidValueError, UnknownNameError)):
         new_suite("hard", 3, pushes=pushes)

@@ -104,6 +104,31 @@ def test_each_body_has_a_table_of_its_own(episodes, walks):
     assert (beginning.tables["trunk"].shares != 0.5).sum() == (seen[-1] == "trunk")
 
 
+def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
+    """And the push is counted by the impulse of all of them together, of either kind of start."""
+    pushes = replace(HARD, pushes_max=3, push_duration=0.05, push_duration_max=0.2)
+    parts = pushes, EASY, 0.0, 1.0
+    at_push = PushStarts(episodes, walks, *parts, np.random.default_rng(2))
+    at_reset = ResetStarts(episodes, *parts, np.random.default_rng(2))
+    counts = set()
+    for _ in range(40):
+        for beginning in (at_push, at_reset):
+            beginning.begin(0)
+            _, (_, impulses) = beginning._bins[0]
+            assert impulses == 5  # 100 to 110 N s, in bins of 20
+        at_push.begin(0)
+        first, *later = scenario_of(episodes, 0).pushes
+        counts.add(1 + len(later))
+        assert 0.05 <= first.duration <= 0.2
+        step, side = episodes.core.gait.steps.item(0), episodes.core.gait.stance.item(0)
+        for push in later:
+            pause = push.start.step - step
+            assert 1 <= pause <= 4
+            step, side = push.start.step, (side + pause) % 2
+            assert push.start.side == ("left", "right")[side]
+    assert counts == {1, 2, 3}
+
+
 def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():
     def walk(stance, heading):
         rows = {"gait.stance": np.array(stance), "gait.heading": np.array(heading)}
