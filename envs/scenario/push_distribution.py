@@ -33,7 +33,7 @@ class PushDistribution:
     besides, at a uniform rate to either side. The push acts on the CoM of one of `bodies`, all of them
     equally likely; one that is named twice is drawn twice as often. Model errors come from `errors`.
 
-    Where `push_duration_max` is given, the duration is uniform in the logarithm from `push_duration` on. A
+    A push lasts `push_duration` and up to `push_duration_ratio` times as long, uniform in the logarithm. A
     scenario has 1 to `pushes_max` pushes, all counts equally likely. Each of n pushes has the impulse drawn
     divided by sqrt(n), on the same body for the same time; a later one comes in one of the four steps after
     that of the push before, half of them in the direction of the first.
@@ -45,7 +45,7 @@ class PushDistribution:
     direction_max: float = math.pi  # [rad]
     phase_max: float = 0.9  # latest start, fraction of the step
     push_duration: float = 0.1  # least duration [s]
-    push_duration_max: float | None = None  # longest duration [s]; None: all take the least
+    push_duration_ratio: float = 1.0  # longest duration over the least
     pushes_max: int = 1  # largest number of pushes
     first_step: int = 4  # pushes start no earlier than this step
     forward_speed: float = 0.5  # [m/s]
@@ -74,9 +74,8 @@ class PushDistribution:
                 f"PushDistribution.impulse_max / push_duration must be at most {FORCE_MAX:g} N, got "
                 f"{self.impulse_max:g} N s / {duration:g} s = {hardest:g} N"
             )
-        if self.push_duration_max is not None:
-            longest = self.push_duration_max
-            require_number("PushDistribution.push_duration_max [s]", longest, duration, DURATION_MAX)
+        longest = DURATION_MAX / duration
+        require_number("PushDistribution.push_duration_ratio", self.push_duration_ratio, 1.0, longest)
         require_integer("PushDistribution.pushes_max", self.pushes_max, 1, PUSHES_MAX)
         require_integer("PushDistribution.first_step", self.first_step, high=STEP_MAX)
         for name in ("forward_speed", "backward_speed", "sideways_speed"):
@@ -97,7 +96,6 @@ class PushDistribution:
             impulse_min=self.impulse_min * scale.impulse,
             impulse_max=self.impulse_max * scale.impulse,
             push_duration=self.push_duration * scale.time,
-            push_duration_max=None if self.push_duration_max is None else self.push_duration_max * scale.time,
             forward_speed=fastest.vx,
             backward_speed=self.backward_speed * scale.velocity,
             sideways_speed=fastest.vy,
@@ -126,8 +124,8 @@ class PushDistribution:
 
     def duration(self, rng: np.random.Generator) -> float:
         """Of a push [s]; no draw where all last equally long."""
-        least, most = self.push_duration, self.push_duration_max
-        return least if most is None else least * (most / least) ** float(rng.random())
+        ratio = self.push_duration_ratio
+        return self.push_duration * (1.0 if ratio == 1.0 else ratio ** float(rng.random()))
 
     def with_later(self, push: Push, walk: Scenario, step: int, rng: np.random.Generator) -> tuple[Push, ...]:
         """A push and those that come after it; no draw where there is one only.

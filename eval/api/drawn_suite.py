@@ -20,7 +20,7 @@ KINDS = (*RANGES, "varied", *SHIFTS)
 LARGEST = 65536  # scenarios
 # Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
 UNUSED = {
-    "direction_min", "direction_max", "errors", "turn", "bodies", "push_duration_max", "pushes_max",
+    "direction_min", "direction_max", "errors", "turn", "bodies", "push_duration_ratio", "pushes_max",
 }  # fmt: skip
 
 

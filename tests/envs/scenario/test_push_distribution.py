@@ -84,7 +84,7 @@ def test_pushes_act_on_the_bodies_named_as_often_as_they_are_named():
 
 def test_durations_are_uniform_in_the_logarithm_and_keep_the_impulse():
     """A quarter of them in each of four ranges of equal ratio; what is drawn besides is what it was."""
-    ranges = PushDistribution(push_duration=0.02, push_duration_max=0.32)
+    ranges = PushDistribution(push_duration=0.02, push_duration_ratio=16.0)
     pushes = [ranges.sample(np.random.default_rng(seed)).pushes[0] for seed in range(800)]
     plain = [PushDistribution().sample(np.random.default_rng(seed)).pushes[0] for seed in range(800)]
     for push, other in zip(pushes, plain, strict=True):
@@ -160,7 +160,7 @@ def test_a_distribution_refuses_bodies_that_no_push_names(bodies, words):
 
 def test_distribution_round_trip_and_bounds():
     distribution = PushDistribution(
-        impulse_max=40.0, bodies=("trunk", "link:elbow"), push_duration_max=0.3, pushes_max=2
+        impulse_max=40.0, bodies=("trunk", "link:elbow"), push_duration_ratio=3.0, pushes_max=2
     )
     assert PushDistribution.from_dict(distribution.to_dict()) == distribution
     with pytest.raises(InvalidValueError, match=r"impulse_max.*\[5"):
@@ -180,7 +180,7 @@ def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
     "values",
     [
         {"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}, {"turn": 0.7},
-        {"push_duration_max": 0.09}, {"push_duration_max": 3601.0}, {"pushes_max": 0}, {"pushes_max": 101},
+        {"push_duration_ratio": 0.9}, {"push_duration_ratio": 36001.0}, {"pushes_max": 0}, {"pushes_max": 101},
     ],
 )  # fmt: skip
 def test_a_distribution_refuses_what_it_could_not_draw(values):

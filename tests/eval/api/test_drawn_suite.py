@@ -35,7 +35,7 @@ def test_other_ranges():
     "pushes",
     [
         {"direction_min": 0.0}, {"errors": {}}, {"impuls": 1.0}, {"turn": 0.1}, {"bodies": ["trunk"]},
-        {"push_duration_max": 0.2}, {"pushes_max": 2},
+        {"push_duration_ratio": 2.0}, {"pushes_max": 2},
     ],
 )  # fmt: skip
 def test_ranges_that_would_do_nothing_are_refused(pushes):

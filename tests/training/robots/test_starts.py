@@ -106,7 +106,7 @@ def test_each_body_has_a_table_of_its_own(episodes, walks):
 
 def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
     """And the push is counted by the impulse of all of them together, of either kind of start."""
-    pushes = replace(HARD, pushes_max=3, push_duration=0.05, push_duration_max=0.2)
+    pushes = replace(HARD, pushes_max=3, push_duration=0.05, push_duration_ratio=4.0)
     parts = pushes, EASY, 0.0, 1.0
     at_push = PushStarts(episodes, walks, *parts, np.random.default_rng(2))
     at_reset = ResetStarts(episodes, *parts, np.random.default_rng(2))
