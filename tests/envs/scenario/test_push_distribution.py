@@ -180,7 +180,8 @@ def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
     "values",
     [
         {"direction_min": -1e308}, {"direction_max": 1e308}, {"first_step": 10**30}, {"turn": 0.7},
-        {"push_duration_ratio": 0.9}, {"push_duration_ratio": 36001.0}, {"pushes_max": 0}, {"pushes_max": 101},
+        {"push_duration_ratio": 0.9}, {"push_duration_ratio": 36001.0},
+        {"pushes_max": 0}, {"pushes_max": 101},
     ],
 )  # fmt: skip
 def test_a_distribution_refuses_what_it_could_not_draw(values):

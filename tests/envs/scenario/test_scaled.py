@@ -82,7 +82,11 @@ def test_a_profile_keeps_its_name_and_senses():
 def test_drawing_and_scaling_change_places():
     """To rounding; gait events and seeds are the same ones."""
     ranges = PushDistribution(
-        turn=0.3, errors=ErrorRanges(payload=(0.0, 5.0)), settle_time=2.0, push_duration_ratio=4.0, pushes_max=3
+        turn=0.3,
+        errors=ErrorRanges(payload=(0.0, 5.0)),
+        settle_time=2.0,
+        push_duration_ratio=4.0,
+        pushes_max=3,
     )
     for seed in range(50):
         drawn, later = (
