@@ -50,6 +50,7 @@ class Physics(NamedTuple):
     ankle_height: Floats1  # (1,) ankle above a flat sole [m]
     mirror: Floats1  # (14,) sign of each joint's coordinate in the mirrored robot
     leg_form: Ints1  # (1,) MEETING_AXES or ANY_AXES
+    knee_bend: Floats1  # (2,) sign of a bent knee's coordinate; 0 for one that stops before it is straight
 
 
 class SoleMotion(NamedTuple):

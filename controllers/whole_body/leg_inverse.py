@@ -12,6 +12,9 @@ for that about r; what is left of omega divides between r and the two ankle axes
 A leg of other axes is solved with all six columns of its Jacobian. With the knee's column replaced by a
 motion of the sole along r, the row of the inverse that belongs to it is n', the wrench that no other joint
 feels, and c = n' J_knee the velocity along it per rate of the knee: the same c as above where the axes meet.
+
+A knee that can go beyond straight counts as bent as much there: c keeps the sign that it has where the knee
+is bent. With its true sign a leg that shall become shorter presses its knee into the stop.
 """
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -53,6 +56,17 @@ YAW_ROLL_PITCH_AXES = (
 )  # of a leg's joints in the reference posture, from hip to sole  # fmt: skip
 SMALLEST = 1e-6  # pivot
 YAW, ROLL, PITCH, KNEE, ANKLE_PITCH, ANKLE_ROLL = range(6)  # joints of a leg
+
+
+@njit(cache=True, forceinline=True)
+def _knee_rate(phys: Physics, leg: int, stretch: float, damping: float) -> float:
+    """Rate of a knee per velocity along the leg, 1 / c with c = `stretch`, bounded near a straight one [1/m].
+
+    A knee that can go beyond straight has the c of one that is bent.
+    """
+    bend = phys.knee_bend[leg]
+    c = stretch if bend == 0.0 else -bend * abs(stretch)
+    return c / (c * c + damping)
 
 
 @njit(cache=True, forceinline=True)
@@ -100,7 +114,7 @@ def write_inverse_of_meeting_axes(
     length = math.sqrt(dot(r, r))
     along = scaled(r, 1.0 / length)
     stretch = dot(along, s)
-    knee = scaled(along, stretch / (stretch * stretch + damping))
+    knee = scaled(along, _knee_rate(phys, leg, stretch, damping))
     _write_row(inverses, leg, KNEE, knee, ZERO, offset)
     about_leg, about_pitch, about_foot = dual_basis(along, pitch, foot)
     spin = _across(about_leg, along, s, knee, length)  # rotation about r is about_leg . omega - spin . v
@@ -136,7 +150,7 @@ def write_inverse_of_any_axes(
     invert_6(J, inverse)
     n_v, n_omega = vector_of(inverse[KNEE], 0), vector_of(inverse[KNEE], 3)
     stretch = dot(n_v, knee_v) + dot(n_omega, knee_omega)
-    gain = stretch / (stretch * stretch + damping)
+    gain = _knee_rate(phys, leg, stretch, damping)
     for j in range(6):
         v, omega = vector_of(inverse[j], 0), vector_of(inverse[j], 3)
         share = gain if j == KNEE else -gain * (dot(v, knee_v) + dot(omega, knee_omega))

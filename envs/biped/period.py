@@ -87,9 +87,10 @@ class Arena(NamedTuple):
 # What is no state of a robot: a thread's workspace, addresses, and what all robots have in common.
 NO_STATE = {"bounds", "handles", "judged_handles", "floors.places"}
 COMMON = {
-    "physics.soles", "physics.ankle_height", "physics.mirror", "physics.leg_form", "exchange.capture",
-    "met.edges", "floors.half_sole", "shown.onboard", "sensors.settings", "sensors.present", "judged.soles",
-    "judged.ankle_height", "judged.mirror", "judged.leg_form",
+    "physics.soles", "physics.ankle_height", "physics.mirror", "physics.leg_form", "physics.knee_bend",
+    "exchange.capture", "met.edges", "floors.half_sole", "shown.onboard", "sensors.settings",
+    "sensors.present", "judged.soles", "judged.ankle_height", "judged.mirror", "judged.leg_form",
+    "judged.knee_bend",
 }  # fmt: skip
 SENSED = {"shown", "sensors", "estimate", "judged", "judged_contacts"}  # parts of onboard sensing alone
 

@@ -15,6 +15,7 @@ from ....controllers.model.body_plan import BodyPlan
 from ....controllers.model.robot import RobotModel
 from ....controllers.whole_body.bounds import NEVER
 from ....controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, Array, Ints
+from ....controllers.whole_body.leg_inverse import KNEE
 from ...scenario.physics_options import CONTROL_STEP
 from ...scenario.push import BODIES, LINK
 from .description import RobotDescription
@@ -146,9 +147,19 @@ class CompiledRobot:
             signs[2 + i] = signs[8 + i] = np.sign(sign)
         return signs
 
-    def constants(self) -> tuple[Array, Array, Array, Ints]:
+    @cached_property
+    def knee_bend(self) -> Array:
+        """Sign of each knee's coordinate where it is bent, (2,): that of the farther end of its range.
+
+        0 for a knee that stops before it is straight.
+        """
+        low, high = self.model.jnt_range[[leg[KNEE] for leg in self.indices.legs]].T
+        return np.where(low * high > 0.0, 0.0, np.where(low + high < 0.0, -1.0, 1.0))
+
+    def constants(self) -> tuple[Array, Array, Array, Ints, Array]:
         """What compiled control knows of the robot: the last fields of `Physics`."""
-        return self.soles, np.array([self.ankle_height]), self.mirror, np.array([self.leg_form])
+        form = np.array([self.leg_form])
+        return self.soles, np.array([self.ankle_height]), self.mirror, form, self.knee_bend
 
     def in_reference_posture(self) -> mujoco.MjData:
         """The robot upright, all joints at 0 but the held ones, with the kinematics of that."""
