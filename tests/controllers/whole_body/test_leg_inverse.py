@@ -100,6 +100,23 @@ def test_damping_bounds_the_rates_of_a_straight_leg(robot_in, random_state, knee
     assert np.isfinite(inverse).all()
 
 
+@pytest.mark.parametrize("write", [write_leg_inverse, write_inverse_of_any_axes])
+@pytest.mark.parametrize(("can_pass_straight", "sign"), [(1.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize("leg", [0, 1])
+def test_a_knee_beyond_straight_bends_to_shorten_its_leg(
+    robot_in, random_state, monkeypatch, leg, can_pass_straight, sign, write
+):
+    """The leg is 0.72 cos(knee / 2) m long, so a bent knee turns at 1 / (0.36 sin(knee / 2)) rad a metre."""
+    qpos, qvel = random_state(np.random.default_rng(6), 0.1)
+    qpos[LEG_QPOS[leg] + KNEE] = -0.04
+    core, data = robot_in(qpos, qvel)
+    monkeypatch.setattr(core, "physics", core.physics._replace(knee_bend=np.full(2, can_pass_straight)))
+    hip, ankle = (data.joint(f"{PLAN.legs[leg][i]}").xanchor for i in (0, 4))
+    shorter = (hip - ankle) / np.linalg.norm(hip - ankle)
+    rate = leg_inverse(core, leg, 0.0, write)[KNEE] @ [*shorter, 0.0, 0.0, 0.0]
+    assert rate == pytest.approx(sign / (0.36 * np.sin(0.02)), rel=1e-9)
+
+
 @pytest.mark.parametrize("leg", [0, 1])
 def test_torques_of_a_wrench_on_the_sole_are_the_transposed_jacobian(random_state, robot_in, leg):
     rng = np.random.default_rng(10 + leg)

@@ -57,6 +57,24 @@ def test_mirror_signs_follow_the_axes():
     np.testing.assert_array_equal(signs, [1, -1, *expected, *expected])
 
 
+@pytest.mark.parametrize(
+    ("ranges", "signs"),
+    [
+        (((-5.0, 150.0), (0.0, 150.0)), [1.0, 1.0]),
+        (((-150.0, 5.0), (-150.0, 0.0)), [-1.0, -1.0]),
+        (((2.0, 150.0), (-150.0, -2.0)), [0.0, 0.0]),
+    ],
+)
+def test_a_knee_is_bent_towards_the_farther_end_of_its_range(ranges, signs):
+    def ranged():
+        model = spec()
+        for side, (low, high) in zip(("left", "right"), ranges, strict=True):
+            model.joint(f"{side}_knee").range = [low, high]  # [degrees]
+        return model
+
+    assert CompiledRobot(replace(ROBOT, spec=ranged)).knee_bend.tolist() == signs
+
+
 def test_the_closed_forms_are_kept_where_they_hold():
     forms = [compiled_robot(robot).leg_form for robot in (ROBOT, *VARIANTS)]
     assert forms == [MEETING_AXES, ANY_AXES, ANY_AXES, MEETING_AXES]

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
 from push_recovery.envs.biped.robots.compiled_robot import compiled_robot
 from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 MISSING = [name for name in PACKAGES if find_spec(name) is None]
@@ -99,6 +101,25 @@ def test_it_walks_in_all_directions(name):
     assert gone[1, 0] > 0.6
     assert gone[2, 0] < -0.4
     assert gone[3, 1] - gone[4, 1] > 0.4
+
+
+def test_g1_brings_back_a_foot_that_was_thrown_as_far_as_its_leg_is_long():
+    """The punch takes the knee beyond straight; a knee held there let the foot rise to 0.8 m behind it."""
+    episodes = BipedEpisodes(1, robot="g1")
+    policy = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    ankle = (-0.026505, 0.0, 0.016425)
+    punch = Push((-347.134, -281.672, -135.435), 0.08, 2.2854, "right_foot", ankle)
+    episodes.begin(0, Scenario("thrown", (punch,), Command(0.011827463367421825)))
+    heights, straightest = [], np.inf
+    knee = int(episodes.core.body.indices.legs_qpos[1][3])
+    while episodes.motion().time[0] < 4.5 and not episodes.failure().any():
+        episodes.step(policy.predict(episodes.core.observation)[0].astype(np.float32))
+        state = episodes.core.true_state(0)
+        heights.append(sole_position(state, 0, 1)[2])
+        straightest = min(straightest, float(episodes.core.simulations.data[0].qpos[knee]))
+    assert not episodes.failure().any()
+    assert straightest < -0.05
+    assert max(heights) < 0.25
 
 
 @pytest.mark.parametrize("name", ABOUT)
