@@ -101,16 +101,19 @@ def test_damping_bounds_the_rates_of_a_straight_leg(robot_in, random_state, knee
 
 
 @pytest.mark.parametrize("write", [write_leg_inverse, write_inverse_of_any_axes])
-@pytest.mark.parametrize(("can_pass_straight", "sign"), [(1.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize(("bend", "sign"), [(1.0, 1.0), (-1.0, -1.0), (0.0, -1.0)])
 @pytest.mark.parametrize("leg", [0, 1])
 def test_a_knee_beyond_straight_bends_to_shorten_its_leg(
-    robot_in, random_state, monkeypatch, leg, can_pass_straight, sign, write
+    robot_in, random_state, monkeypatch, leg, bend, sign, write
 ):
-    """The leg is 0.72 cos(knee / 2) m long, so a bent knee turns at 1 / (0.36 sin(knee / 2)) rad a metre."""
+    """The leg is 0.72 cos(knee / 2) m long, so a bent knee turns at 1 / (0.36 sin(knee / 2)) rad a metre.
+
+    At -0.04 rad a knee that bends by positive angles is beyond straight, one that bends by negative is bent.
+    """
     qpos, qvel = random_state(np.random.default_rng(6), 0.1)
     qpos[LEG_QPOS[leg] + KNEE] = -0.04
     core, data = robot_in(qpos, qvel)
-    monkeypatch.setattr(core, "physics", core.physics._replace(knee_bend=np.full(2, can_pass_straight)))
+    monkeypatch.setattr(core, "physics", core.physics._replace(knee_bend=np.full(2, bend)))
     hip, ankle = (data.joint(f"{PLAN.legs[leg][i]}").xanchor for i in (0, 4))
     shorter = (hip - ankle) / np.linalg.norm(hip - ankle)
     rate = leg_inverse(core, leg, 0.0, write)[KNEE] @ [*shorter, 0.0, 0.0, 0.0]

@@ -9,6 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.whole_body.kinematics import sole_position
+from push_recovery.controllers.whole_body.leg_inverse import KNEE
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
 from push_recovery.envs.biped.robots.compiled_robot import compiled_robot
@@ -111,7 +112,7 @@ def test_g1_brings_back_a_foot_that_was_thrown_as_far_as_its_leg_is_long():
     punch = Push((-347.134, -281.672, -135.435), 0.08, 2.2854, "right_foot", ankle)
     episodes.begin(0, Scenario("thrown", (punch,), Command(0.011827463367421825)))
     heights, straightest = [], np.inf
-    knee = int(episodes.core.body.indices.legs_qpos[1][3])
+    knee = int(episodes.core.body.indices.legs_qpos[1][KNEE])
     while episodes.motion().time[0] < 4.5 and not episodes.failure().any():
         episodes.step(policy.predict(episodes.core.observation)[0].astype(np.float32))
         state = episodes.core.true_state(0)
