@@ -60,8 +60,8 @@ BELOW = (  # rooms that what is drawn rests on
     (
         "eval",
         "processes, output (tables), measures (effort), shipped (what was learned), learned (how),\n"
-        "api, bench, tuning, ceiling, robots, export (ONNX), protocols (of others), leaderboard,\n"
-        "report, reproduction, record (time histories), film, play (a robot to push)",
+        "sampling_mpc, api, bench, tuning, ceiling, robots, export (ONNX), protocols (of others),\n"
+        "leaderboard, report, reproduction, record (time histories), film, play (a robot to push)",
     ),
 )
 FLOW = (  # from, to, what goes along

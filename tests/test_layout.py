@@ -46,6 +46,7 @@ ROOMS = (
     "eval.output",
     "eval.measures",  # of robots at work
     "eval.shipped",
+    "eval.sampling_mpc",
     "eval.rollout",
     "eval.robots",
     "eval.export",

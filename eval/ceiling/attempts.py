@@ -13,9 +13,10 @@ from ...envs.snapshot.robot_snapshot import RobotSnapshot
 from ..rollout.loop import Ints, run_episodes
 from ..rollout.outcome import Outcome
 from ..rollout.slots import Slots
-from .sequences import Actions, AttemptsPolicy, SequenceRule
+from ..sampling_mpc.corrections import Actions, SequenceRule
+from ..sampling_mpc.forecast import worth
+from .sequences import AttemptsPolicy
 
-LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
 RECOVERED = 1e3  # worth of a recovery: above that of everything else
 
 
@@ -29,9 +30,9 @@ class Attempts(NamedTuple):
 class RestoredSlots(Slots):
     """Robots that begin their scenarios where another robot was when it was pushed.
 
-    An attempt is worth  int clip(m, LEAST, MOST) - LEAST dt  over the time that the robot stands, m its
-    capture margin [m]: the longer it stands and the nearer it stays to what can be captured, the more
-    [m s]; RECOVERED more where it has recovered.
+    The value of an attempt is  int worth(m) dt  over the time that the robot stands, m its capture margin:
+    the longer it stands and the nearer it stays to what can be captured, the more [m s]; RECOVERED more where
+    it has recovered.
     """
 
     def __init__(self, episodes: BipedEpisodes, snapshot: RobotSnapshot):
@@ -46,8 +47,7 @@ class RestoredSlots(Slots):
         """One planning period of the robots in `rows`."""
         ended = super().step(rows, actions)
         standing = rows[self.episodes.failure()[rows] == 0]
-        margin = np.clip(self.episodes.core.margin[standing], LEAST, MOST) - LEAST
-        self.values[standing] += margin / self.episodes.control_hz
+        self.values[standing] += worth(self.episodes.core.margin[standing]) / self.episodes.control_hz
         return ended
 
 

@@ -11,7 +11,7 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.scenario import Scenario
 from ...envs.snapshot.robot_snapshot import RobotSnapshot
-from .sequences import SequenceRule, begun
+from ..sampling_mpc.corrections import SequenceRule, begun
 
 
 class Moment(NamedTuple):

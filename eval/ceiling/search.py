@@ -15,11 +15,12 @@ from ...envs.scenario.scenario import Scenario
 from ..rollout.batch import batch_episodes
 from ..rollout.one import rollout
 from ..rollout.workers import Runner
+from ..sampling_mpc.corrections import Actions, SequenceRule
+from ..sampling_mpc.cross_entropy import CrossEntropy, as_text
 from .attempts import run_attempts
-from .cross_entropy import CrossEntropy, as_text
 from .moment import Moment, moment_of_push, require_bipeds
 from .neighbours import NEIGHBOURS, neighbours
-from .sequences import Actions, Sequence, SequencePolicy, SequenceRule
+from .sequences import Sequence, SequencePolicy
 from .settings import CeilingSettings
 
 CEILING = "ceiling"  # label of the rows

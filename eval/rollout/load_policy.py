@@ -12,6 +12,7 @@ from ...controllers.files import is_file
 from ...controllers.learned.network import NetworkPolicy
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
+from ..sampling_mpc.settings import NAME as SAMPLING_MPC
 from ..shipped.names import NAMES, shipped_names
 from .names import DEFAULT_ENV
 from .user_object import acting, import_attribute
@@ -44,7 +45,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
     Args:
         name: one of `push-recovery list`, such as "two-stage" or "residual".
-        env: a gait environment, single or vector.
+        env: a gait environment, single or vector; "sampling-mpc" acts on the robot in it, a single one.
 
     Raises:
         UnknownNameError: no such name; lists the valid ones.
@@ -68,6 +69,10 @@ def make_policy(name: str, env: Any) -> Policy:
             f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
             f"environment below, such as {DEFAULT_ENV}"
         )
+    if name == SAMPLING_MPC:
+        from ..sampling_mpc.policy import SamplingMpcPolicy
+
+        return SamplingMpcPolicy(env)
     return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
 
 
@@ -84,10 +89,10 @@ def _random_joints(name: str, episodes: Any) -> Policy:
 
 
 def policy_names() -> tuple[str, ...]:
-    """Names that `make_policy` knows: the analytic policies, and those that come with the package."""
+    """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
     from ...controllers.policies.arms import POLICY_NAMES
 
-    return (*POLICY_NAMES, *shipped_names())
+    return (*POLICY_NAMES, SAMPLING_MPC, *shipped_names())
 
 
 def is_policy_file(name: str) -> bool:

@@ -20,6 +20,8 @@ from ...controllers.files import read_file
 from ...controllers.learned.policy_file import policy_paths
 from ...controllers.policies.interface import Policy
 from ..output.rows import RowFile, default_directory
+from ..sampling_mpc.settings import NAME as SAMPLING_MPC
+from ..sampling_mpc.source import sampling_mpc_source
 from .environments import make_env_for
 from .load_policy import is_attribute, is_policy_file, load_policy
 from .user_object import acting, import_attribute, source_of
@@ -45,8 +47,9 @@ class PolicySource:
     def digest(self) -> str | None:
         """SHA-256 of what the policy is; None for a name, and for an object that can't be pickled.
 
-        Of a file: its weights and description. Of MODULE:ATTRIBUTE: the module's source. Of an object: its
-        pickle and its class's source, so that rows of an object that has learned since are never mixed.
+        Of a file: its weights and description. Of MODULE:ATTRIBUTE: the module's source. Of sampling MPC,
+        which is not among the code of `code_digest`: its own. Of an object: its pickle and its class's
+        source, so that rows of an object that has learned since are never mixed.
         """
         if self.in_memory:
             return _object_digest(self.origin)
@@ -54,6 +57,8 @@ class PolicySource:
             content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):
             content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
+        elif self.origin == SAMPLING_MPC:
+            content = sampling_mpc_source()
         else:
             return None
         return hashlib.sha256(content).hexdigest()

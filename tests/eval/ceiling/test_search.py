@@ -8,13 +8,14 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.ceiling.attempts import LEAST, MOST, RECOVERED, run_attempts
+from push_recovery.eval.ceiling.attempts import RECOVERED, run_attempts
 from push_recovery.eval.ceiling.moment import moment_of_push
 from push_recovery.eval.ceiling.search import Searcher, generator_of
 from push_recovery.eval.ceiling.sequences import Sequence, SequencePolicy
 from push_recovery.eval.ceiling.settings import CeilingSettings
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.sampling_mpc.forecast import LEAST, MOST
 
 LIGHT = Scenario(
     "light", (polar_push(150.0, 1.0, 0.1, GaitEvent(1, "right", 0.4)),), Command(0.1), settle_time=2.0

@@ -10,7 +10,8 @@ from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.residual import default_residual_scale
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.ceiling.sequences import Sequence, SequencePolicy, SequenceRule, begun
+from push_recovery.eval.ceiling.sequences import Sequence, SequencePolicy
+from push_recovery.eval.sampling_mpc.corrections import SequenceRule, begun
 
 PLANNER = "two-stage", BIPED, BIPED_LIMITS, "biped"
 POLICY = make_policy(*PLANNER)

@@ -1,0 +1,180 @@
+"""`sampling-mpc`: the planner, and corrections of it that a simulation of the robot says it needs."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.model.observation import ELAPSED
+from ...envs.biped.env import BipedEnv, BipedEpisodes
+from ...envs.scenario.model_errors import EXACT_MODEL
+from ...envs.scenario.scenario import EXACT_SENSING
+from ...envs.snapshot.robot_snapshot import RobotSnapshot
+from .corrections import Actions, Array, Progress, SequenceRule
+from .cross_entropy import CrossEntropy
+from .forecast import Forecast
+from .settings import NAME, SamplingMpcSettings
+
+PLANNER = "two-stage"  # that is corrected
+
+
+class Memory(NamedTuple):
+    """What is remembered of the robot from one planning period to the next; arrays of one row each."""
+
+    plan: Actions  # (1, steps, 7) corrections, the first row for the present step
+    elapsed: Array  # (1,) of that step, when last looked at [s]
+    expected: Array  # (1, nq + nv) where the robot is now, if nothing has happened to it
+    since_push: NDArray[np.int64]  # (1,) planning periods since something did; NEVER
+    stands: NDArray[np.bool_]  # (1,) whether the plan keeps it up, as far as is known
+    mean: Array  # (1, steps, 7) of the plans to try next, where it does not
+    spread: Array  # (1, steps, 7) their standard deviation
+
+
+NEVER = 10**9
+
+
+class SamplingMpcPolicy:
+    """Model predictive control by sampling, with the simulation as the model, about the two-stage planner.
+
+    In every planning period the robot is where a copy of it has been simulated to be, unless something pushes
+    it. From a push on the planner's future is simulated over the horizon. Where the robot falls in it,
+    corrections of the planner's seven decisions, a row for each of the next steps, are searched for by the
+    cross-entropy method on copies of the robot (Kobilarov 2012), the best so far among each generation, and
+    the plan is the first that keeps it up, or the best. It is simulated again every `check_period`. A robot
+    that nothing pushes walks under the planner's own actions, bit for bit.
+
+    It knows model and state as they are, and nothing of what is to come.
+
+    Args:
+        env: single environment of a biped, under plain gait actions; acted on is the robot that is in it.
+        settings: of the search.
+
+    Raises:
+        InvalidValueError: another environment.
+    """
+
+    def __init__(self, env: gym.Env, settings: SamplingMpcSettings | None = None):
+        self.settings = s = SamplingMpcSettings() if settings is None else settings
+        self._robot = _episodes_of(env)
+        biped = self._robot
+        self._rule = SequenceRule(PLANNER, biped.robot, biped.limits, biped.preset, s.scale)
+        self._every, self._watch, periods = (
+            max(1, round(time * biped.control_hz)) for time in (s.check_period, s.watch_time, s.horizon)
+        )
+        self._one, self._many = (
+            Forecast(biped.alike(n), self._rule, periods, s.outlast) for n in (1, s.population)
+        )
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Memory]:
+        """Action (7,) for the robot in the environment, observed as (36,), and what to hand in next time.
+
+        Raises:
+            InvalidValueError: the robot is not the one that the simulation knows.
+        """
+        seen = np.asarray(observation, np.float64)[None]
+        now = self._robot.state_snapshot(0)
+        if state is None or (episode_start is not None and np.any(episode_start)):
+            state = self._at_first(now)
+        memory = self._looked(Memory(*state), seen)
+        if self._has_to_check(memory):
+            memory = self._checked(memory, now)
+        actions, _ = self._rule.act(seen, _progress(memory))
+        self._one.put(now, 0.0)
+        self._one.episodes.step(actions)
+        return actions[0], memory._replace(expected=self._one.state()[None])
+
+    def _at_first(self, now: RobotSnapshot) -> Memory:
+        scenario = now.scenario
+        if scenario.errors != EXACT_MODEL or scenario.sensing != EXACT_SENSING:
+            raise InvalidValueError(
+                f"policy {NAME!r} simulates the robot as it is and starts from its true state: it acts on "
+                f"exact robots alone, and scenario {scenario.id!r} has errors of the model or own sensors"
+            )
+        plan = np.zeros((1, self.settings.steps, GAIT_SIZE), np.float32)
+        mean, spread = plan.astype(np.float64), np.full(plan.shape, self.settings.spread)
+        begun = np.array([-np.inf]), self._state()[None], np.array([NEVER]), np.array([True])
+        return Memory(plan, *begun, mean, spread)
+
+    def _state(self) -> Array:
+        physics = self._robot.core.physics
+        return np.concatenate([physics.qpos[0], physics.qvel[0]])
+
+    def _looked(self, memory: Memory, seen: Array) -> Memory:
+        """The plan from the present step on, and whether the robot is where it was to be."""
+        elapsed = seen[:, ELAPSED].copy()
+        if elapsed[0] < memory.elapsed[0]:
+            memory = memory._replace(
+                plan=_next_step(memory.plan, 0.0),
+                mean=_next_step(memory.mean, 0.0),
+                spread=_next_step(memory.spread, self.settings.spread),
+            )
+        pushed = not np.array_equal(memory.expected[0], self._state())
+        since = np.zeros(1, np.int64) if pushed else np.minimum(memory.since_push + 1, NEVER)
+        return memory._replace(elapsed=elapsed, since_push=since)
+
+    def _has_to_check(self, memory: Memory) -> bool:
+        since = memory.since_push.item()
+        if since > self._watch:
+            return False
+        return since == 1 or since % self._every == 0 or not memory.stands[0]
+
+    def _checked(self, memory: Memory, now: RobotSnapshot) -> Memory:
+        """With a plan that keeps the robot up, where one is known or found."""
+        if self._one.run(now, memory.plan, memory.elapsed.item()).stands[0]:
+            return memory._replace(stands=np.array([True]))
+        if memory.stands[0]:
+            fresh = np.full_like(memory.spread, self.settings.spread)
+            memory = memory._replace(mean=memory.plan.astype(np.float64), spread=fresh)
+        return self._searched(memory, now)
+
+    def _searched(self, memory: Memory, now: RobotSnapshot) -> Memory:
+        """With the best plan that is found; a search that finds none goes on in the next planning period."""
+        s, shape = self.settings, memory.plan.shape[1:]
+        entropy = s.seed, now.scenario.noise_seed, round(now.time * self._robot.control_hz)
+        rng = np.random.default_rng(np.random.SeedSequence(entropy))
+        method = CrossEntropy(rng, s.size, s.population, s.elites, s.spread, s.least_spread)
+        method.mean, method.spread = memory.mean.ravel(), memory.spread.ravel()
+        best, most, stands = memory.plan[0], -np.inf, False
+        for _ in range(s.generations):
+            drawn = method.ask()
+            drawn[0], drawn[1] = best.ravel(), 0.0
+            tried = drawn.reshape(-1, *shape)
+            came = self._many.run(now, tried, memory.elapsed.item())
+            values = came.values + s.horizon * came.stands
+            if values.max() > most:
+                best, most = tried[values.argmax()].copy(), values.max()
+            stands = bool(came.stands.any())
+            if stands:
+                break
+            method.tell(drawn, values)
+        return memory._replace(
+            plan=best[None], stands=np.array([stands]),
+            mean=method.mean.reshape(1, *shape), spread=method.spread.reshape(1, *shape),
+        )  # fmt: skip
+
+
+def _episodes_of(env: Any) -> BipedEpisodes:
+    episodes = getattr(env.unwrapped, "episodes", None)
+    if not (isinstance(env.unwrapped, BipedEnv) and type(episodes) is BipedEpisodes):
+        raise InvalidValueError(
+            f"policy {NAME!r} acts on one biped under plain gait actions, such as PushRecovery/Biped-v0, got "
+            f"{env}"
+        )
+    return episodes
+
+
+def _progress(memory: Memory) -> Progress:
+    """Of the plan's first row, which is for the present step."""
+    return Progress(memory.plan, np.array([-1]), np.zeros(1, np.int64), memory.elapsed)
+
+
+def _next_step(rows: NDArray[Any], fill: float) -> NDArray[Any]:
+    """Rows (1, steps, 7) from the next step on."""
+    return np.concatenate([rows[:, 1:], np.full_like(rows[:, :1], fill)], axis=1)
