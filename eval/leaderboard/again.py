@@ -9,8 +9,8 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
-from ..output.work import Work, about, episode_seconds
-from ..rollout.policy_source import Sources, policy_sources
+from ..output.work import Work, about
+from ..rollout.policy_source import Sources, guessed_seconds, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .submission import DIGEST, Row, Submission
 
@@ -34,7 +34,7 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
     rows = {(name, row["scenario_id"]): row for name, given in submission.rows.items() for row in given}
     chunks = make_chunks(samples, chunk_sizes(submission.env_id, sources), workers)
     done = dict.fromkeys(samples, 0)
-    seconds = sum(episode_seconds(submission.env_id, sample, workers) for sample in samples.values())
+    seconds = guessed_seconds(submission.env_id, samples, sources, workers)
     work = Work(f"running {sum(map(len, samples.values()))} rows again", about(seconds))
     with progress_bars(list(samples), max(map(len, samples.values())), work) as bars:
         for outcomes in parallel(submission.env_id, run_chunk, chunks, workers, sources):

@@ -82,7 +82,7 @@ def _mean(values: Iterable[Any]) -> str:
 def kick_title(results: Results) -> str:
     """What was run, in one line."""
     each = len(results.protocol.scenarios) // len(LEVELS)
-    return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level"
+    return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_collisions(results)}"
 
 
 def kick_markdown(results: Results) -> str:
@@ -144,7 +144,11 @@ def tour_cells(results: Results) -> list[tuple[str, ...]]:
 
 def tour_title(results: Results) -> str:
     """What was run, in one line."""
-    return f"{results.env_id}: tour, run ids 0-{len(results.protocol.scenarios) - 1}"
+    return f"{results.env_id}: tour, run ids 0-{len(results.protocol.scenarios) - 1}{_collisions(results)}"
+
+
+def _collisions(results: Results) -> str:
+    return ", bodies collide" if results.protocol.collisions else ""
 
 
 def tour_markdown(results: Results) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
@@ -12,14 +12,15 @@ from typing import Any
 
 from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy, as_policy
+from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
-from ..output.work import Work, about, episode_seconds
+from ..output.work import Work, about
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.loop import run_episodes
 from ..rollout.one import GymRobot, begin_policy
-from ..rollout.policy_source import open_rows, policy_sources
+from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
 from .kick_watcher import KickWatcher
 from .tour_watcher import TourWatcher
@@ -42,6 +43,13 @@ class Protocol:
     form: str  # of its scenarios
     robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
+    collisions: bool = False  # whether legs, arms and trunk collide with each other, see `ModelErrors`
+
+    def with_collisions(self) -> Protocol:
+        """The same on robots that do not pass through themselves."""
+        colliding = ModelErrors(collisions=True)
+        scenarios = tuple(replace(scenario, errors=colliding) for scenario in self.scenarios)
+        return replace(self, scenarios=scenarios, collisions=True)
 
     def summary(self) -> dict[str, Any]:
         """Name, form, and the hash of all scenarios as canonical JSON."""
@@ -93,7 +101,7 @@ def run_protocol(
         }
         jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
         found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
-        seconds = sum(episode_seconds(env_id, lacking, workers) for lacking in missing.values())
+        seconds = guessed_seconds(env_id, missing, sources, workers)
         _keep(protocol, store, digests, found, about(seconds))
     rows = {name: [store.rows[name, s.id] for s in protocol.scenarios] for name in sources}
     return Results(protocol, env_id, rows, store.directory)

@@ -19,7 +19,10 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
 from ...controllers.learned.policy_file import policy_paths
 from ...controllers.policies.interface import Policy
+from ...envs.scenario.scenario import Scenario
 from ..output.rows import RowFile, default_directory
+from ..output.work import episode_seconds
+from ..sampling_mpc.settings import COST
 from ..sampling_mpc.settings import NAME as SAMPLING_MPC
 from ..sampling_mpc.source import sampling_mpc_source
 from .environments import make_env_for
@@ -63,12 +66,27 @@ class PolicySource:
             return None
         return hashlib.sha256(content).hexdigest()
 
+    @property
+    def cost(self) -> float:
+        """How long an episode takes, about, as a multiple of the planner's."""
+        return COST if self.origin == SAMPLING_MPC else 1.0
+
     def load(self, env: gym.Env) -> Policy:
         """The policy, for an environment."""
         return load_policy(self.origin, env)
 
 
 Sources = Mapping[str, PolicySource]  # by label
+
+
+def guessed_seconds(
+    env_id: str, missing: Mapping[str, Iterable[Scenario]], sources: Sources, workers: int
+) -> float:
+    """Wall seconds for scenarios by label, about, where no robot falls."""
+    return sum(
+        sources[name].cost * episode_seconds(env_id, scenarios, workers)
+        for name, scenarios in missing.items()
+    )
 
 
 def policy_sources(policies: Any) -> dict[str, PolicySource]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -48,7 +49,8 @@ class SamplingMpcPolicy:
     the plan is the first that keeps it up, or the best. It is simulated again every `check_period`. A robot
     that nothing pushes walks under the planner's own actions, bit for bit.
 
-    It knows model and state as they are, and nothing of what is to come.
+    It knows model and state as they are, and nothing of what is to come. Bodies that collide (`collisions`)
+    do so in its copies, too.
 
     Args:
         env: single environment of a biped, under plain gait actions; acted on is the robot that is in it.
@@ -92,7 +94,7 @@ class SamplingMpcPolicy:
 
     def _at_first(self, now: RobotSnapshot) -> Memory:
         scenario = now.scenario
-        if scenario.errors != EXACT_MODEL or scenario.sensing != EXACT_SENSING:
+        if replace(scenario.errors, collisions=False) != EXACT_MODEL or scenario.sensing != EXACT_SENSING:
             raise InvalidValueError(
                 f"policy {NAME!r} simulates the robot as it is and starts from its true state: it acts on "
                 f"exact robots alone, and scenario {scenario.id!r} has errors of the model or own sensors"

@@ -14,10 +14,10 @@ from ...controllers.files import write_text
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
-from ..output.work import Work, about, episode_seconds
+from ..output.work import Work, about
 from ..rollout.environments import code_digest, env_label, preset_digest
 from ..rollout.outcome import Score
-from ..rollout.policy_source import Sources, open_rows, policy_sources
+from ..rollout.policy_source import Sources, guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .bounds_met import bound_summary
 from .suites import Suite
@@ -117,7 +117,7 @@ def _run_missing(
         name: [row for key, row in store.rows.items() if key[0] == name and key[1] in ids]
         for name in policies
     }
-    length = about(sum(episode_seconds(env_id, lacking, workers) for lacking in missing.values()))
+    length = about(guessed_seconds(env_id, missing, sources, workers))
     work = Work(f"{suite.name}: {_counted(policies, suite)}", length, store.directory)
     begun = {name: len(rows) for name, rows in done.items()}
     with progress_bars(policies, len(suite.scenarios), work, begun) as bars:

@@ -40,6 +40,10 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         int | None, arg(metavar="N", help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
     ] = field(default=None, metadata=within(1))
 
+    collisions: bool = False
+    """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
+    shanks alone)."""
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.form is not None and self.protocol != "kick":
@@ -52,6 +56,10 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     @property
     def asked(self) -> Protocol:
         """The protocol with its scenarios."""
+        return self._plain.with_collisions() if self.collisions else self._plain
+
+    @property
+    def _plain(self) -> Protocol:
         from ...protocols.kick import kick_scenarios
         from ...protocols.run import Protocol
         from ...protocols.tour import tour_scenario

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.biped.robots.biped.robot import biped
+from push_recovery.envs.scenario.model_errors import EXACT_MODEL
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.protocols import run as running
 from push_recovery.eval.protocols.kick import LEVELS, kick_scenarios
@@ -70,6 +71,18 @@ def test_a_command_runs_kick_and_goes_on_where_it_stopped(tmp_path, capsys, monk
     assert "| 1.200 m/s, 420 N on the G1 |" in report
     monkeypatch.setattr(running, "FORMAT", running.FORMAT + 1)
     assert main(argv) == 2  # rows of something else are not mixed
+
+
+def test_bodies_collide_where_that_is_asked_for(tmp_path, capsys):
+    """In the scenarios, and said in the report; the kicks stay as they are."""
+    argv = ["protocol", "kick", "--episodes", "1", "--workers", "1", "--collisions", "--out", str(tmp_path)]
+    assert main(argv) == 0
+    assert "1 episodes a level, bodies collide" in (tmp_path / "report.md").read_text()
+    plain = Protocol("kick", "stated", ROBOT, tuple(kick_scenarios("stated", 1)[50]))
+    colliding = plain.with_collisions()
+    assert [scenario.errors.collisions for scenario in colliding.scenarios] == [True]
+    assert replace(colliding.scenarios[0], errors=EXACT_MODEL) == plain.scenarios[0]
+    assert colliding.summary()["sha256"] != plain.summary()["sha256"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,117 @@
+"""Copies of a robot against the robot itself, in scenarios that differ in what is still to come."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.model.observation import ELAPSED
+from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.scenario.command import Command, CommandChange
+from push_recovery.envs.scenario.push import Kick, Push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.sampling_mpc.corrections import SequenceRule, begun
+from push_recovery.eval.sampling_mpc.forecast import Forecast, worth
+
+RULE = SequenceRule("two-stage", BIPED, BIPED_LIMITS, "biped", 1.0)
+PERIODS = 60
+FIRST = Push((300.0, 100.0, 0.0), 0.08, 0.105)
+SCENARIO = Scenario("one", (FIRST,), Command(0.1), duration=3.0)
+
+
+def walk(episodes: BipedEpisodes, periods: int, corrections=None) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (periods, ..) of robot 0 under corrections from now on, and what it stood for.
+
+    Standing counts by the capture margin: from 0 at -0.3 m to 0.35 at 0.05 m, times 10 ms.
+    """
+    core, states, stood = episodes.core, [], []
+    rows = np.zeros((episodes.n, 0, 7), np.float32) if corrections is None else corrections
+    progress = begun(rows)
+    for _ in range(periods):
+        actions, progress = RULE.act(core.observation, progress)
+        episodes.step(actions)
+        states.append(np.concatenate([core.physics.qpos[0], core.physics.qvel[0]]))
+        if episodes.failure()[0] == 0:
+            stood.append(0.01 * min(max(core.margin[0] + 0.3, 0.0), 0.35))
+    return np.array(states), np.array(stood)
+
+
+def robot(scenario: Scenario, periods: int) -> BipedEpisodes:
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, scenario)
+    walk(episodes, periods)
+    return episodes
+
+
+def forecast(n: int = 1, outlast: float = 0.0, periods: int = PERIODS) -> Forecast:
+    return Forecast(BipedEpisodes(n), RULE, periods, outlast)
+
+
+def test_a_future_is_what_becomes_of_the_robot_itself():
+    """Each copy under its own corrections, from the middle of a step on; three of four fall."""
+    corrections = np.random.default_rng(1).uniform(-1, 1, (4, 2, 7)).astype(np.float32)
+    corrections[0] = 0.0
+    corrections[3] = np.array([-1, 1, 1, -1, -1, -1, 1], np.float32)
+    one = robot(replace(SCENARIO, pushes=(replace(FIRST, force=(1900.0, 0.0, 0.0)),)), 25)
+    now, elapsed = one.state_snapshot(0), one.core.observation[0, ELAPSED]
+    came = forecast(4).run(now, corrections, elapsed)
+    assert came.stands.tolist() == [True, False, False, False]
+    for rows, value, stands in zip(corrections, came.values, came.stands, strict=True):
+        one.restore(0, now)
+        _, stood = walk(one, PERIODS, rows[None])
+        assert value == pytest.approx(stood.sum(), rel=1e-12)
+        assert stands == (len(stood) == PERIODS and one.core.margin[0] >= -0.02)
+        assert len(stood) > 10
+
+
+def test_a_robot_that_stands_on_without_hope_does_not_stand():
+    """Its capture margin at the end of the horizon decides, not that it has not come down yet."""
+    one = robot(replace(SCENARIO, pushes=(replace(FIRST, force=(4000.0, 0.0, 0.0)),)), 19)
+    came = forecast(periods=5).run(one.state_snapshot(0), np.zeros((1, 1, 7), np.float32), 0.1)
+    _, stood = walk(one, 5)
+    assert len(stood) == 5
+    assert one.core.margin[0] < -0.02
+    assert not came.stands[0]
+
+
+@pytest.mark.parametrize(
+    "coming",
+    [
+        {"pushes": (FIRST, Push((500.0, 0.0, 0.0), 0.1, 0.4))},
+        {"pushes": (FIRST, Push((500.0, 0.0, 0.0), 0.1, 0.2501))},
+        {"kicks": (Kick((0.5, 0.0, 0.0), 0.4),)},
+        {"changes": (CommandChange(0.4, Command(0.3)),)},
+        {"duration": 0.5},
+    ],
+)
+def test_what_is_to_come_is_unknown(coming):
+    one, other = robot(SCENARIO, 25), robot(replace(SCENARIO, **coming), 25)
+    own = forecast()
+    own.put(other.state_snapshot(0), 1.0)
+    np.testing.assert_array_equal(walk(own.episodes, PERIODS)[0], walk(one, PERIODS)[0])
+    assert (own.state() == np.concatenate([one.core.physics.qpos[0], one.core.physics.qvel[0]])).all()
+
+
+@pytest.mark.parametrize(("outlast", "end"), [(0.0, 0.14), (0.5, 0.1575), (1.0, 0.175)])
+def test_of_a_push_that_acts_the_end_is_guessed_from_its_time_so_far(outlast, end):
+    """At 0.14 s it has acted for 35 ms, and so it is taken to end at 0.105 s + (1 + outlast) x 35 ms."""
+    now = robot(SCENARIO, 14).state_snapshot(0)
+    own = forecast()
+    own.put(now, outlast)
+    guessed = replace(SCENARIO, pushes=(replace(FIRST, duration=end - 0.105),))
+    expected = walk(robot(guessed, 14), 20)[0]
+    np.testing.assert_allclose(walk(own.episodes, 20)[0], expected, rtol=0, atol=1e-12)
+
+
+def test_a_push_that_ended_within_the_last_period_is_felt_for_one_more():
+    """It ends at 0.185 s: at 0.19 s nothing tells yet that it has, at 0.2 s its absence does."""
+    for periods, goes_on in ((19, True), (20, False)):
+        now = robot(SCENARIO, periods).state_snapshot(0)
+        guess, free = forecast(), forecast()
+        guess.put(now, 1.0)
+        free.put(now, 0.0)
+        same = np.array_equal(walk(guess.episodes, 5)[0], walk(free.episodes, 5)[0])
+        assert same != goes_on
+
+
+def test_the_worth_of_a_margin_has_ends():
+    np.testing.assert_allclose(worth(np.array([-1.0, -0.3, -0.1, 0.05, 0.2])), [0, 0, 0.2, 0.35, 0.35])
