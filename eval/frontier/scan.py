@@ -163,7 +163,8 @@ def frontier(
     jobs = [
         ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
     ]
-    length = about(robot_seconds(settings.env_id, len(jobs) * SIMULATED, workers))
+    cost = sum(sources[job.policy].cost for job in jobs)
+    length = about(robot_seconds(settings.env_id, cost * SIMULATED, workers))
     work = Work(f"{directions} directions for {', '.join(sources)}", length, store.directory)
     count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
     with store, progress_bars(list(sources), len(angles), work, count) as bars:

@@ -22,6 +22,7 @@ from ...envs.snapshot.robot_snapshot import RobotSnapshot
 from ..record.record import gait_episodes
 from ..record.sampler import Row, Sampler
 from ..rollout.environments import make_env_for
+from ..rollout.one import begin_policy
 from ..rollout.policy_source import policy_sources
 
 LONGEST = 1e6  # [s] of a walk; no one plays that long
@@ -69,8 +70,7 @@ class Lane:
         scenario = replace(self._start, command=command)
         self._seen, self._info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
-        if hasattr(self.policy, "reset"):
-            self.policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
+        begin_policy(self.policy, scenario)
         self._look(anew=True)
 
     def step(self) -> None:

@@ -163,7 +163,7 @@ def to_dict(results: Results) -> dict[str, Any]:
         kick_summary if results.protocol.name == "kick" else tour_summary
     )
     return {
-        "protocol": results.protocol.summary(),
+        "protocol": results.protocol.summary() | {"collisions": results.protocol.collisions},
         "env": results.env_id,
         "policies": {name: summary(rows) for name, rows in results.rows.items()},
         "out": str(results.directory),

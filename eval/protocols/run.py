@@ -12,7 +12,6 @@ from typing import Any
 
 from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy, as_policy
-from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import progress_bars
 from ..output.rows import RowFile
@@ -43,13 +42,16 @@ class Protocol:
     form: str  # of its scenarios
     robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
-    collisions: bool = False  # whether legs, arms and trunk collide with each other, see `ModelErrors`
 
     def with_collisions(self) -> Protocol:
         """The same on robots that do not pass through themselves."""
-        colliding = ModelErrors(collisions=True)
-        scenarios = tuple(replace(scenario, errors=colliding) for scenario in self.scenarios)
-        return replace(self, scenarios=scenarios, collisions=True)
+        scenarios = (replace(one, errors=replace(one.errors, collisions=True)) for one in self.scenarios)
+        return replace(self, scenarios=tuple(scenarios))
+
+    @property
+    def collisions(self) -> bool:
+        """Whether legs, arms and trunk collide with each other, see `ModelErrors`."""
+        return any(scenario.errors.collisions for scenario in self.scenarios)
 
     def summary(self) -> dict[str, Any]:
         """Name, form, and the hash of all scenarios as canonical JSON."""

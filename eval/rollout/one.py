@@ -31,7 +31,7 @@ def rollout(
     Args:
         env: any environment of this project, wrapped or not, or one with its options and info.
         policy: acts; it is handed what its `predict` takes, and the scenario where it has a method
-            `begin_scenario`, as what replays stored answers has.
+            `begin_scenario`, as what replays stored answers has, and what refuses some scenarios.
         scenario: what happens.
         policy_name: for the outcome.
         watch: called with the `GymRobot` after reset and after every step, to look, not to touch.
@@ -47,7 +47,7 @@ def begin_policy(policy: Policy, scenario: Scenario) -> None:
     """Let a policy that acts alone begin a scenario, where it has something to begin."""
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
-    if hasattr(policy, "begin_scenario"):  # what is replayed by scenario, with hindsight
+    if hasattr(policy, "begin_scenario"):  # replays by scenario, or does not act in every one
         policy.begin_scenario(scenario)  # type: ignore[attr-defined]
 
 

@@ -22,8 +22,8 @@ from ...controllers.policies.interface import Policy
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import RowFile, default_directory
 from ..output.work import episode_seconds
-from ..sampling_mpc.settings import COST
 from ..sampling_mpc.settings import NAME as SAMPLING_MPC
+from ..sampling_mpc.settings import TIMES_THE_PLANNER
 from ..sampling_mpc.source import sampling_mpc_source
 from .environments import make_env_for
 from .load_policy import is_attribute, is_policy_file, load_policy
@@ -69,7 +69,7 @@ class PolicySource:
     @property
     def cost(self) -> float:
         """How long an episode takes, about, as a multiple of the planner's."""
-        return COST if self.origin == SAMPLING_MPC else 1.0
+        return TIMES_THE_PLANNER if self.origin == SAMPLING_MPC else 1.0
 
     def load(self, env: gym.Env) -> Policy:
         """The policy, for an environment."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...envs.biped.env import BipedEpisodes
 from ...envs.snapshot.robot_snapshot import NEXT_CHANGE, RobotSnapshot
-from .corrections import Actions, Progress, SequenceRule
+from .corrections import Actions, SequenceRule, begun
 
 LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
 HAIR = 1e-9  # times are sums of steps [s]
@@ -21,6 +21,12 @@ Array = NDArray[np.float64]
 def worth(margin: Array) -> Array:
     """What a second of standing with a capture margin [m] is worth: clip(m, LEAST, MOST) - LEAST [m]."""
     return np.clip(margin, LEAST, MOST) - LEAST
+
+
+def state_of(episodes: BipedEpisodes) -> Array:
+    """Where the first robot is: positions and velocities (nq + nv,)."""
+    physics = episodes.core.physics
+    return np.concatenate([physics.qpos[0], physics.qvel[0]])
 
 
 class Future(NamedTuple):
@@ -46,12 +52,11 @@ class Forecast:
     def __init__(self, episodes: BipedEpisodes, rule: SequenceRule, periods: int, outlast: float):
         self.episodes, self._rule, self._periods, self._outlast = episodes, rule, periods, outlast
 
-    def run(self, now: RobotSnapshot, corrections: Actions, elapsed: float) -> Future:
-        """Simulate corrections (n, steps, 7), the first row of each for the step that has `elapsed` [s]."""
-        core, n = self.episodes.core, self.episodes.n
+    def run(self, now: RobotSnapshot, corrections: Actions) -> Future:
+        """Simulate corrections (n, steps, 7), the first row of each for the step that has begun."""
+        core = self.episodes.core
         self.put(now, self._outlast)
-        begun = np.full(n, -1), np.zeros(n, np.int64), np.full(n, elapsed)
-        progress, values = Progress(corrections, *begun), np.zeros(n)
+        progress, values = begun(corrections), np.zeros(self.episodes.n)
         for _ in range(self._periods):
             actions, progress = self._rule.act(core.observation, progress)
             self.episodes.step(actions)
@@ -77,7 +82,8 @@ class Forecast:
             else:
                 core.pushes.force[:, i] = 0.0
 
-    def state(self) -> Array:
-        """Where the first robot is: positions and velocities."""
-        physics = self.episodes.core.physics
-        return np.concatenate([physics.qpos[0], physics.qvel[0]])
+    def after(self, now: RobotSnapshot, action: Actions) -> Array:
+        """Where a robot is a planning period later if nothing pushes it, see `state_of`."""
+        self.put(now, 0.0)
+        self.episodes.step(action)
+        return state_of(self.episodes)

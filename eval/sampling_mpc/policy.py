@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
@@ -14,11 +15,11 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.observation import ELAPSED
 from ...envs.biped.env import BipedEnv, BipedEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL
-from ...envs.scenario.scenario import EXACT_SENSING
+from ...envs.scenario.scenario import EXACT_SENSING, Scenario
 from ...envs.snapshot.robot_snapshot import RobotSnapshot
-from .corrections import Actions, Array, Progress, SequenceRule
+from .corrections import Actions, Array, SequenceRule, begun
 from .cross_entropy import CrossEntropy
-from .forecast import Forecast
+from .forecast import Forecast, state_of
 from .settings import NAME, SamplingMpcSettings
 
 PLANNER = "two-stage"  # that is corrected
@@ -43,17 +44,18 @@ class SamplingMpcPolicy:
     """Model predictive control by sampling, with the simulation as the model, about the two-stage planner.
 
     In every planning period the robot is where a copy of it has been simulated to be, unless something pushes
-    it. From a push on the planner's future is simulated over the horizon. Where the robot falls in it,
-    corrections of the planner's seven decisions, a row for each of the next steps, are searched for by the
-    cross-entropy method on copies of the robot (Kobilarov 2012), the best so far among each generation, and
-    the plan is the first that keeps it up, or the best. It is simulated again every `check_period`. A robot
-    that nothing pushes walks under the planner's own actions, bit for bit.
+    it. From a push on the planner's future is simulated over the horizon, again every `check_period`. Where
+    the robot falls in it, corrections of the planner's seven decisions, a row for each of the next steps, are
+    searched for by the cross-entropy method on copies of the robot (Kobilarov 2012), a generation or more in
+    every planning period, the best plan so far among each. The plan is the best of those that keep it up in
+    the first generation that has any, and until then the best of the generation. A robot that nothing pushes
+    walks under the planner's own actions, bit for bit.
 
     It knows model and state as they are, and nothing of what is to come. Bodies that collide (`collisions`)
     do so in its copies, too.
 
     Args:
-        env: single environment of a biped, under plain gait actions; acted on is the robot that is in it.
+        env: single environment of a biped, under plain gait actions; it acts on the robot in this one alone.
         settings: of the search.
 
     Raises:
@@ -77,38 +79,47 @@ class SamplingMpcPolicy:
     ) -> tuple[Actions, Memory]:
         """Action (7,) for the robot in the environment, observed as (36,), and what to hand in next time.
 
+        Without a state a push is not noticed, and the action is the planner's.
+
         Raises:
-            InvalidValueError: the robot is not the one that the simulation knows.
+            InvalidValueError: the observation is not that of the robot in the environment, or that robot is
+                not the one that the simulation knows.
         """
         seen = np.asarray(observation, np.float64)[None]
+        if not np.array_equal(seen[0], self._robot.seen[0]):
+            raise InvalidValueError(
+                f"policy {NAME!r} acts on the robot of the environment that it was made with, and this "
+                "observation is another one's"
+            )
         now = self._robot.state_snapshot(0)
         if state is None or (episode_start is not None and np.any(episode_start)):
-            state = self._at_first(now)
-        memory = self._looked(Memory(*state), seen)
+            self.begin_scenario(now.scenario)
+            state = self._at_first()
+        memory = self._moved_on(Memory(*state), seen)
         if self._has_to_check(memory):
             memory = self._checked(memory, now)
-        actions, _ = self._rule.act(seen, _progress(memory))
-        self._one.put(now, 0.0)
-        self._one.episodes.step(actions)
-        return actions[0], memory._replace(expected=self._one.state()[None])
+        actions, _ = self._rule.act(seen, begun(memory.plan))
+        return actions[0], memory._replace(expected=self._one.after(now, actions)[None])
 
-    def _at_first(self, now: RobotSnapshot) -> Memory:
-        scenario = now.scenario
-        if replace(scenario.errors, collisions=False) != EXACT_MODEL or scenario.sensing != EXACT_SENSING:
+    def begin_scenario(self, scenario: Scenario) -> None:
+        """Refuse a robot that the simulation does not know.
+
+        Raises:
+            InvalidValueError: it has errors of the model other than `collisions`, or acts on its own sensors.
+        """
+        exact = replace(scenario.errors, collisions=False) == EXACT_MODEL
+        if not exact or (self._robot.core.senses.forced or scenario.sensing) != EXACT_SENSING:
             raise InvalidValueError(
                 f"policy {NAME!r} simulates the robot as it is and starts from its true state: it acts on "
                 f"exact robots alone, and scenario {scenario.id!r} has errors of the model or own sensors"
             )
+
+    def _at_first(self) -> Memory:
         plan = np.zeros((1, self.settings.steps, GAIT_SIZE), np.float32)
-        mean, spread = plan.astype(np.float64), np.full(plan.shape, self.settings.spread)
-        begun = np.array([-np.inf]), self._state()[None], np.array([NEVER]), np.array([True])
-        return Memory(plan, *begun, mean, spread)
+        began = np.array([-np.inf]), state_of(self._robot)[None], np.array([NEVER]), np.array([True])
+        return Memory(plan, *began, mean=plan.astype(np.float64), spread=plan.astype(np.float64))
 
-    def _state(self) -> Array:
-        physics = self._robot.core.physics
-        return np.concatenate([physics.qpos[0], physics.qvel[0]])
-
-    def _looked(self, memory: Memory, seen: Array) -> Memory:
+    def _moved_on(self, memory: Memory, seen: Array) -> Memory:
         """The plan from the present step on, and whether the robot is where it was to be."""
         elapsed = seen[:, ELAPSED].copy()
         if elapsed[0] < memory.elapsed[0]:
@@ -117,7 +128,7 @@ class SamplingMpcPolicy:
                 mean=_next_step(memory.mean, 0.0),
                 spread=_next_step(memory.spread, self.settings.spread),
             )
-        pushed = not np.array_equal(memory.expected[0], self._state())
+        pushed = not np.array_equal(memory.expected[0], state_of(self._robot))
         since = np.zeros(1, np.int64) if pushed else np.minimum(memory.since_push + 1, NEVER)
         return memory._replace(elapsed=elapsed, since_push=since)
 
@@ -129,7 +140,7 @@ class SamplingMpcPolicy:
 
     def _checked(self, memory: Memory, now: RobotSnapshot) -> Memory:
         """With a plan that keeps the robot up, where one is known or found."""
-        if self._one.run(now, memory.plan, memory.elapsed.item()).stands[0]:
+        if self._one.run(now, memory.plan).stands[0]:
             return memory._replace(stands=np.array([True]))
         if memory.stands[0]:
             fresh = np.full_like(memory.spread, self.settings.spread)
@@ -148,7 +159,7 @@ class SamplingMpcPolicy:
             drawn = method.ask()
             drawn[0], drawn[1] = best.ravel(), 0.0
             tried = drawn.reshape(-1, *shape)
-            came = self._many.run(now, tried, memory.elapsed.item())
+            came = self._many.run(now, tried)
             values = came.values + s.horizon * came.stands
             if values.max() > most:
                 best, most = tried[values.argmax()].copy(), values.max()
@@ -163,18 +174,17 @@ class SamplingMpcPolicy:
 
 
 def _episodes_of(env: Any) -> BipedEpisodes:
-    episodes = getattr(env.unwrapped, "episodes", None)
-    if not (isinstance(env.unwrapped, BipedEnv) and type(episodes) is BipedEpisodes):
+    """The robot's; wrappers may hold or change actions, of which the copies would know nothing."""
+    layer = env
+    while type(layer) in (OrderEnforcing, PassiveEnvChecker):
+        layer = layer.env
+    episodes = getattr(layer, "episodes", None)
+    if not (isinstance(layer, BipedEnv) and type(episodes) is BipedEpisodes):
         raise InvalidValueError(
             f"policy {NAME!r} acts on one biped under plain gait actions, such as PushRecovery/Biped-v0, got "
             f"{env}"
         )
     return episodes
-
-
-def _progress(memory: Memory) -> Progress:
-    """Of the plan's first row, which is for the present step."""
-    return Progress(memory.plan, np.array([-1]), np.zeros(1, np.int64), memory.elapsed)
 
 
 def _next_step(rows: NDArray[Any], fill: float) -> NDArray[Any]:

@@ -9,7 +9,7 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.validation import require_integer, require_number
 
 NAME = "sampling-mpc"  # of the policy
-COST = 25.0  # time of an episode, as a multiple of the planner's, about
+TIMES_THE_PLANNER = 25.0  # that an episode takes, about
 
 
 @dataclass(frozen=True)

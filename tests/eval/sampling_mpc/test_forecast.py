@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.observation import ELAPSED
 from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
 from push_recovery.envs.scenario.command import Command, CommandChange
 from push_recovery.envs.scenario.push import Kick, Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.sampling_mpc.corrections import SequenceRule, begun
-from push_recovery.eval.sampling_mpc.forecast import Forecast, worth
+from push_recovery.eval.sampling_mpc.forecast import Forecast, state_of, worth
 
 RULE = SequenceRule("two-stage", BIPED, BIPED_LIMITS, "biped", 1.0)
 PERIODS = 60
@@ -52,8 +51,8 @@ def test_a_future_is_what_becomes_of_the_robot_itself():
     corrections[0] = 0.0
     corrections[3] = np.array([-1, 1, 1, -1, -1, -1, 1], np.float32)
     one = robot(replace(SCENARIO, pushes=(replace(FIRST, force=(1900.0, 0.0, 0.0)),)), 25)
-    now, elapsed = one.state_snapshot(0), one.core.observation[0, ELAPSED]
-    came = forecast(4).run(now, corrections, elapsed)
+    now = one.state_snapshot(0)
+    came = forecast(4).run(now, corrections)
     assert came.stands.tolist() == [True, False, False, False]
     for rows, value, stands in zip(corrections, came.values, came.stands, strict=True):
         one.restore(0, now)
@@ -66,7 +65,7 @@ def test_a_future_is_what_becomes_of_the_robot_itself():
 def test_a_robot_that_stands_on_without_hope_does_not_stand():
     """Its capture margin at the end of the horizon decides, not that it has not come down yet."""
     one = robot(replace(SCENARIO, pushes=(replace(FIRST, force=(4000.0, 0.0, 0.0)),)), 19)
-    came = forecast(periods=5).run(one.state_snapshot(0), np.zeros((1, 1, 7), np.float32), 0.1)
+    came = forecast(periods=5).run(one.state_snapshot(0), np.zeros((1, 1, 7), np.float32))
     _, stood = walk(one, 5)
     assert len(stood) == 5
     assert one.core.margin[0] < -0.02
@@ -88,7 +87,7 @@ def test_what_is_to_come_is_unknown(coming):
     own = forecast()
     own.put(other.state_snapshot(0), 1.0)
     np.testing.assert_array_equal(walk(own.episodes, PERIODS)[0], walk(one, PERIODS)[0])
-    assert (own.state() == np.concatenate([one.core.physics.qpos[0], one.core.physics.qvel[0]])).all()
+    np.testing.assert_array_equal(state_of(own.episodes), state_of(one))
 
 
 @pytest.mark.parametrize(("outlast", "end"), [(0.0, 0.14), (0.5, 0.1575), (1.0, 0.175)])
@@ -98,6 +97,17 @@ def test_of_a_push_that_acts_the_end_is_guessed_from_its_time_so_far(outlast, en
     own = forecast()
     own.put(now, outlast)
     guessed = replace(SCENARIO, pushes=(replace(FIRST, duration=end - 0.105),))
+    expected = walk(robot(guessed, 14), 20)[0]
+    np.testing.assert_allclose(walk(own.episodes, 20)[0], expected, rtol=0, atol=1e-12)
+
+
+def test_of_several_pushes_the_one_that_acts_goes_on():
+    """Whatever their order, and nothing of the others."""
+    later, over = Push((0.0, 400.0, 0.0), 0.1, 0.16), Push((0.0, -200.0, 0.0), 0.03, 0.02)
+    many = replace(SCENARIO, pushes=(later, over, FIRST))
+    own = forecast()
+    own.put(robot(many, 14).state_snapshot(0), 1.0)
+    guessed = replace(SCENARIO, pushes=(over, replace(FIRST, duration=0.07)))
     expected = walk(robot(guessed, 14), 20)[0]
     np.testing.assert_allclose(walk(own.episodes, 20)[0], expected, rtol=0, atol=1e-12)
 

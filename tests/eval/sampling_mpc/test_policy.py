@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.output.work import episode_seconds
+from push_recovery.eval.play.session import Session
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy, make_policy, policy_names
 from push_recovery.eval.rollout.one import rollout
@@ -143,6 +145,39 @@ def test_a_robot_that_is_not_exact_is_refused(env, scenario):
     )
 
 
+def test_a_robot_with_sensors_of_its_own_is_refused_before_it_walks():
+    onboard = make_env("PushRecovery/Biped-v0", sensing="onboard")
+    with pytest.raises(InvalidValueError, match="acts on exact robots alone"):
+        rollout(onboard, SamplingMpcPolicy(onboard, FEW), HARD, "")
+    session = Session("PushRecovery/Biped-v0", "two-stage", start=HARDWARE.applied(Scenario("s")))
+    with pytest.raises(InvalidValueError, match="acts on exact robots alone"):
+        session.switch("sampling-mpc")
+    session.step()
+
+
+def test_the_observation_of_another_robot_is_refused(env):
+    policy, other = SamplingMpcPolicy(env, FEW), make_env("PushRecovery/Biped-v0")
+    env.reset(options={"scenario": HARD})
+    seen, _ = other.reset(options={"scenario": replace(HARD, command=Command(0.2))})
+    with pytest.raises(InvalidValueError) as error:
+        policy.predict(seen)
+    assert str(error.value) == (
+        "policy 'sampling-mpc' acts on the robot of the environment that it was made with, and this "
+        "observation is another one's"
+    )
+
+
+def test_a_new_episode_begins_with_an_empty_memory(env):
+    policy = SamplingMpcPolicy(env, FEW)
+    _, old = played(env, policy, HARD, 60)[-1]
+    seen, _ = env.reset(options={"scenario": HARD})
+    _, state = policy.predict(seen, old, episode_start=np.array([True]))
+    assert state.since_push[0] == 10**9
+    assert not np.any(state.plan)
+    _, state = policy.predict(seen, old, episode_start=np.array([False]))
+    assert state.since_push[0] == 0
+
+
 @pytest.mark.parametrize(
     ("env_id", "said"),
     [
@@ -159,11 +194,13 @@ def test_another_environment_is_refused(env_id, said):
         load_policy("sampling-mpc", make_env(env_id))
 
 
-def test_robots_of_a_vector_are_refused():
+def test_robots_of_a_vector_and_held_actions_are_refused(env):
     robots = gym.make_vec("PushRecovery/Biped-v0", num_envs=2)
-    with pytest.raises(InvalidValueError, match="acts on one biped"):
-        make_policy("sampling-mpc", robots)
+    for other in (robots, ActionHold(env, 2)):
+        with pytest.raises(InvalidValueError, match="acts on one biped"):
+            make_policy("sampling-mpc", other)
     robots.close()
+    assert make_policy("sampling-mpc", gym.make("PushRecovery/Biped-v0"))
 
 
 @pytest.mark.parametrize(
