@@ -123,5 +123,40 @@ def test_a_push_that_ended_within_the_last_period_is_felt_for_one_more():
         assert same != goes_on
 
 
+@pytest.mark.parametrize("periods", [20, 30, 40, 50, 60])
+def test_a_push_that_ended_with_the_last_period_but_one_is_over(periods):
+    """Times are sums of steps, and may lie a hair beside those of the push."""
+    push = replace(FIRST, start=0.1, duration=round(0.01 * (periods - 1) - 0.1, 6), force=(30.0, 0.0, 0.0))
+    now = robot(replace(SCENARIO, pushes=(push,)), periods).state_snapshot(0)
+    guess, free = forecast(), forecast()
+    guess.put(now, 1.0)
+    free.put(now, 0.0)
+    np.testing.assert_array_equal(walk(guess.episodes, 5)[0], walk(free.episodes, 5)[0])
+
+
+def test_at_another_planning_rate_a_period_lasts_as_long_as_it_does():
+    """At 50 Hz a push that ended at 0.185 s is felt until 0.2 s, and standing for 20 periods lasts 0.4 s."""
+    episodes = BipedEpisodes(1, control_hz=50.0)
+    episodes.begin(0, SCENARIO)
+    walk(episodes, 10)
+    now = episodes.state_snapshot(0)
+    guess, free = (Forecast(BipedEpisodes(1, control_hz=50.0), RULE, 20, 0.0) for _ in range(2))
+    guess.put(now, 1.0)
+    free.put(now, 0.0)
+    assert not np.array_equal(walk(guess.episodes, 3)[0], walk(free.episodes, 3)[0])
+    came = free.run(now, np.zeros((1, 1, 7), np.float32))
+    assert came.values[0] == pytest.approx(0.4 * 0.35)
+
+
+@pytest.mark.parametrize(("margin", "stands"), [(-0.0199, True), (-0.0201, False)])
+def test_a_margin_a_little_below_zero_counts_as_standing(margin, stands):
+    """Looked at where the robot is, without a period of simulation."""
+    one = robot(SCENARIO, 5)
+    one.core.margin[0] = margin
+    came = forecast(periods=0).run(one.state_snapshot(0), np.zeros((1, 1, 7), np.float32))
+    assert came.stands.tolist() == [stands]
+    assert came.values.tolist() == [0.0]
+
+
 def test_the_worth_of_a_margin_has_ends():
     np.testing.assert_allclose(worth(np.array([-1.0, -0.3, -0.1, 0.05, 0.2])), [0, 0, 0.2, 0.35, 0.35])
