@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -116,5 +116,5 @@ def _sequences(rows: Iterable[Row]) -> dict[str, Sequence]:
 
 
 def _settings(data: object) -> CeilingSettings:
-    fields = set(CeilingSettings.__dataclass_fields__)
-    return CeilingSettings(**require_keys("settings of a ceiling", data, fields, set()))
+    names = {field.name for field in fields(CeilingSettings)}
+    return CeilingSettings(**require_keys("settings of a ceiling", data, names, set()))

@@ -76,9 +76,9 @@ class Searcher:
         of all is none at all.
         """
         s, shape = self.settings, (self.settings.steps, GAIT_SIZE)
-        method = CrossEntropy(
-            generator_of(s.seed, scenario), s.size, s.population, s.elites, s.spread, s.least_spread
-        )
+        begin = np.zeros(s.size), np.full(s.size, s.spread)
+        rng = generator_of(s.seed, scenario)
+        method = CrossEntropy(rng, *begin, s.population, s.elites, s.least_spread)
         best, most = np.zeros(shape, np.float32), -np.inf
         for generation in range(s.generations):
             candidates = method.ask()

@@ -59,7 +59,7 @@ class AttemptsPolicy:
 class SequencePolicy:
     """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
 
-    A rollout tells it which scenario begins (`begin_scenario`), which no other policy is told.
+    A rollout tells it which scenario begins (`begin_scenario`).
 
     Args:
         policy: name of the planner.

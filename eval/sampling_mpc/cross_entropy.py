@@ -26,18 +26,24 @@ class CrossEntropy:
 
     Args:
         rng: of the draws.
-        size: numbers of a candidate.
+        mean: (size,) that the first generation is drawn about.
+        spread: (size,) its standard deviation.
         population: candidates of a generation.
         elites: that the next one is drawn from.
-        spread: first standard deviation.
         least: standard deviation that is kept.
     """
 
     def __init__(
-        self, rng: np.random.Generator, size: int, population: int, elites: int, spread: float, least: float
+        self,
+        rng: np.random.Generator,
+        mean: NDArray[np.float64],
+        spread: NDArray[np.float64],
+        population: int,
+        elites: int,
+        least: float,
     ):
         self._rng, self._population, self._elites, self._least = rng, population, elites, least
-        self.mean, self.spread = np.zeros(size), np.full(size, spread)
+        self.mean, self.spread = mean, spread
 
     def ask(self) -> Candidates:
         """A generation, float32, as actions are, of numbers with four decimals, which files hold exactly."""

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from ...envs.biped.env import BipedEpisodes
 from ...envs.snapshot.robot_snapshot import NEXT_CHANGE, RobotSnapshot
-from .corrections import Actions, SequenceRule, begun
+from .corrections import Actions, Array, SequenceRule, begun
 
 LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
 HAIR = 1e-9  # times are sums of steps [s]
 CAUGHT = -0.02  # least capture margin of a robot that is taken to stay up [m]
-Array = NDArray[np.float64]
 
 
 def worth(margin: Array) -> Array:

@@ -152,8 +152,8 @@ class SamplingMpcPolicy:
         s, shape = self.settings, memory.plan.shape[1:]
         entropy = s.seed, now.scenario.noise_seed, round(now.time * self._robot.control_hz)
         rng = np.random.default_rng(np.random.SeedSequence(entropy))
-        method = CrossEntropy(rng, s.size, s.population, s.elites, s.spread, s.least_spread)
-        method.mean, method.spread = memory.mean.ravel(), memory.spread.ravel()
+        begin = memory.mean.ravel(), memory.spread.ravel()
+        method = CrossEntropy(rng, *begin, s.population, s.elites, s.least_spread)
         best, most, stands = memory.plan[0], -np.inf, False
         for _ in range(s.generations):
             drawn = method.ask()

@@ -39,7 +39,6 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     episodes: Annotated[
         int | None, arg(metavar="N", help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
     ] = field(default=None, metadata=within(1))
-
     collisions: bool = False
     """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
     shanks alone)."""

@@ -3,7 +3,7 @@ from push_recovery.eval.sampling_mpc.cross_entropy import CrossEntropy, as_text
 
 
 def method(seed: int = 0, population: int = 40, elites: int = 5, least: float = 0.05) -> CrossEntropy:
-    return CrossEntropy(np.random.default_rng(seed), 3, population, elites, 0.8, least)
+    return CrossEntropy(np.random.default_rng(seed), np.zeros(3), np.full(3, 0.8), population, elites, least)
 
 
 def test_candidates_are_normal_and_clipped():
