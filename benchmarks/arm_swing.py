@@ -21,8 +21,8 @@ import mujoco
 import numpy as np
 from flywheel_inertia import momentum, placed
 from numpy.typing import NDArray
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.description import robot_description
 
 PITCH, ROLL = 1, 0  # components of an angular momentum
 LOW, HIGH = 0, 1  # ends of a joint's range

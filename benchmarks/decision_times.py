@@ -12,8 +12,8 @@ import time
 import numpy as np
 from push_recovery.controllers.policies.interface import as_policy
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.score.suites import get_suite
 
 

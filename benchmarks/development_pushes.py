@@ -8,8 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from push_recovery.eval.score.shifts import HARD
-from push_recovery.eval.score.stratified import BLOCK, pelvis_scenarios
+from push_recovery.eval.score.draw import BLOCK, HARD, pelvis_scenarios
 from push_recovery.eval.score.suites import Suite
 
 SEED = 20270115

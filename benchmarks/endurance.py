@@ -24,17 +24,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.files import write_text
-from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.interface import Policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.episode.profile import get_profile
 from push_recovery.envs.scenario.push import Push, polar_push
-from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
-from push_recovery.eval.frontier.grid import BEYOND, Scanned, directions_deg, multiples, scan_upwards
-from push_recovery.eval.frontier.scan import FrontierSettings
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario, get_profile
 from push_recovery.eval.output.rows import RowFile
-from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.rollout.environments import code_digest
+from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.score.frontier import (
+    BEYOND,
+    FrontierSettings,
+    Scanned,
+    directions_deg,
+    multiples,
+    scan_upwards,
+)
 
 COMMAND_EVERY, PUSH_EVERY = 5.0, 3.0  # [s]
 PHASE = 0.6  # a push comes up to this much later: longer than a step [s]

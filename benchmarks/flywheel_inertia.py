@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.envs.biped.posture import jacobian_of_com_and_soles, posture
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
-from push_recovery.envs.biped.robots.indices import MISSING
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.indices import MISSING
 
 ROBOTS = ("biped", "g1", "t1", "jvrc1")
 AXES = 1, 0  # pitch and roll, as components of an angular momentum

@@ -12,15 +12,14 @@ import argparse
 from dataclasses import dataclass
 
 import numpy as np
-from push_recovery.controllers.estimation.joint_losses import FRICTION, ROTOR
+from push_recovery.controllers.estimation.self_model import FRICTION, ROTOR
 from push_recovery.controllers.model.gait_box import DURATION
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.episode.profile import EXACT, HARDWARE, Profile
-from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP, ModelErrors
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command, Profile, Scenario
+from push_recovery.eval.rollout.episodes import rollout_batch
 
 BEGIN = 3.0  # [s]
 JOINTS = ("hip yaw", "hip roll", "hip pitch", "knee", "ankle pitch", "ankle roll")

@@ -31,7 +31,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from long_commands import COMMANDS, prepare
-from push_recovery.eval.processes.writer import LOCK
+from push_recovery.eval.output.rows import LOCK
 
 OUT_WITHIN = 3.0  # of the first Ctrl-C [s]
 BETWEEN = 0.5  # two of them at most [s]

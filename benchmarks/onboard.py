@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.estimation.base_estimate import deviations
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.episode.profile import get_profile
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.envs.scenario.scenario import Command, Scenario, get_profile
+from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.score.suites import get_suite
 
 METRE = 1.0  # of walking [m]

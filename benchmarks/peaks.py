@@ -19,17 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, NU
 from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.episode.profile import Profile
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP
+from push_recovery.envs.scenario.scenario import Command, Profile, Scenario
+from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.score.sensitivity import VARIATIONS, sample_of
 from push_recovery.eval.score.suites import get_suite
-from push_recovery.eval.sensitivity.run import sample_of
-from push_recovery.eval.sensitivity.variations import VARIATIONS
 
 WINDOW = 0.03  # three time constants of the contacts [s]
 KINDS = ("own", "between", "collision", "torque")  # columns of the table

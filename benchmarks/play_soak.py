@@ -22,9 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from playwright.sync_api import CDPSession, Page, sync_playwright
-from push_recovery.eval.play.browser.app import FRAME, App
-from push_recovery.eval.play.browser.gate import Gate
-from push_recovery.eval.play.browser.open import open_app
+from push_recovery.eval.play.browser import FRAME, App, open_app
+from push_recovery.eval.play.gate import Gate
 from push_recovery.eval.play.session import Session
 
 POLICIES = ("two-stage", "stage-1", "stage-1+momentum")

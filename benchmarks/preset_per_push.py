@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.names import default_workers
-from push_recovery.eval.score.shifts import HARD
-from push_recovery.eval.score.stratified import pelvis_scenarios
-from push_recovery.eval.tuning.candidate import preset_of, space_of
+from push_recovery.eval.score.draw import HARD, pelvis_scenarios
 from push_recovery.eval.tuning.scorer import BIPED, RECOVERED, Scorer
-from push_recovery.eval.tuning.settings import TuningSettings
+from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
 
 SEED = 20270116
 FOLDS = 8

@@ -14,11 +14,11 @@ import math
 import sys
 from dataclasses import dataclass
 
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import Body, GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.eval.rollout.episodes import rollout_batch
 
 FIRST_STEP = 4
 PHASES = (0.0, 0.5)

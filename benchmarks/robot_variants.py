@@ -13,12 +13,11 @@ import sys
 
 import numpy as np
 from push_recovery.controllers.model.capturability import max_recoverable_force
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.biped.robot import ROBOT
-from push_recovery.envs.biped.robots.description import RobotDescription
-from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
-from push_recovery.envs.biped.robots.variants.robots import VARIANTS
+from push_recovery.envs.robots.biped import ROBOT
+from push_recovery.envs.robots.description import RobotDescription
+from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -10,8 +10,9 @@ import argparse
 import sys
 
 import numpy as np
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BipedEpisodes
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 COMMANDS = np.array([(0.0, 0.0), (0.3, 0.0), (0.5, 0.0), (-0.25, 0.0), (0.0, 0.15)])  # the biped's [m/s]

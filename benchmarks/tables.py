@@ -9,12 +9,12 @@ import hashlib
 import subprocess
 from pathlib import Path
 
-from push_recovery.controllers.settings import presets
+from push_recovery.controllers import settings as presets
 from push_recovery.eval.output.tables import markdown_table
+from push_recovery.eval.rollout.load_policy import shipped_names
 from push_recovery.eval.rollout.names import default_workers
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.report import rate_cells
-from push_recovery.eval.shipped.names import shipped_names
 
 from push_recovery import evaluate
 

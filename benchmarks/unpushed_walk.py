@@ -9,8 +9,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from push_recovery.envs.scenario.command import Command
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.record.record import EpisodeRecord, record
 
 COMMANDS = ((0.0, 0.0), (0.4, 0.0), (-0.2, 0.0), (0.0, 0.15), (0.3, 0.1))

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.model.nominal_gait import NOMINAL_SIZE, nominal_gait_kernel
 from push_recovery.controllers.model.observation import COMMAND, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import nominal_dcm_kernel, started_dcm_kernel
 from push_recovery.eval.rollout.names import default_workers
-from push_recovery.eval.score.shifts import HARD
-from push_recovery.eval.score.stratified import pelvis_scenarios
+from push_recovery.eval.score.draw import HARD, pelvis_scenarios
 from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import mannwhitneyu

@@ -1,9 +1,18 @@
-"""Checks of user input: each returns the clean value or raises an error naming the value and the bound."""
+"""Checks of user input: numbers, choices, JSON, and robots that a preset or a policy was made for.
+
+Checks of user input: each returns the clean value or raises an error naming the value and the bound.
+
+JSON that users hand in, refused with one kind of error whatever it holds, and what goes into JSON.
+
+What differs between the robot that something was made for and another one.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -71,3 +80,57 @@ def require_keys(kind: str, data: object, required: set[str], optional: set[str]
     if unknown := sorted(str(key) for key in set(data) - required - optional):
         raise UnknownNameError(f"{kind} key", unknown[0], sorted(required | optional))
     return data
+
+
+def parse_json(what: str, text: str | bytes) -> Any:
+    """What a JSON text holds.
+
+    Args:
+        what: What the text is, for the error: "scenario", "suite file 'x.json'".
+        text: JSON; bytes are UTF-8.
+
+    Raises:
+        InvalidValueError: No JSON, no UTF-8, an integer of more digits than Python reads, or lists
+            and objects nested deeper than Python's stack.
+    """
+    try:
+        return json.loads(text.decode("utf-8") if isinstance(text, bytes) else text)
+    except RecursionError:
+        raise InvalidValueError(f"{what} is not valid JSON: lists or objects are nested too deep") from None
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"{what} is not valid JSON: {error}") from error
+
+
+def changed_fields(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass object that differ from their default: name -> value, in order.
+
+    One without a default always counts as changed.
+    """
+    pairs = ((field, getattr(value, field.name)) for field in fields(value))
+    return {field.name: own for field, own in pairs if own != field.default}
+
+
+CLOSE = 1e-9  # relative difference of numbers that count as one
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """The entries of two records that differ, as "mass 60 there and 33.3 here"; empty where none does.
+
+    Entries that only one of them has are left out.
+    """
+    found = [
+        f"{name} {_short(value)} there and {_short(here[name])} here"
+        for name, value in there.items()
+        if name in here and not _same(value, here[name])
+    ]
+    return ", ".join(found)
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, bool) or not isinstance(one, int | float) or not isinstance(other, int | float):
+        return bool(one == other)
+    return abs(one - other) <= CLOSE * max(abs(one), abs(other))
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
-from push_recovery.eval.reproduction.figures import style
+from push_recovery.eval.reproduction import style
 
 COLOURS = {"controllers": "#cfe3f5", "envs": "#d9efd3", "eval": "#fbe3c8", "training": "#e6dbf2"}
 INK = "#333333"
@@ -24,7 +24,7 @@ WORDS: Any = {"size": 8, "color": INK, "linespacing": 1.05}
 
 
 class Room(NamedTuple):
-    """A folder of the tree, and its place: column from the left and row from the top."""
+    """A folder or a file of the tree, and its place: column from the left and row from the top."""
 
     folder: str
     says: str
@@ -37,31 +37,29 @@ ROOMS = (
     Room("controllers/estimation", "what is seen", 1, 0),
     Room("controllers/stage_1", "where and\nwhen to step", 2, 0),
     Room("controllers/stage_2", "CoP and trunk", 3, 0),
-    Room("controllers/baselines", "the field's\nplanners", 2, 1),
-    Room("controllers/policies", "planner, arms", 3, 1),
-    Room("envs/physics", "MuJoCo", 0, 2),
+    Room("controllers/policies", "planner,\nlearned policies", 3, 1),
+    Room("envs/simulation", "MuJoCo", 0, 2),
     Room("envs/biped", "a period of\nn robots", 1, 2),
     Room("controllers/whole_body", "gait machine,\ntorques", 2, 2),
-    Room("envs/residual", "corrections", 3, 2),
+    Room("envs/wrappers", "corrections", 3, 2),
     Room("envs/pendulum", "the theory's\nmodel", 0, 3),
     Room("envs/episode", "start, reward,\nend", 1, 3),
     Room("envs/joint", "actions on\nthe joints", 2, 3),
     Room("training", "PPO", 3, 3),
     Room("envs/scenario", "pushes, command,\nmodel errors", 1, 4),
     Room("eval/rollout", "outcomes", 2, 4),
-    Room("eval/score", "suites, statistics", 3, 4),
-    Room("eval/frontier", "largest push, F*", 3, 5),
-    Room("eval/sensitivity", "what outcomes\nhang on", 2, 5),
-    Room("eval/cli", "the command line", 1, 5),
+    Room("eval/score", "suites, F*,\nstatistics", 3, 4),
+    Room("eval/report", "pages", 3, 5),
+    Room("eval/cli", "the command line", 2, 5),
 )
-BELOW = (  # rooms that what is drawn rests on
-    ("controllers", "model, settings, solvers, compiled, joints (PD control), learned (networks)"),
-    ("envs", "snapshot (a robot put back)"),
+BELOW = (  # what is not drawn, on which the rest stands or which stands on it
+    ("controllers", "model, settings, qp, jit, array_table, math3, validation, files, errors, joint_control"),
+    ("envs", "robots, snapshot (a robot put back), rendering"),
     (
         "eval",
-        "processes, output (tables), measures (effort), shipped (what was learned), learned (how),\n"
-        "sampling_mpc, api, bench, tuning, ceiling, robots, export (ONNX), protocols (of others),\n"
-        "leaderboard, report, reproduction, record (time histories), film, play (a robot to push)",
+        "api, output (rows, tables, processes), search, sampling_mpc, hindsight, ceiling,\n"
+        "record (histories, films), play (a robot to push), protocols, reproduction,\n"
+        "tuning, robot_tools, bench",
     ),
 )
 FLOW = (  # from, to, what goes along
@@ -69,21 +67,19 @@ FLOW = (  # from, to, what goes along
     ("controllers/estimation", "controllers/stage_1", "observed"),
     ("controllers/stage_1", "controllers/stage_2", "step,\nDCM goal"),
     ("controllers/stage_2", "controllers/policies", "CoP, trunk"),
-    ("controllers/baselines", "controllers/policies", "step"),
-    ("controllers/policies", "envs/residual", "action"),
-    ("envs/residual", "controllers/whole_body", "action"),
+    ("controllers/policies", "envs/wrappers", "action"),
+    ("envs/wrappers", "controllers/whole_body", "action"),
     ("controllers/whole_body", "envs/biped", "torque"),
-    ("envs/biped", "envs/physics", "torque,\npush"),
-    ("envs/physics", "envs/sensing", "state"),
+    ("envs/biped", "envs/simulation", "torque,\npush"),
+    ("envs/simulation", "envs/sensing", "state"),
     ("envs/scenario", "envs/episode", "push"),
     ("envs/scenario", "eval/rollout", "scenario"),
     ("envs/episode", "envs/biped", "start, push"),
     ("envs/episode", "envs/pendulum", "start,\npush"),
     ("eval/rollout", "eval/score", "rows"),
-    ("eval/score", "eval/frontier", ""),
-    ("eval/frontier", "eval/sensitivity", ""),
-    ("eval/sensitivity", "eval/cli", "report"),
-    ("training", "envs/residual", "learned\naction"),
+    ("eval/score", "eval/report", ""),
+    ("eval/report", "eval/cli", "page"),
+    ("training", "envs/wrappers", "learned\naction"),
     ("training", "envs/joint", ""),
 )
 

@@ -11,26 +11,17 @@ import numpy as np
 from matplotlib.patches import Ellipse, Rectangle
 from push_recovery.controllers.model.capturability import max_recoverable_force, recoverable_offset
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.solvers.general_qp import solve_qp
-from push_recovery.controllers.stage_1.planner import stopping_debt
-from push_recovery.controllers.stage_1.step_problem import StepPlan, StepProblem, solve_step
-from push_recovery.controllers.stage_1.swing_time import swing_time
-from push_recovery.controllers.stage_2.dense import explicit_problem
-from push_recovery.controllers.stage_2.planner import CopPlanner
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.biped.settings import BIPED, BIPED_GAIT, BIPED_LIMITS
-from push_recovery.eval.reproduction.figures import style
-from push_recovery.eval.reproduction.figures.style import (
-    COM_COLOUR,
-    COP_COLOUR,
-    DCM_COLOUR,
-    WIDTH,
-    new_figure,
-)
+from push_recovery.controllers.qp import solve_qp
+from push_recovery.controllers.settings import preset_config
+from push_recovery.controllers.stage_1 import StepPlan, StepProblem, solve_step, stopping_debt, swing_time
+from push_recovery.controllers.stage_2.problem import explicit_problem
+from push_recovery.controllers.stage_2.single_support import CopPlanner
+from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.envs.robots.biped import biped_model
+from push_recovery.eval.reproduction import style
+from push_recovery.eval.reproduction.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)

@@ -13,14 +13,14 @@ from typing import Any
 import mujoco
 import numpy as np
 from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.whole_body.motors import driving_share
-from push_recovery.envs.biped.leg_kinematics import leg_geometry
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
-from push_recovery.envs.biped.scene import set_posture
-from push_recovery.envs.biped.settings import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
-from push_recovery.envs.physics.offscreen import Canvas
-from push_recovery.eval.reproduction.figures.style import (
+from push_recovery.controllers.settings import preset_config
+from push_recovery.controllers.whole_body.limits import driving_share
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.envs.biped.posture import leg_geometry
+from push_recovery.envs.biped.view import set_posture
+from push_recovery.envs.rendering import Canvas
+from push_recovery.envs.robots.biped import biped, biped_model
+from push_recovery.eval.reproduction.style import (
     COM_COLOUR,
     COP_COLOUR,
     PUSH_COLOUR,

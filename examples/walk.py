@@ -5,7 +5,7 @@ import math
 import gymnasium as gym
 import numpy as np
 from push_recovery.controllers.model.observation import HEADING_ERROR
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 SECONDS, SETTLE = 60.0, 5.0  # the mean speed leaves out the first steps

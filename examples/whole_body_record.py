@@ -7,13 +7,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
-from push_recovery.controllers.whole_body.bounds_met import BOUNDS
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity, sole_motion, sole_position
-from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
+from push_recovery.controllers.whole_body.limits import BOUNDS, centre_of_pressure, make_bounds
+from push_recovery.envs.biped.core import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -5,12 +5,10 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import nominal_start
-from push_recovery.envs.biped.core import BipedCore
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
 from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
+from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.scenario.scenario import Scenario
 
 

@@ -21,12 +21,11 @@ from push_recovery.controllers.errors import (
     UnknownNameError,
 )
 from push_recovery.controllers.files import write_atomically
-from push_recovery.controllers.learned.description import PolicyDescription
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel, natural_frequency
-from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.settings import PlannerConfig
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
@@ -132,7 +131,7 @@ def test_an_unknown_name_gets_the_nearest_and_all_valid_ones():
 
 
 def test_a_film_without_imageio_names_the_extra(monkeypatch, tmp_path):
-    from push_recovery.eval.cli.show import Written, show_episode
+    from push_recovery.eval.cli.play import Written, show_episode
 
     monkeypatch.setitem(sys.modules, "imageio.v2", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[view\]'"):

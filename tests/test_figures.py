@@ -12,8 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from push_recovery.controllers.settings import presets
-from push_recovery.eval.cli.parse import parse
+from push_recovery.controllers import settings as presets
+from push_recovery.eval.cli.main import parse
 from push_recovery.eval.score.suites import get_suite
 
 ROOT = Path(__file__).parents[1]

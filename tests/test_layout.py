@@ -11,78 +11,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("controllers", "envs", "eval", "training")
 FOLDERS = {name: Path(importlib.import_module(f"push_recovery.{name}").__path__[0]) for name in PACKAGES}
-# A room imports from rooms before it only: the flow of the data, read from its source.
-ROOMS = (
-    "controllers",  # errors, files, validation
-    "controllers.compiled",
-    "controllers.solvers",
-    "controllers.model",
-    "controllers.settings",
-    "controllers.stage_1",
-    "controllers.stage_2",
-    "controllers.baselines",
-    "controllers.policies",
-    "controllers.learned",
-    "controllers.whole_body",
-    "controllers.estimation",
-    "controllers.joints",
-    "envs",
-    "envs.scenario",
-    "envs.physics",
-    "envs.sensing",
-    "envs.snapshot",
-    "envs.episode",
-    "envs.pendulum",
-    "envs.biped.robots",
-    "envs.biped.robots.biped",
-    "envs.biped.robots.variants",
-    "envs.biped.robots.adapted",
-    "envs.biped.plant",  # body and floor as they are
-    "envs.biped",
-    "envs.residual",
-    "envs.joint",
-    "eval",
-    "eval.processes",
-    "eval.output",
-    "eval.measures",  # of robots at work
-    "eval.shipped",
-    "eval.sampling_mpc",
-    "eval.rollout",
-    "eval.robots",
-    "eval.export",
-    "eval.protocols",  # those of others
-    "eval.score",
-    "eval.leaderboard",
-    "eval.frontier",
-    "eval.sensitivity",
-    "eval.ceiling",
-    "eval.api",
-    "eval.bench",
-    "eval.tuning",
-    "eval.reproduction",  # jobs and their tables
-    "eval.reproduction.pendulum",
-    "eval.reproduction.figures",
-    "eval.reproduction.sections",
-    "eval.reproduction.report",
-    "eval.record",
-    "eval.learned",
-    "eval.film",
-    "eval.report",
-    "eval.report.parts",
-    "eval.report.pages",
-    "eval.play",  # a session, without a viewer
-    "eval.play.browser",
-    "eval.cli",
-    "eval.cli.tools",
-    "eval.cli.commands",
-    "eval.cli.sharing",
-    "training.robots",
-    "training.networks",
-    "training.imitation",
-    "training",
-    "training.cli",
-)
-MODULES_IN_A_ROOM = 12
+MODULES = 200  # at most, packages included
+DEPTH = 2  # folders below a package at most
+IMPORT_SHARE = 0.10  # of the lines of code, at most
 FORBIDDEN = {
     "controllers": {"gymnasium", "mujoco", "torch", "stable_baselines3", "matplotlib", "rich"},
     "envs": {"torch", "stable_baselines3", "rich"},
@@ -91,13 +22,15 @@ FORBIDDEN = {
 }
 
 
-def room_of(path: Path, package: str, folder: Path) -> str:
-    return ".".join([package, *path.relative_to(folder).parent.parts])
+def module_of(path: Path, package: str, folder: Path) -> str:
+    """Dotted name of a file below the project's root, as `controllers.model.robot`."""
+    parts = [package, *path.relative_to(folder).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def imports(path: Path, package: str, folder: Path) -> set[str]:
     """Names imported anywhere in a file: those of this project in full, of others the top level."""
-    inside = ["push_recovery", *room_of(path, package, folder).split(".")]
+    inside = ["push_recovery", package, *path.relative_to(folder).parent.parts]
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -113,73 +46,96 @@ def imports(path: Path, package: str, folder: Path) -> set[str]:
     return found
 
 
-def rooms(names: set[str]) -> set[str]:
-    """The rooms that imported names of this project lie in."""
-    inside = {name.removeprefix("push_recovery.") for name in names if name.startswith("push_recovery.")}
-    return {max((room for room in ROOMS if f"{name}.".startswith(f"{room}.")), key=len) for name in inside}
-
-
 def files_of(package: str) -> list[Path]:
     return sorted(FOLDERS[package].rglob("*.py"))
 
 
+def graph() -> dict[str, set[str]]:
+    """The modules of this project that each of them imports, at its top level or inside functions."""
+    paths = {module_of(path, package, FOLDERS[package]): (path, package)
+             for package in PACKAGES for path in files_of(package)}  # fmt: skip
+    arrows = {}
+    for module, (path, package) in paths.items():
+        names = {name.removeprefix("push_recovery.") for name in imports(path, package, FOLDERS[package])}
+        arrows[module] = {part for name in names for part in (name, name.rpartition(".")[0])} & paths.keys()
+    return arrows
+
+
+def circles(arrows: dict[str, set[str]]) -> dict[str, set[str]]:
+    """What is left of a graph when all that waits for nothing is taken away, again and again."""
+    while free := {name for name, others in arrows.items() if not others & arrows.keys() - {name}}:
+        arrows = {name: others for name, others in arrows.items() if name not in free}
+    return arrows
+
+
 @pytest.mark.parametrize("package", PACKAGES)
-def test_a_room_imports_from_rooms_before_it(package):
+def test_packages_import_downwards_and_only_what_they_may(package):
     for path in files_of(package):
         found = imports(path, package, FOLDERS[package])
-        room = room_of(path, package, FOLDERS[package])
-        later = {other for other in rooms(found) if ROOMS.index(other) > ROOMS.index(room)}
-        assert not later, f"{room}/{path.name} imports from {later}"
+        above = PACKAGES[PACKAGES.index(package) + 1 :]
+        upward = {name for name in found if name.startswith(tuple(f"push_recovery.{one}" for one in above))}
+        assert not upward, f"{path.name} imports {upward}"
         assert not found & FORBIDDEN[package], f"{path.name} imports {found & FORBIDDEN[package]}"
         assert "push_recovery" not in found, f"{path.name} imports the root instead of its parts"
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_the_files_of_a_room_import_in_no_circle(room):
-    package = room.split(".")[0]
-    files = [path for path in files_of(package) if room_of(path, package, FOLDERS[package]) == room]
-    prefix = f"push_recovery.{room}."
-    waits = {}
-    for path in files:
-        inside = [name.removeprefix(prefix) for name in imports(path, package, FOLDERS[package])
-                  if name.startswith(prefix)]  # fmt: skip
-        waits[path.stem] = {name.split(".")[0] for name in inside} & {other.stem for other in files}
-    while free := {name for name, others in waits.items() if not others & waits.keys()}:
-        waits = {name: others for name, others in waits.items() if name not in free}
-    assert not waits
+def test_modules_import_in_no_circle():
+    assert circles(graph()) == {}
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_room_is_listed_packaged_and_small(package):
-    folder = FOLDERS[package]
-    found = {room_of(path, package, folder) for path in files_of(package)}
-    assert found == {room for room in ROOMS if room.split(".")[0] == package}
-    packaged = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    assert {f"push_recovery.{room}" for room in found} <= set(packaged)
-    for room in found:
-        names = [path for path in files_of(package)
-                 if room_of(path, package, folder) == room and path.name != "__init__.py"]  # fmt: skip
-        assert len(names) <= MODULES_IN_A_ROOM, f"{room} has {len(names)} modules"
+def test_folders_import_in_no_circle():
+    """A folder below a package, or a module that lies in the package itself, is one node."""
+
+    def node(module: str) -> str:
+        return ".".join(module.split(".")[:2])
+
+    folders: dict[str, set[str]] = {}
+    for module, others in graph().items():
+        folders.setdefault(node(module), set()).update(node(other) for other in others if "." in other)
+    assert circles(folders) == {}
+
+
+def test_the_house_stays_small():
+    files = [(path, package) for package in PACKAGES for path in files_of(package)]
+    assert len(files) <= MODULES
+    for path, package in files:
+        assert len(path.relative_to(FOLDERS[package]).parts) - 1 <= DEPTH, path
+    code = [node for path, _ in files for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.stmt) and not isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.Expr))]  # fmt: skip
+    lines = lambda nodes: sum(node.end_lineno - node.lineno + 1 for node in nodes)  # noqa: E731
+    imported = lines(node for node in code if isinstance(node, (ast.Import, ast.ImportFrom)))
+    total = sum(1 for path, _ in files for line in path.read_text(encoding="utf-8").splitlines()
+                if line.strip() and not line.strip().startswith("#"))  # fmt: skip
+    assert imported <= IMPORT_SHARE * total
+
+
+def test_every_folder_is_packaged():
+    packaged = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+    folders = {module_of(path, package, FOLDERS[package])
+               for package in PACKAGES for path in files_of(package) if path.name == "__init__.py"}  # fmt: skip
+    assert {f"push_recovery.{folder}" for folder in folders} | {"push_recovery"} == packaged
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_kernels_are_compiled_by_the_projects_own_njit(package):
     """Numba's own njit keeps code that a changed callee in another file does not renew."""
     for path in files_of(package):
-        if path.name != "kernels.py":
+        if path.name != "jit.py":
             text = path.read_text(encoding="utf-8")
             assert not re.search(r"from numba import .*\bn?jit\b|numba\.n?jit\(", text), (
-                f"{path.name}: import njit from controllers.compiled.kernels"
+                f"{path.name}: import njit from controllers.jit"
             )
 
 
-def test_the_check_sees_relative_imports(tmp_path):
+def test_the_checks_see_relative_imports_and_circles(tmp_path):
     path = tmp_path / "score" / "module.py"
     path.parent.mkdir()
     path.write_text("def f():\n    from ...training.ppo import x\nfrom . import y\nimport torch.nn\n")
     found = imports(path, "eval", tmp_path)
     assert found == {"push_recovery.training.ppo.x", "push_recovery.eval.score.y", "torch"}
-    assert rooms(found) == {"training", "eval.score"}
+    assert module_of(path, "eval", tmp_path) == "eval.score.module"
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == {"a": {"b"}, "b": {"c"}, "c": {"b"}}
+    assert circles({"a": {"b", "a"}, "b": set()}) == {}
 
 
 def run(code: str) -> str:

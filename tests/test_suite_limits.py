@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from push_recovery.controllers.model.capturability import max_recoverable_force
-from push_recovery.envs.biped.settings import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command
 

@@ -13,29 +13,25 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
-from ..controllers.learned.inputs import BASE, GATE, MARGIN, OBSERVATION
-from ..controllers.model.similarity import Similarity
-from ..controllers.policies.arms import make_policy
+from ..controllers.model.robot import Similarity
 from ..controllers.policies.interface import Policy
-from ..controllers.policies.residual_rule import ResidualRule
+from ..controllers.policies.mlp import BASE, GATE, MARGIN, OBSERVATION
+from ..controllers.policies.residual import ResidualRule
+from ..controllers.policies.two_stage import make_policy
 from ..envs.biped.env import BipedEpisodes
 from ..envs.episode.episodes import GaitEpisodes
-from ..envs.joint.episodes import JointEpisodes, JointResidualEpisodes
-from ..envs.residual.action_hold import ActionHold
-from ..envs.residual.wrapper import ResidualAction
+from ..envs.joint.env import JointEpisodes, JointResidualEpisodes
+from ..envs.wrappers import ActionHold, ResidualAction
 from ..eval.rollout import environments
-from ..eval.rollout.batch import batch_episodes
+from ..eval.rollout.episodes import action_rule, batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
-from ..eval.rollout.wrapped_action import action_rule
-from .networks.asymmetric import AsymmetricPolicy
-from .robots.actor import Actor
-from .robots.critic import critic_size
-from .robots.reward import REWARDS
-from .robots.starts import PushStarts, ResetStarts, Starts
-from .robots.vec_env import TrainingRobots
-from .robots.walks import Uncorrected, take_walks
+from .actor import Actor, critic_size
+from .networks import AsymmetricPolicy
+from .reward import REWARDS
 from .settings import STARTS, TrainingSettings
+from .starts import PushStarts, ResetStarts, Starts, Uncorrected, take_walks
+from .vec_env import TrainingRobots
 
 OBSERVATION_CLIP = 10.0
 ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves

@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file, sync_names, write_atomically
-from ..controllers.json_text import parse_json
+from ..controllers.validation import parse_json
 from .settings import TrainingSettings
 
 KEEP = 2

@@ -12,12 +12,11 @@ import numpy as np
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
-from ..controllers.model.similarity import SAME, Similarity
+from ..controllers.model.robot import SAME, Similarity
 from ..controllers.policies.interface import Policy
-from ..envs.episode.profile import get_profile
-from ..envs.scenario.push_distribution import PushDistribution
-from ..envs.scenario.scenario import Scenario
-from ..eval.rollout.batch import rollout_all
+from ..envs.scenario.distribution import PushDistribution
+from ..envs.scenario.scenario import Scenario, get_profile
+from ..eval.rollout.episodes import rollout_all
 from ..eval.rollout.workers import SLOTS
 
 # Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.

@@ -1,35 +1,123 @@
-"""A training run from start, or from a checkpoint, to a policy file."""
+"""A training run from start, or from a checkpoint, to a policy file.
+
+How a policy came about: what stands under `training` in its JSON.
+
+What happens between two updates of PPO: progress, checkpoints, the learning curve.
+"""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
-from ..controllers.learned.network import NetworkPolicy
-from ..controllers.learned.policy_file import policy_paths
-from ..eval.output.progress import progress_bars
-from ..eval.output.work import Work, about
-from ..eval.processes.writer import Writer
-from ..eval.rollout.environments import EnvName, size_of
-from ..eval.shipped.names import named_file
+from ..controllers.policies.learned import NetworkPolicy, policy_paths
+from ..eval.output.progress import Work, about, progress_bars
+from ..eval.output.rows import Writer, source_commit, versions
+from ..eval.rollout.environments import EnvName, code_digest, size_of
+from ..eval.rollout.load_policy import named_file
 from .builders import completed, make_env, make_plain_env, make_ppo, make_vec_env, segment_seed
-from .callbacks import Every, Progress, record_point
 from .checkpoint import Checkpoint, find_checkpoints, load_checkpoint, restore, save_checkpoint
 from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
-from .export import export_policy
-from .imitation.dagger import imitate_once
-from .imitation.settings import ImitationSettings
-from .manifest import manifest
-from .networks.start import ValueFirst, start_from
+from .from_sb3 import export_policy
+from .imitation import ImitationSettings, imitate_once
+from .networks import ValueFirst, start_from
+from .recipes import command_of
 from .settings import TrainingSettings
+
+PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
+
+
+def manifest(
+    settings: TrainingSettings, timesteps: int, seconds: float, curve: Sequence[CurvePoint], file: str
+) -> dict[str, Any]:
+    """All that is needed to train a policy again, and what its training showed, as JSON.
+
+    Args:
+        settings: of the run.
+        timesteps: learned actions that were taken.
+        seconds: wall time of all parts of the run.
+        curve: points of the learning curve.
+        file: name of the policy's JSON.
+    """
+    return {
+        "command": command_of(settings, file),
+        "settings": settings.to_json(),
+        "timesteps": timesteps,
+        "seconds": round(seconds, 3),
+        "curve": [asdict(point) for point in curve],
+        "code": code_digest(),  # that of `config.json` beside rows: controllers and envs
+        "commit": source_commit(Path(__file__)),
+        "versions": versions(PACKAGES),
+    }
+
+
+class Progress(BaseCallback):
+    """Reports timesteps after each of them, and the share of training episodes that recovered to TensorBoard.
+
+    Args:
+        report: Called with the timesteps so far and the recovered share of the last 100 episodes (or None).
+    """
+
+    def __init__(self, report: Callable[[int, float | None], None]):
+        super().__init__()
+        self.report = report
+        self.recovered: deque[bool] = deque(maxlen=100)
+
+    def _on_step(self) -> bool:
+        ended: Any = self.locals["dones"]
+        for index in np.flatnonzero(ended):
+            info = self.locals["infos"][index]
+            self.recovered.append(info.get("failure_reason") is None and info.get("recovered_at") is not None)
+        return True
+
+    def _on_rollout_end(self) -> None:
+        share = float(np.mean(self.recovered)) if self.recovered else None
+        if share is not None:
+            self.logger.record("rollout/recovered", share)
+        self.report(self.num_timesteps, share)
+
+
+class Every(BaseCallback):
+    """Calls `action` before a rollout whenever `period` timesteps have passed since it last did.
+
+    Args:
+        period: In timesteps.
+        action: Called without arguments; sees the networks as the last update left them.
+        start: Timesteps at which the count begins.
+    """
+
+    def __init__(self, period: int, action: Callable[[], None], start: int):
+        super().__init__()
+        self.period = period
+        self.action = action
+        self.last = start
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps - self.last >= self.period:
+            self.last = self.num_timesteps
+            self.action()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def record_point(logger: Any, point: CurvePoint) -> None:
+    """Put a point of the learning curve into TensorBoard."""
+    for name in ("recovered", "survived", "mean_reward"):
+        logger.record(f"eval/{name}", getattr(point, name))
+
 
 POLICY = "policy"  # file of the result, without its suffixes
 TAUGHT = "taught"  # file of what a teacher has shown, without its suffixes

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.files import is_file
-from ..controllers.learned.policy_file import policy_paths
-from ..envs.scenario.command import FASTEST_TURN
-from ..eval.shipped.names import training_note
+from ..controllers.policies.learned import policy_paths
+from ..envs.scenario.scenario import FASTEST_TURN
+from ..eval.rollout.load_policy import training_note
 from .settings import TRAINING_PUSHES, TrainingSettings
 
 RESIDUAL = TrainingSettings("residual")

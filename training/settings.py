@@ -9,14 +9,12 @@ from typing import Annotated, Any, Literal
 from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError, UnknownNameError
-from ..controllers.learned.inputs import check_inputs
-from ..controllers.policies.residual import check_residual_scale
-from ..controllers.policies.residual_gate import check_gate
-from ..envs.episode.profile import get_profile
-from ..envs.scenario.error_ranges import ErrorRanges
-from ..envs.scenario.push_distribution import PushDistribution
-from .robots.critic import check_critic
-from .robots.reward import REWARDS
+from ..controllers.policies.mlp import check_inputs
+from ..controllers.policies.residual import check_gate, check_residual_scale
+from ..envs.scenario.distribution import ErrorRanges, PushDistribution
+from ..envs.scenario.scenario import get_profile
+from .actor import check_critic
+from .reward import REWARDS
 
 STARTS = ("push", "reset")
 KINDS = ("residual", "scratch", "joint", "joint-residual")

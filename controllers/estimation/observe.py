@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..compiled.array_table import Floats1, Floats2
-from ..compiled.kernels import njit
-from ..compiled.vector_3 import Vector, add, scaled, subtract, vector_at
+from ..array_table import Floats1, Floats2
+from ..jit import njit
+from ..math3 import Vector, add, scaled, subtract, vector_at
 from ..model.capturability import capture_margin_kernel
-from ..model.frame import Frame, canonical, canonical_frame, in_world
 from ..model.gait_box import COP, DURATION, TRUNK
 from ..model.observation import (
     COM,
@@ -33,6 +32,10 @@ from ..model.observation import (
     WORLD_COP,
     WORLD_DCM,
     YAW_RATE,
+    Frame,
+    canonical,
+    canonical_frame,
+    in_world,
 )
 from ..whole_body.gait_machine import FLOOR, MOMENT, Gait, GaitSettings, Point
 from ..whole_body.kinematics import (
@@ -42,12 +45,12 @@ from ..whole_body.kinematics import (
     Array,
     Physics,
     base_angular_velocity,
+    com_velocity,
     sole_motion,
     sole_position,
 )
 from ..whole_body.kinematics import TRUNK as TRUNK_BODY
-from ..whole_body.mass_matrix import com_velocity
-from ..whole_body.turning import TURN, turned_command
+from ..whole_body.swing import TURN, turned_command
 
 _DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
 _SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start

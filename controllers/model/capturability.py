@@ -18,9 +18,6 @@ start of a step counts as a shift of the DCM by F (1 - exp(-omega dt)) / (m omeg
 only after a reaction time t_r, f and B are worth exp(-omega t_r) as much. Derived in docs/limits.md.
 """
 
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
 from __future__ import annotations
 
 import math
@@ -31,12 +28,15 @@ import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import ArrayLike, NDArray
 
-from ..compiled.kernels import njit
 from ..errors import InvalidValueError
+from ..jit import njit
 from .gait_box import GaitLimits
-from .nominal_gait import NominalGait, nominal_gait
-from .nominal_start import step_start_dcm
+from .nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from .robot import RobotModel
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 
 # Columns of the bounds of the DCM offset; of a pair (x, y) the first one
 LOW = 0  # pair [m]

@@ -1,4 +1,6 @@
-"""Double support: the transfer of the CoP, the hull of both soles, and what an action means while both stand.
+"""Double support: the transfer of the CoP, the hull of both soles, and gaits as actions.
+
+Double support: the transfer of the CoP, the hull of both soles, and what an action means while both stand.
 
 A step begins at touchdown. For the first d seconds the foot that stood before still stands at p (canonical
 frame: the origin is the new stance sole's centre) and the CoP may be anywhere in the hull of both soles. The
@@ -11,6 +13,8 @@ CoP would that is held for ever at p kappa(t), r = max(d - t, 0):
 
 so that the transfer is a constant shift of the DCM. The hull of two equal soles is their bounding box less
 two corners, which a strip along p cuts off.
+
+From gait variables to actions in compiled code; the way back is `double_support.gaits_of_actions`.
 """
 
 from __future__ import annotations
@@ -21,9 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import njit
 from ..errors import InvalidValueError
-from .gait_box import COP, GaitLimits
+from ..jit import njit
+from .gait_box import COP, GAIT_SIZE, GaitLimits
 from .observation import ELAPSED, SWING_POSITION
 
 INSTANT = 1e-9  # less double support than this is over [s]
@@ -145,3 +149,28 @@ def gaits_of_actions(
         asked = np.asarray(actions, dtype=np.float64)
         _widen(observations, asked, limits.low, limits.high, double_support, gaits)
     return gaits
+
+
+@njit(cache=True)
+def scale_action(gait, obs, low, high, double_support, action):  # pragma: no cover
+    """Gait variables (7,) as a float32 action (7,); the arithmetic of `GaitLimits.to_action`.
+
+    The CoP is scaled from what it may be at the observation, see `cop_range`. An entry without a range, the
+    trunk's about an axis that the waist lacks, is 0.
+    """
+    for j in range(GAIT_SIZE):
+        bottom, top = low[j], high[j]
+        if j == COP or j == COP + 1:
+            bottom, top = cop_range(j - COP, obs, low, high, double_support)
+        if top > bottom:
+            scaled = 2.0 * (gait[j] - bottom) / (top - bottom) - 1.0
+            action[j] = min(max(scaled, -1.0), 1.0)
+        else:
+            action[j] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def scale_actions(gaits, observations, box, double_support, actions):  # pragma: no cover
+    """`scale_action` of every row, whose first seven columns are gait variables, into actions (n, 7)."""
+    for i in range(gaits.shape[0]):
+        scale_action(gaits[i], observations[i], box[0], box[1], double_support, actions[i])

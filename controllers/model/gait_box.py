@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..compiled.kernels import njit
 from ..errors import InvalidValueError, is_finite_number, shown
+from ..jit import njit
 from ..validation import require_kind
 from .robot import RobotModel
 

@@ -35,8 +35,7 @@ from scipy.optimize import linprog
 
 from ..errors import InvalidValueError, PushRecoveryError, is_finite_number
 from .gait_box import GaitLimits
-from .nominal_gait import NominalGait, nominal_gait
-from .nominal_start import drifting_dcm_kernel
+from .nominal_gait import NominalGait, drifting_dcm_kernel, nominal_gait
 from .robot import RobotModel
 
 Array = NDArray[np.float64]

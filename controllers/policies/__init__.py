@@ -1,1 +1,1 @@
-"""From observations to actions: the planner and its arms, learned policies, residuals."""
+"""Policies: the two-stage planner and its variants, linear MPC, residuals, and learned policies in numpy."""

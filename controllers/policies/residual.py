@@ -1,14 +1,27 @@
-"""The residual on a gait action: its scale and the one place where base and residual are added."""
+"""Learned corrections of a gait action: scale, gate, and the one rule that adds them.
+
+The residual on a gait action: its scale and the one place where base and residual are added.
+
+When a learned residual may act: only while the DCM is away from the nominal gait.
+
+The one rule by which a learned correction is added to what a policy does.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError, shown
+from ..jit import njit
 from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
+from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel, step_start_dcm_kernel
+from ..model.observation import COMMAND, DCM, ELAPSED
+from ..model.robot import RobotModel
+from .interface import Policy
 
 # What a learned correction of 1 means at factor 1, in the units of GAIT_NAMES: [m], [m], [s], [m], [m],
 # [rad/s^2], [rad/s^2].
@@ -73,3 +86,162 @@ def compose(
     shift = scale * residual
     total = np.clip(base + shift, np.float32(-1.0), np.float32(1.0))
     return np.where(shift == 0.0, base, total)
+
+
+_ELAPSED, _DCM, _COMMAND = ELAPSED, DCM.start, COMMAND.start
+
+
+def check_gate(band: ArrayLike) -> tuple[float, float]:
+    """The band (shut, open) of a gate [m].
+
+    Raises:
+        InvalidValueError: Not two finite numbers with 0 <= shut < open.
+    """
+    try:
+        values = np.asarray(band, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.shape != (2,) or not (np.isfinite(values).all() and 0.0 <= values[0] < values[1]):
+        raise InvalidValueError(f"a residual gate is two numbers 0 <= shut < open [m], got {band!r}")
+    return float(values[0]), float(values[1])
+
+
+class ResidualGate:
+    """Opening g in [0, 1] of a residual, a function of the observation alone.
+
+        e = |xi(t) exp(-omega t) - xi_0,nom|,   g = clip((e - shut) / (open - shut), 0, 1)
+
+    xi(t) exp(-omega t) is the measured DCM traced back to the begin of the step, xi_0,nom the nominal gait's
+    there. An undisturbed walk of the policy below stays under `shut` and is its own, bit for bit.
+
+    Args:
+        robot: Physical constants.
+        limits: Gait box, which the nominal gait follows from.
+        delay: The new foot carries load this long after T [s].
+        band: (shut, open) [m].
+    """
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, delay: float, band: ArrayLike):
+        check_pelvis(robot, limits)
+        self.band = check_gate(band)
+        self._constants = tuple(map(float, (robot.omega, robot.pelvis_width, delay, *self.band)))
+        self._low, self._high = limits.low, limits.high
+
+    def __call__(self, observations: ArrayLike) -> NDArray[np.float32]:
+        """Openings (n, 1) of observations (n, 36)."""
+        rows = np.ascontiguousarray(observations, dtype=np.float64)
+        return _openings(rows, self._constants, self._low, self._high)
+
+
+@njit(cache=True)
+def _openings(observations, constants, low, high):  # pragma: no cover - compiled
+    omega, pelvis_width, delay, shut, opened = constants
+    out = np.empty((observations.shape[0], 1), dtype=np.float32)
+    nominal = np.empty(NOMINAL_SIZE)
+    for i in range(observations.shape[0]):
+        obs = observations[i]
+        nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], pelvis_width, low, high, omega, delay, nominal)
+        start_x, start_y = step_start_dcm_kernel(nominal, pelvis_width, omega, delay, 0.0)
+        back = math.exp(-omega * obs[_ELAPSED])
+        error = math.hypot(obs[_DCM] * back - start_x, obs[_DCM + 1] * back - start_y)
+        out[i, 0] = min(max((error - shut) / (opened - shut), 0.0), 1.0)
+    return out
+
+
+def make_gate(
+    policy: object, robot: RobotModel, limits: GaitLimits, band: ArrayLike | None
+) -> ResidualGate | None:
+    """The gate of a residual on `policy`, whose touchdown delay it takes; None where there is no band.
+
+    Raises:
+        InvalidValueError: a policy with double support, whose nominal DCM the gate does not know.
+    """
+    if band is None:
+        return None
+    config = getattr(policy, "config", None)
+    if (both := getattr(config, "double_support", 0.0)) > 0:
+        raise InvalidValueError(f"a residual gate knows no double support, got {both} s; use no gate")
+    delay = float(getattr(config, "touchdown_delay", 0.0))
+    return ResidualGate(robot, limits, delay, band)
+
+
+Actions = NDArray[np.float32]
+
+
+class Correction(NamedTuple):
+    """What became of n corrected actions, in action units."""
+
+    total: Actions  # (n, 7) base + shift, clipped to [-1, 1]; the base's own bits where the shift is 0
+    base: Actions  # (n, 7) what the policy below would do
+    shift: Actions  # (n, 7) scale x g x learned action
+
+
+class Below(NamedTuple):
+    """What n corrections start from."""
+
+    base: Actions  # (n, 7) of the policy below
+    opening: Actions  # (n, 1) of the gate, in [0, 1]
+
+
+class ResidualRule:
+    """total = clip(base + scale x g x a, -1, 1), with g the gate's opening, 1 without a gate.
+
+    Args:
+        policy: What acts below; a gate takes its touchdown delay.
+        robot: Physical constants.
+        limits: Gait box, which the gate's nominal gait follows from.
+        scale: (7,) in action units, see `check_residual_scale`.
+        gate: (shut, open) [m], see `ResidualGate`; None: none.
+
+    Raises:
+        InvalidValueError: An impossible gate, or one on a policy with double support.
+    """
+
+    def __init__(
+        self, policy: Policy, robot: RobotModel, limits: GaitLimits, scale: Actions, gate: ArrayLike | None
+    ):
+        self.policy, self.scale = policy, scale
+        self.gate = None if gate is None else check_gate(gate)
+        self._gate = make_gate(policy, robot, limits, self.gate)
+
+    def opening(self, observations: NDArray[np.float64]) -> Actions:
+        """Openings g (n, 1) in [0, 1] at observations (n, 36)."""
+        if self._gate is None:
+            return np.ones((len(observations), 1), np.float32)
+        return self._gate(observations)
+
+    def correct(self, observations: NDArray[np.float64], base: ArrayLike, learned: Actions) -> Correction:
+        """What learned actions (n, 7) in [-1, 1] make of the base's (n, 7) at observations (n, 36)."""
+        return self.add(Below(np.asarray(base, np.float32), self.opening(observations)), learned)
+
+    def add(self, below: Below, learned: Actions) -> Correction:
+        """What learned actions (n, 7) in [-1, 1] make of what is below."""
+        opened: Actions = below.opening * learned
+        shift: Actions = self.scale * opened
+        return Correction(compose(below.base, opened, self.scale), below.base, shift)
+
+    def below(self, observations: NDArray[np.float64]) -> Below:
+        """What the policy below does for n robots in one call, without a memory, and the gate's openings.
+
+        Raises:
+            InvalidValueError: the policy has a memory.
+        """
+        base, state = self.policy.predict(observations)
+        if state is not None:
+            raise InvalidValueError(
+                "a residual on n robots needs a policy without memory: predict gave a state"
+            )
+        return Below(np.asarray(base, np.float32), self.opening(observations))
+
+    def act(self, observations: NDArray[np.float64], learned: Actions) -> Correction:
+        """`correct` what the policy below does for n robots.
+
+        Raises:
+            InvalidValueError: the policy has a memory.
+        """
+        return self.total(self.below(observations), learned)
+
+    def total(self, below: Below, learned: Actions) -> Correction:
+        """`add`, the sum within [-1, 1] where nothing is corrected, too."""
+        correction = self.add(below, learned)
+        return correction._replace(total=np.clip(correction.total, np.float32(-1.0), np.float32(1.0)))

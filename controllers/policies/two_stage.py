@@ -1,32 +1,88 @@
-"""The two-stage planner as a policy: observation -> stage 1 -> stage 2 -> action, one way for every arm."""
+"""The two-stage planner as a policy, its plans, and the analytic policies by name.
+
+What the two-stage planner decided for one observation.
+
+The two-stage planner as a policy: observation -> stage 1 -> stage 2 -> action, one way for every arm.
+
+The analytic policies by name: the two-stage planner, its ablated arms, the paper's and the baselines.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..baselines.linear_mpc import LinearMpc
-from ..compiled.compile_notice import announce_compilation
-from ..compiled.threads import RangeThreads
-from ..errors import InvalidValueError
-from ..model.gait_action import scale_actions
-from ..model.gait_box import GAIT_SIZE, GaitLimits
+from ..errors import InvalidValueError, UnknownNameError
+from ..jit import RangeThreads, announce_compilation
+from ..model.double_support import scale_actions
+from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK, GaitLimits
+from ..model.nominal_gait import NOMINAL_SIZE, NominalGait
 from ..model.observation import OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
-from ..settings.planner_config import PlannerConfig
-from ..settings.presets import preset_config
-from ..stage_1.columns import ROW_SIZE
-from ..stage_1.columns import STATUS as STATUS_COLUMN
-from ..stage_1.planner import StepPlanner
-from ..stage_2.forms import make_regulator
-from ..stage_2.interface import STATUS, Regulator
+from ..settings import ARMS, PAPER_SUFFIX, PlannerConfig, load_preset, named_preset, preset_config
+from ..stage_1 import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, ROW_SIZE, TARGET, StepPlanner
+from ..stage_1 import STATUS as STATUS_COLUMN
+from ..stage_2.problem import STATUS, Regulator
+from ..stage_2.regulator import make_regulator
 from ..validation import require_kind
-from .plan import Plan, plan_of_row
+from .interface import RandomPolicy
+from .linear_mpc import LinearMpc
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a policy decided for one observation, canonical frame."""
+
+    gait: Floats  # (7,), units of GAIT_NAMES
+    offset: Floats  # DCM offset b that stage 1 expects, (2,) [m]
+    nominal: NominalGait
+    dcm_target: Floats  # xi_des = u_T + b_nom, (2,) [m]
+    dcm_end: Floats  # DCM that stage 2 expects at touchdown, (2,) [m]; u_T + b without stage 2
+    remaining: float  # until the new foot carries load [s]
+    held: bool  # the step plan is the previous one
+    status: str  # of stage 2's solver, or of the arm
+
+    @property
+    def step(self) -> Floats:
+        """Foothold u_T, (2,) [m]."""
+        return self.gait[STEP : STEP + 2]
+
+    @property
+    def duration(self) -> float:
+        """Step duration T [s]."""
+        return float(self.gait[DURATION])
+
+    @property
+    def cop(self) -> Floats:
+        """CoP, (2,) [m]."""
+        return self.gait[COP : COP + 2]
+
+    @property
+    def trunk_acceleration(self) -> Floats:
+        """Trunk angular acceleration: pitch, roll, (2,) [rad/s^2]."""
+        return self.gait[TRUNK : TRUNK + 2]
+
+
+def plan_of_row(row: Floats, status: str) -> Plan:
+    """The plan in a row (ROW_SIZE,) that both stages have written."""
+    return Plan(
+        gait=row[:GAIT_SIZE],
+        offset=row[OFFSET : OFFSET + 2],
+        nominal=NominalGait(*(float(value) for value in row[NOMINAL : NOMINAL + NOMINAL_SIZE])),
+        dcm_target=row[TARGET : TARGET + 2],
+        dcm_end=row[DCM_END : DCM_END + 2],
+        remaining=float(row[REMAINING]),
+        held=bool(row[HELD]),
+        status=status,
+    )
+
+
 Actions = NDArray[np.float32]
 
 ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
@@ -139,3 +195,38 @@ class TwoStagePolicy:
         self._stage_1.plan(batch, rows)
         self._stage_2.regulate(batch, rows, worker)
         scale_actions(rows, batch, *self._bounds, actions)
+
+
+POLICY_NAMES = (*ARMS, "random")
+
+
+def make_policy(
+    name: str,
+    robot: RobotModel | None = None,
+    limits: GaitLimits | None = None,
+    preset: str = "default",
+) -> TwoStagePolicy | RandomPolicy:
+    """Build an analytic policy by name.
+
+    The arms differ in what they may use. Their weights are the preset's, except for arms with gains of their
+    own (`arms` of a preset), and the two `-paper` arms, which put the paper's Table II into it.
+
+    Args:
+        name: one of POLICY_NAMES.
+        robot: physical constants; the paper's by default.
+        limits: step box, CoP and trunk bounds; the paper's for the robot by default.
+        preset: by name or file.
+
+    Raises:
+        UnknownNameError: for a name that is not in POLICY_NAMES or an unknown preset; lists the valid ones.
+        InvalidValueError: a preset file that cannot be read.
+    """
+    if name not in POLICY_NAMES:
+        raise UnknownNameError("policy", name, POLICY_NAMES)
+    config = load_preset(preset).config(name)
+    if name == "random":
+        return RandomPolicy()
+    if name.endswith(PAPER_SUFFIX):
+        config = config.replace(**named_preset("paper").planner)
+    config = config.replace(**ARMS[name].settings)
+    return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)

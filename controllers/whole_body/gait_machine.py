@@ -1,8 +1,5 @@
 """Gait state machine of n bipeds: touchdown, swing foot, CoM task; compiled, every physics step."""
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
 from __future__ import annotations
 
 import math
@@ -10,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.array_table import Floats1, Floats2, Ints1
-from ..compiled.kernels import njit
-from ..compiled.vector_3 import Vector, vector_at, vector_of
-from ..model.frame import (
+from ..array_table import Floats1, Floats2, Ints1
+from ..jit import njit
+from ..math3 import Vector, vector_at, vector_of
+from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
+from ..model.observation import (
     Frame,
     canonical,
     canonical_frame,
@@ -22,10 +20,6 @@ from ..model.frame import (
     point_in_world,
     side_sign,
 )
-from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
-from .bounds import Bounds
-from .bounds_met import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR
-from .edge_cop import missing_cmp
 from .inverse_dynamics import Gains, Task, whole_body_torque
 from .kinematics import (
     LEG_JOINT,
@@ -34,14 +28,17 @@ from .kinematics import (
     Heading,
     Ints,
     Physics,
+    com_velocity,
     sole_position,
     upright_error,
 )
-from .mass_matrix import com_velocity
-from .motors import clip_torque
-from .swing_foot import quintic_step, swing_update
-from .turning import PELVIS_YAW, SWING, exchange_soles, given_yaw, turn_references
-from .turning import SIZE as YAWS
+from .limits import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, Bounds, clip_torque, missing_cmp
+from .swing import PELVIS_YAW, SWING, exchange_soles, given_yaw, quintic_step, swing_update, turn_references
+from .swing import SIZE as YAWS
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))

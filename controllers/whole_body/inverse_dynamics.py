@@ -15,9 +15,6 @@ A function that runs every physics step is put into its caller (forceinline): th
 hundred words, which a call would pass on and count the references of.
 """
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
 from __future__ import annotations
 
 import math
@@ -25,9 +22,8 @@ from typing import NamedTuple
 
 from numba.np.numpy_support import carray
 
-from ..compiled.kernels import njit
-from ..compiled.stack_array import stack_floats
-from ..compiled.vector_3 import (
+from ..jit import njit
+from ..math3 import (
     ZERO,
     Vector,
     add,
@@ -35,6 +31,7 @@ from ..compiled.vector_3 import (
     dot,
     rows_times,
     scaled,
+    stack_floats,
     subtract,
     to_body,
     to_world,
@@ -43,10 +40,8 @@ from ..compiled.vector_3 import (
     vector_of,
 )
 from ..model.robot import GRAVITY
-from .bounds import Bounds, keep_bounds, within_bounds
-from .deviation_maps import Legs
-from .edge_cop import full_sole_force
 from .kinematics import (
+    BASE,
     FOOT_BODY,
     LEG_DOF,
     NU,
@@ -55,15 +50,23 @@ from .kinematics import (
     WAIST_DOF,
     Array,
     Heading,
+    LegInverses,
+    Legs,
     Physics,
     SoleMotion,
     base_angular_velocity,
+    com_compliance,
     sole_motion,
+    subtract_leg_torques,
+    turning_momentum,
     upright_error,
+    write_generalised_force,
+    write_leg_inverse,
 )
-from .leg_inverse import LegInverses, subtract_leg_torques, write_leg_inverse
-from .mass_matrix import BASE, com_compliance, turning_momentum, write_generalised_force
-from .motors import write_torque_range
+from .limits import Bounds, full_sole_force, keep_bounds, within_bounds, write_torque_range
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 
 class Gains(NamedTuple):

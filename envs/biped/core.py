@@ -1,55 +1,123 @@
 """n bipeds at physics rate: one planning period holds one gait action.
 
+The biped's constants that a preset may set: gait box, gait machine, whole-body gains and bounds.
+
+n bipeds at physics rate: one planning period holds one gait action.
+
 Within the period every physics step computes touchdown, swing foot, whole-body torque and push, and then the
 robot's simulation advances: all in one compiled call, on as many threads as asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ...controllers.compiled.array_table import parts_table
-from ...controllers.compiled.threads import RangeThreads
-from ...controllers.errors import InvalidValueError
+from ...controllers.array_table import parts_table
+from ...controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
 from ...controllers.estimation.base_estimate import BaseEstimate
 from ...controllers.estimation.observe import Contacts
 from ...controllers.estimation.self_model import empty_self_model, forget
+from ...controllers.jit import RangeThreads
 from ...controllers.model.capturability import capture_constants
-from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_start import NominalStart
-from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
+from ...controllers.model.nominal_gait import NominalStart
+from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
-from ...controllers.settings.planner_config import PlannerConfig
+from ...controllers.settings import PlannerConfig, load_preset, named_preset
 from ...controllers.validation import require_choice
-from ...controllers.whole_body.bounds import BoundSettings, make_bounds
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
-from ..physics.stepping import Simulations, believe
-from ..scenario.command_schedule import assign_changes, empty_schedule
+from ...controllers.whole_body.limits import BoundSettings, make_bounds
+from ..robots.biped import biped
+from ..robots.compiled_robot import CompiledRobot
+from ..robots.indices import MISSING, inputs, outputs
+from ..scenario.arrays import NUMBERS, assign_changes, assign_pushes, empty_pushes, empty_schedule
+from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.noise import counter_seed
-from ..scenario.physics_options import CONTROL_STEP
 from ..scenario.push import SIDES
-from ..scenario.push_arrays import NUMBERS, assign_pushes, empty_pushes
 from ..scenario.scenario import Scenario
-from ..sensing.onboard import Sensing, begin_onboard, exact_sensing, onboard_sensing
-from ..sensing.sensors import seed_sensors
-from .bounds_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
+from ..sensing import Sensing, begin_onboard, exact_sensing, onboard_sensing, seed_sensors
+from ..simulation import Simulations, believe
+from .floor import assign_floor, connect_floor, floor_height, has_tiles, lay_floor, level_floors
+from .limits_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
 from .model_errors import assign_errors, check_biped_errors, no_errors
-from .period import GAIT_CALLS, Arena, PeriodCalls, View, arena_constants, substeps
-from .plant.floor import assign_floor, connect_floor, floor_height, has_tiles, lay_floor, level_floors
-from .plant.kicks import Kicks
+from .period import GAIT_CALLS, Arena, PeriodCalls, Senses, View, arena_constants, substeps
 from .posture import posture
-from .robots.biped.robot import biped
-from .robots.compiled_robot import CompiledRobot
-from .robots.control_fields import inputs, outputs
-from .robots.indices import MISSING
-from .senses import Senses
-from .settings import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT
+from .pushes import Kicks
+
+BIPED = RobotModel()  # Table II
+OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
+_TUNED = named_preset("biped").robot()
+BIPED_LIMITS = replace(GaitLimits.of(BIPED), **_TUNED["limits"])
+BIPED_GAINS, BIPED_BOUNDS = Gains(**_TUNED["gains"]), BoundSettings(**_TUNED["bounds"])
+BIPED_GAIT = GaitSettings(
+    BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass, **_TUNED["gait"]
+)
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "limits": tuple(entry.name for entry in fields(GaitLimits) if isinstance(entry.default, float)),
+    "gait": tuple(name for name in GaitSettings._fields if name not in OF_ROBOT),
+    "gains": Gains._fields,
+    "bounds": BoundSettings._fields,
+}
+
+
+@dataclass(frozen=True)
+class BipedSettings:
+    """The constants, frozen; the defaults are those of `PushRecovery/Biped-v0`."""
+
+    limits: GaitLimits = BIPED_LIMITS
+    gait: GaitSettings = BIPED_GAIT
+    gains: Gains = BIPED_GAINS
+    bounds: BoundSettings = BIPED_BOUNDS
+
+    def changed(self, changes: Mapping[str, Mapping[str, Any]]) -> BipedSettings:
+        """These settings with some fields changed: section -> field -> value.
+
+        Raises:
+            UnknownNameError: an unknown section or field; lists the valid ones.
+            InvalidValueError: a value that is no finite number, a negative one outside the limits, or one
+                that GaitLimits refuses.
+        """
+        for section, values in changes.items():
+            if section not in SECTIONS:
+                raise UnknownNameError("section of the biped's settings", section, SECTIONS)
+            for name, value in values.items():
+                if name not in SECTIONS[section]:
+                    raise UnknownNameError(f"field of the biped's {section}", name, SECTIONS[section])
+                if not (is_finite_number(value) and (section == "limits" or value >= 0)):
+                    bound = "" if section == "limits" else " and >= 0"
+                    raise InvalidValueError(
+                        f"{name} of the biped's {section} must be finite{bound}, got {value!r}"
+                    )
+        return BipedSettings(
+            replace(self.limits, **changes.get("limits", {})),
+            self.gait._replace(**changes.get("gait", {})),
+            self.gains._replace(**changes.get("gains", {})),
+            self.bounds._replace(**changes.get("bounds", {})),
+        )
+
+    def of_robot(self, robot: RobotModel) -> BipedSettings:
+        """These settings for a robot of another mass, CoM height, trunk or waist."""
+        own = robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass
+        limits = replace(self.limits, trunk_pitch=robot.trunk_pitch, trunk_roll=robot.trunk_roll)
+        return replace(self, limits=limits, gait=self.gait._replace(**dict(zip(OF_ROBOT, own, strict=True))))
+
+    def to_dict(self) -> dict[str, dict[str, float]]:
+        """Section -> field -> value, all that `changed` takes."""
+        sections = {"limits": asdict(self.limits), "gait": self.gait._asdict(), "gains": self.gains._asdict(),
+                    "bounds": self.bounds._asdict()}  # fmt: skip
+        return {name: {key: values[key] for key in SECTIONS[name]} for name, values in sections.items()}
+
+
+def biped_settings(preset: str, arm: str = "") -> BipedSettings:
+    """The settings of a preset, by name or file, for an arm; the rest is the biped's own preset's."""
+    return BipedSettings().changed(load_preset(preset).robot(arm))
+
 
 DEFAULT_PLANNER = PlannerConfig()
 

@@ -10,25 +10,22 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.compiled.source_digest import source_digest
-from ...controllers.model.similarity import Similarity
-from ...controllers.settings.presets import preset_config
+from ...controllers.jit import source_digest
+from ...controllers.model.robot import Similarity
+from ...controllers.settings import preset_config
 from ...controllers.whole_body.gait_machine import FAILURES
-from ..episode.env import GaitEnv
-from ..episode.episodes import GaitEpisodes, Ints, Motion
-from ..episode.profile import get_profile
+from ..episode.episodes import GaitEpisodes, Ints
+from ..episode.gym_env import GaitEnv
+from ..episode.period_end import Motion
 from ..episode.vector_env import GaitVectorEnv
-from ..scenario.push_distribution import PushDistribution
-from ..scenario.scenario import Scenario
-from ..snapshot.robot_snapshot import RobotSnapshot, digest_of, model_digest
-from ..snapshot.rows import Arrays, arrays_of
-from .core import BipedCore
+from ..robots.compiled_robot import compiled_robot
+from ..robots.description import RobotDescription, check_preset, robot_description
+from ..scenario.distribution import PushDistribution
+from ..scenario.scenario import Scenario, get_profile
+from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of, model_digest
+from .core import BIPED, BIPED_LIMITS, BipedCore, biped_settings
+from .floor import tile_places
 from .period import COMMON, NO_STATE, SENSED, Arena
-from .plant.floor import tile_places
-from .robots.compiled_robot import compiled_robot
-from .robots.description import RobotDescription, robot_description
-from .robots.preset_of import check_preset
-from .settings import BIPED, BIPED_LIMITS, biped_settings
 
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 

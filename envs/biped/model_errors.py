@@ -1,4 +1,18 @@
-"""Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
+"""Model errors of n bipeds: altered models, late torques, noisy joints, noisy observations.
+
+Legs, arms and trunk that collide with each other and with the floor.
+
+The robot's own model has contacts of the soles, and of feet and shanks with one another, as explicit pairs,
+which stay as they are. Here all other shapes of its bodies take part, too. Those of a body and of its parent
+in the tree never meet, as MuJoCo has it, and neither do those that touch while the robot stands: shapes that
+collide are rounder than the robot, and are in each other about its joints.
+
+Models of robots that are not as control believes: body, losses, floor, and how the physics is computed.
+
+Mass, payload, trunk CoM, friction, slope, losses of the joints and collisions are in the robot's own model; a
+slope tilts gravity, the floor stays level in the world's axes.
+
+Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
 
 What is true of body, joints and floor is in the robot's own model (`plant.altered_model`). What gait machine,
 whole-body control and observation read of the robot's kinematics, mass matrix and bias comes from the nominal
@@ -6,49 +20,161 @@ model at the measured joint state (`believe`); loads and forces of the contacts,
 over the floor, are measured as they are.
 """
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
 from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numba.np.numpy_support import carray
 
-from ...controllers.compiled.array_table import Floats2, Floats3, Ints1, Ints2
-from ...controllers.compiled.kernels import njit
-from ...controllers.compiled.stack_array import stack_floats
+from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.errors import InvalidValueError
-from ...controllers.estimation.leg_odometry import listen_to_soles
+from ...controllers.estimation.base_estimate import listen_to_soles
+from ...controllers.jit import njit
+from ...controllers.math3 import stack_floats
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
+from ...controllers.model.robot import GRAVITY
 from ...controllers.whole_body.kinematics import LEG_DOF, NU, NV, WAIST_DOF, Array, Physics
-from ..physics.stepping import (
-    Handles,
-    advance_measured,
-    believe,
-    show_measured,
-    show_unmeasured,
+from ..robots.compiled_robot import CompiledRobot
+from ..robots.indices import MISSING
+from ..scenario.model_errors import (
+    BOUNDS,
+    CONTROL_STEP,
+    EXACT_MODEL,
+    PLAIN_PHYSICS,
+    ModelErrors,
+    PhysicsOptions,
 )
-from ..scenario.model_errors import EXACT_MODEL, ModelErrors
-from ..scenario.noise import counter_seed, normal_pair
-from ..scenario.observation_noise import (
+from ..scenario.noise import (
     JOINT_CHANNEL,
     MOTION_NOISES,
     VELOCITY_NOISE,
     add_motion_noise,
+    counter_seed,
     motion_noise,
+    normal_pair,
 )
-from ..scenario.physics_options import CONTROL_STEP, PLAIN_PHYSICS
 from ..scenario.scenario import Scenario
-from ..sensing.onboard import OnboardArrays, sense
-from .plant.altered_model import altered_model
-from .plant.drives import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
-from .robots.compiled_robot import CompiledRobot
-from .robots.indices import MISSING
+from ..sensing import OnboardArrays, sense
+from ..simulation import Handles, advance_measured, believe, show_measured, show_unmeasured, simulated
+from .actuators import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
+from .floor import add_tiles
+
+COLLIDES = 1  # bit of contype and conaffinity
+
+
+def add_collisions(spec: mujoco.MjSpec, robot: CompiledRobot) -> None:
+    """Let all shapes of a spec collide; of the bodies of the feet only the soles, not what dresses them."""
+    soles = robot.plan.sole_boxes
+    feet = {spec.geom(name).parent.name for name in soles}
+    pair = spec.pairs[0]
+    for geom in spec.geoms:
+        if geom.parent.name in feet and geom.name not in soles:
+            continue
+        geom.contype = geom.conaffinity = COLLIDES
+        geom.solref = pair.solref  # as hard as the soles
+    for first, second in touching(robot, robot.compiled(spec)):
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def touching(robot: CompiledRobot, model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """Names of bodies whose shapes touch in the robot's reference posture, the world's left out."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = robot.in_reference_posture().qpos
+    mujoco.mj_forward(model, data)
+    bodies = model.geom_bodyid[data.contact.geom]
+    pairs = {tuple(sorted(pair)) for pair in bodies.tolist() if min(pair) > 0}
+    return [(model.body(first).name, model.body(second).name) for first, second in sorted(pairs)]
+
+
+OUTSIDE = {
+    "delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None,
+    "continuous_torque": None,
+}  # fmt: skip
+ENUMS = {
+    "integrator": ("mjtIntegrator", "mjINT_"),
+    "solver": ("mjtSolver", "mjSOL_"),
+    "cone": ("mjtCone", "mjCONE_"),
+}
+
+
+def altered_model(
+    robot: CompiledRobot, errors: ModelErrors, physics: PhysicsOptions = PLAIN_PHYSICS
+) -> mujoco.MjModel | None:
+    """The robot with such errors, never modified; None where its own model has none of them."""
+    inside = replace(errors, **OUTSIDE)
+    if inside == EXACT_MODEL and physics == PLAIN_PHYSICS:
+        return None
+    if inside.floor_step > 0.0:
+        inside = replace(inside, floor_step=BOUNDS["floor_step"][2])  # one model for tiles of all heights
+    return _altered(robot, inside, physics)
+
+
+@lru_cache(maxsize=8)
+def _altered(robot: CompiledRobot, errors: ModelErrors, physics: PhysicsOptions) -> mujoco.MjModel:
+    model = simulated(_shaped(robot, errors.floor_step > 0.0, errors.collisions))
+    _alter_body(model, robot, errors)
+    joints = [dof for dof in robot.indices.dof[6:] if dof >= 0]
+    model.dof_frictionloss[joints] += errors.joint_friction
+    model.dof_damping[joints] += errors.joint_damping
+    model.dof_armature[joints] += errors.armature
+    if errors.friction is not None:
+        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = errors.friction  # floor and tiles
+        if errors.collisions:
+            model.geom_friction[:, 0] = errors.friction
+    downhill = np.array([-np.tan(errors.slope_forward), -np.tan(errors.slope_left), -1.0])
+    if errors.slope_forward or errors.slope_left:
+        model.opt.gravity[:] = GRAVITY / np.linalg.norm(downhill) * downhill
+    _set_options(model, physics)
+    return model
+
+
+@lru_cache(maxsize=4)
+def _shaped(robot: CompiledRobot, uneven: bool, collisions: bool) -> mujoco.MjModel:
+    """The robot over tiles, with collisions, or both; never modified."""
+    if not uneven and not collisions:
+        return robot.model
+    solid = robot.description.solid if collisions else None
+    spec = (solid or robot.description.spec)()
+    if uneven:
+        add_tiles(spec, robot.plan)
+    if collisions:
+        add_collisions(spec, robot)
+    return robot.compiled(spec)
+
+
+def _alter_body(model: mujoco.MjModel, robot: CompiledRobot, errors: ModelErrors) -> None:
+    """Scale all masses, load the trunk, and move its CoM."""
+    offset = np.array(errors.trunk_com)
+    for values in (model.body_mass, model.body_inertia, model.dof_armature):
+        values *= 1.0 + errors.mass
+    model.body_mass[robot.indices.trunk] += errors.payload
+    model.body_ipos[robot.indices.trunk] += offset
+    if errors.mass or errors.payload or offset.any():
+        mujoco.mj_setConst(model, mujoco.MjData(model))  # what the compiler derives from masses
+
+
+def _set_options(model: mujoco.MjModel, physics: PhysicsOptions) -> None:
+    """Set what is given; the first entry of solref is a time constant for the soles' pairs and for geoms."""
+    model.opt.timestep = physics.time_step
+    for name, (enum, prefix) in ENUMS.items():
+        if (value := getattr(physics, name)) is not None:
+            setattr(model.opt, name, getattr(getattr(mujoco, enum), prefix + value.upper()).value)
+    if physics.impratio is not None:
+        model.opt.impratio = physics.impratio
+    if physics.contact_time is not None:
+        model.pair_solref[:, 0] = physics.contact_time
+        model.geom_solref[:, 0] = physics.contact_time
+
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]

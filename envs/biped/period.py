@@ -1,25 +1,34 @@
-"""All arrays of n bipeds behind one address table, and the compiled calls of a planning period."""
+"""A planning period of n bipeds: all arrays behind one address table, and the compiled calls.
 
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
+Which robots of a core act on the true state and which on their own sensors, and the arrays of both.
+
+All arrays of n bipeds behind one address table, and the compiled calls of a planning period.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from ...controllers.compiled.array_table import Floats1, Floats2, part_of
-from ...controllers.compiled.kernels import njit
+from ...controllers.array_table import Floats1, Floats2, part_of
 from ...controllers.errors import InvalidValueError
 from ...controllers.estimation.base_estimate import BaseEstimate
-from ...controllers.estimation.joint_losses import add_losses, feel_joints
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
-from ...controllers.estimation.self_model import SelfModel, count_asked, learn, scale_mass, show_known
-from ...controllers.whole_body.bounds import Bounds, BoundSettings
-from ...controllers.whole_body.bounds_met import DCM_TRACKING
+from ...controllers.estimation.self_model import (
+    SelfModel,
+    add_losses,
+    count_asked,
+    feel_joints,
+    learn,
+    scale_mass,
+    show_known,
+)
+from ...controllers.jit import njit
+from ...controllers.validation import require_choice
 from ...controllers.whole_body.gait_machine import (
     NOT_FINITE,
     Gait,
@@ -31,18 +40,75 @@ from ...controllers.whole_body.gait_machine import (
 )
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Ints, Physics
-from ...controllers.whole_body.turning import TURN
-from ..physics.stepping import Handles, advance
-from ..scenario.command_schedule import Schedule, follow
-from ..scenario.physics_options import CONTROL_STEP
-from ..scenario.push_arrays import Pushes
-from ..sensing.onboard import OnboardArrays, Shown
-from ..sensing.sensors import Sensors
-from .bounds_record import BoundsRecord, note_bounds, plan_bounds_met
+from ...controllers.whole_body.limits import DCM_TRACKING, Bounds, BoundSettings
+from ...controllers.whole_body.swing import TURN
+from ..scenario.arrays import Pushes, Schedule, follow
+from ..scenario.model_errors import CONTROL_STEP
+from ..scenario.scenario import ONBOARD, SENSING
+from ..sensing import OnboardArrays, Sensing, Sensors, Shown
+from ..simulation import Handles, advance
+from .actuators import brake_joints
+from .floor import Floor, place_tiles
+from .limits_record import BoundsRecord, note_bounds, plan_bounds_met
 from .model_errors import DCM_NOISE, RobotErrors, advance_onboard, advance_with_errors, show
-from .plant.drives import brake_joints
-from .plant.floor import Floor, place_tiles
 from .pushes import apply_pushes
+
+
+class Senses:
+    """The sensing of n robots, each its own; `kinds` holds the arrays of exact sensing, then of onboard.
+
+    The latter are made for the first robot that has sensors.
+    """
+
+    def __init__(self, n: int, exact: Sensing, make_onboard: Callable[[], Sensing], forced: str | None):
+        """Let all robots act on the true state, or on what is forced on them.
+
+        Args:
+            n: number of robots.
+            exact: arrays of exact sensing.
+            make_onboard: makes those of onboard sensing.
+            forced: sensing of every robot, whatever its scenario says; None: what that says.
+
+        Raises:
+            UnknownNameError: for another sensing.
+        """
+        if forced is not None:
+            require_choice("sensing", forced, SENSING)
+        self.forced = forced
+        self.kinds = [exact]
+        self.onboard = np.full(n, forced == ONBOARD)
+        self._make, self._runs = make_onboard, [(0, n)]
+        if forced == ONBOARD:
+            self.kinds.append(make_onboard())
+
+    @property
+    def last(self) -> Sensing:
+        """Of robots that act on their own sensors, once there are any; until then the exact one."""
+        return self.kinds[-1]
+
+    def of(self, k: int) -> int:
+        """Which of `kinds` robot k has."""
+        return int(self.onboard[k])
+
+    def assign(self, k: int, sensing: str) -> bool:
+        """Give robot k the sensing of a scenario; returns whether a kind has come with it."""
+        self.onboard[k] = (self.forced or sensing) == ONBOARD
+        changes = np.flatnonzero(np.diff(self.onboard)) + 1
+        self._runs = list(pairwise([0, *changes.tolist(), len(self.onboard)]))
+        if comes := self.of(k) == len(self.kinds):
+            self.kinds.append(self._make())
+        return comes
+
+    def alike(self, first: int, end: int) -> Iterator[tuple[int, int, int]]:
+        """(kind, first, end) of neighbours that sense alike, over the robots first..end-1."""
+        for start, stop in self._runs:
+            if start < end and stop > first:
+                yield self.of(start), max(start, first), min(stop, end)
+
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 
 FASTEST = 1e3  # [m/s, rad/s] far beyond any robot, and slow enough for MuJoCo to compute without a warning
 SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields), len(BoundSettings._fields)

@@ -1,20 +1,55 @@
-"""Pushes as external forces on n bipeds; compiled, every physics step."""
+"""Pushes as forces and kicks as jumps of velocity on n bipeds; compiled.
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
+Kicks of n robots that are still to come: jumps of the velocity at the beginning of a planning period.
+
+Pushes as external forces on n bipeds; compiled, every physics step.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 from numba.np.numpy_support import carray
 
-from ...controllers.compiled.kernels import njit
-from ...controllers.compiled.stack_array import stack_floats
-from ...controllers.compiled.vector_3 import cross, to_world, vector_at, vector_of
+from ...controllers.jit import njit
+from ...controllers.math3 import cross, stack_floats, to_world, vector_at, vector_of
 from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body.gait_machine import Gait
 from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Physics
-from ..scenario.push_arrays import Pushes
-from ..scenario.push_force import mean_force, resolve_starts, turn_forces
+from ..scenario.arrays import Pushes, mean_force, resolve_starts, turn_forces
+from ..scenario.push import Kick
+
+DUE = 1e-9  # a kick this soon after the period begins is due: times are sums of steps [s]
+
+
+class Kicks:
+    """In the order of their start; `done` counts those that have come, and is a robot's state."""
+
+    def __init__(self, n: int):
+        self.done = np.zeros(n, np.int64)
+        self.waiting: set[int] = set()  # robots with a kick to come
+        self._kicks: list[Sequence[Kick]] = [()] * n
+
+    def assign(self, k: int, kicks: Sequence[Kick]) -> None:
+        """Give robot k the kicks of a scenario, none of which has come."""
+        self._kicks[k] = sorted(kicks, key=lambda kick: kick.start)
+        self.pass_over(k, 0)
+
+    def pass_over(self, k: int, done: int) -> None:
+        """Let the first `done` kicks of robot k count as come."""
+        self.done[k] = done
+        (self.waiting.add if done < len(self._kicks[k]) else self.waiting.discard)(k)
+
+    def due(self, k: int, now: float) -> Iterator[Kick]:
+        """The kicks of robot k that come now [s]."""
+        while k in self.waiting and (kick := self._kicks[k][self.done[k]]).start <= now + DUE:
+            self.pass_over(k, int(self.done[k]) + 1)
+            yield kick
+
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 
 @njit(cache=True, forceinline=True)

@@ -1,37 +1,76 @@
-"""Episodes of n robots on one core: start, planning period, reward, end; every gait environment has them."""
+"""Episodes of n robots on one core: start, planning period, reward, end.
+
+What episodes need of the physics of n robots: the one seam between a kind of robot and its episodes.
+
+Episodes of n robots on one core: start, planning period, reward, end; every gait environment has them.
+
+An action held for several planning periods by robots that share a core.
+"""
 
 from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
+from collections.abc import Callable
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.compiled.compile_notice import announce_compilation
 from ...controllers.errors import InvalidValueError, shown
-from ...controllers.model.frame import side_sign
+from ...controllers.jit import announce_compilation
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_gait import NominalGait, nominal_gait
-from ...controllers.model.nominal_start import nominal_start
-from ...controllers.model.observation import OBSERVATION_SIZE
+from ...controllers.model.nominal_gait import NominalGait, NominalStart, nominal_gait, nominal_start
+from ...controllers.model.observation import OBSERVATION_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
-from ...controllers.settings.presets import preset_config, preset_names
+from ...controllers.settings import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind
+from ..scenario.arrays import Pushes
+from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
-from ..scenario.push_distribution import PushDistribution
-from ..scenario.scenario import Scenario
-from ..snapshot.robot_snapshot import RobotSnapshot
-from ..snapshot.rows import Arrays, arrays_of, take_rows
-from .core import Core
-from .period_end import Episodes, Judged, Motion, Robots, end_period, period_constants, period_table
-from .profile import EXACT, Profile
+from ..scenario.scenario import EXACT, Profile, Scenario
+from ..snapshot import Arrays, RobotSnapshot, arrays_of, take_rows
+from .period_end import (
+    REWARD_TERMS,
+    Episodes,
+    Judged,
+    Motion,
+    Reward,
+    Robots,
+    end_period,
+    period_constants,
+    period_table,
+    tell,
+)
 from .recovery import GaitMonitor, uphill_dcm
-from .reward import REWARD_TERMS, Reward
-from .told import tell
 
 Array = NDArray[np.float64]
+
+
+class Core(Protocol):
+    """n robots, none of which depends on another; the arrays are those of the moment, written in place."""
+
+    observation: Array  # (n, 36) what policies see
+    truth: Array  # (n, 36) the same without noise, to judge by
+    command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
+    previous_action: Array  # (n, 7)
+    margin: Array  # (n,) capture margin [m]
+    world: Array  # (n, 6) DCM, CoP and CMP in the world [m]
+    pushes: Pushes  # replaced by a larger one where a scenario has more pushes than fit
+
+    def assign(self, k: int, scenario: Scenario) -> None:
+        """Give robot k what a scenario says: errors, pushes and changes to come; put it somewhere next."""
+        ...
+
+    def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        """Put robot k at the start of a nominal step of a scenario; `gait` (7,), `action` (7,) are its."""
+        ...
+
+    def step(self, gaits: Array, actions: Array) -> None:
+        """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7)."""
+        ...
+
+
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
@@ -273,3 +312,61 @@ class GaitEpisodes(ABC, Generic[C]):
         vars(self).update(state)
         if self.robots is not None:
             self._bind()
+
+
+class Held(NamedTuple):
+    """What came of a held action for n robots, each up to the end of its episode."""
+
+    reward: Array  # (n,) summed over the periods
+    terms: Array  # (n, terms) of it, in the order of the episodes' reward_terms
+    failed: Mask  # (n,)
+    truncated: Mask  # (n,)
+
+
+def check_hold(periods: object) -> int:
+    """For how many planning periods an action is held.
+
+    Raises:
+        InvalidValueError: no whole number from 1.
+    """
+    if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
+        raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {shown(periods)}")
+    return periods
+
+
+def hold_action(
+    episodes: GaitEpisodes,
+    live: Mask,
+    periods: int,
+    act: Callable[[Mask], NDArray[np.float32]],
+    at_end: Callable[[Mask, int, Held], None],
+    watch: Callable[[], None] | None = None,
+) -> Held:
+    """Step the episodes with one action for some periods, or until all of them have ended.
+
+    Args:
+        episodes: of n robots.
+        live: (n,) whose episodes count; the core moves the others, too.
+        periods: for which the action is held.
+        act: actions (n, action_size) of a period, given which robots (n,) are still in their episode.
+        at_end: called with the robots (n,) whose episode ended in a period, how many periods were left of
+            the action, and what has come of it so far: the core goes on with them.
+        watch: called after every period.
+    """
+    n, terms, live = episodes.n, len(episodes.reward_terms), live.copy()
+    held = Held(np.zeros(n), np.zeros((n, terms)), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    for left in reversed(range(periods)):
+        period = episodes.step(act(live))
+        if watch is not None:
+            watch()
+        held.reward[live] += period.reward.total[live]
+        held.terms[live] += period.reward.terms[live]
+        held.failed[live] = period.failed[live]
+        held.truncated[live] = period.truncated[live]
+        over = live & (held.failed | held.truncated)
+        if over.any():
+            at_end(over, left, held)
+            live &= ~over
+        if not live.any():
+            break
+    return held

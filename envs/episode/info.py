@@ -16,7 +16,20 @@ from numpy.typing import NDArray
 from ..scenario.push import SIDES, Push
 from ..scenario.scenario import Scenario
 from .episodes import GaitEpisodes
-from .told import CMP, COP, DCM, FAILURE, LOADED, MARGIN, PHASE, PUSH, PUSH_START, RECOVERED_AT, SIDE, TIME
+from .period_end import (
+    CMP,
+    COP,
+    DCM,
+    FAILURE,
+    LOADED,
+    MARGIN,
+    PHASE,
+    PUSH,
+    PUSH_START,
+    RECOVERED_AT,
+    SIDE,
+    TIME,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

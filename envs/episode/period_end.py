@@ -1,28 +1,138 @@
-"""What a planning period was to n robots: recovered criterion, reward and end, in one compiled call.
+"""The end of a planning period for n robots: reward, recovered, end, and numbers for `info`.
+
+Reward terms of the gait environments: named, pure, one number each per planning period.
+
+What a planning period was to n robots: recovered criterion, reward and end, in one compiled call.
 
 Numba unpacks every array of a call, so the two dozen arrays come as one table of addresses.
-"""
 
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
+What `info` tells of n robots in numbers: a row a robot, written in one compiled call.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from ...controllers.compiled.array_table import Floats1, Floats2, Ints1, part_of, parts_table
-from ...controllers.compiled.kernels import njit
-from ...controllers.model.frame import canonical, canonical_frame
+from ...controllers.array_table import Floats1, Floats2, Ints1, part_of, parts_table
+from ...controllers.jit import njit
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
-from ...controllers.model.observation import COMMAND
+from ...controllers.model.observation import (
+    COMMAND,
+    ELAPSED,
+    PREVIOUS_ACTION,
+    STANCE_CONTACT,
+    SWING_CONTACT,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+    canonical,
+    canonical_frame,
+)
 from ...controllers.model.robot import RobotModel
 from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
-from .reward import write_reward
+
+_ANGLE, _RATE, _ACTION = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
+
+
+@njit(cache=True)
+def alive(failed):  # pragma: no cover
+    """1 while standing."""
+    return 0.0 if failed else 1.0
+
+
+@njit(cache=True)
+def fall(failed):  # pragma: no cover
+    """-50 once, at a fall."""
+    return -50.0 if failed else 0.0
+
+
+@njit(cache=True)
+def dcm(started, nominal, failed):  # pragma: no cover
+    """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step.
+
+    Both are (2,) [m]; in double support what the CoP's transfer will take off the DCM counts in both.
+    """
+    squared = (started[0] - nominal[0]) ** 2 + (started[1] - nominal[1]) ** 2
+    return 0.0 if failed else math.exp(-squared / 0.01)
+
+
+@njit(cache=True)
+def margin(capture_margin):  # pragma: no cover
+    """-1 at a capture margin [m] of zero or below, 0 from 0.1 m on."""
+    return -min(max(1.0 - capture_margin / 0.1, 0.0), 1.0)
+
+
+@njit(cache=True)
+def duration(planned, nominal):  # pragma: no cover
+    """-0.5 ((T - T_nom) / T_nom)^2, both [s]."""
+    return -0.5 * (planned / nominal - 1.0) ** 2
+
+
+@njit(cache=True)
+def trunk(obs):  # pragma: no cover
+    """-0.3 |lean|^2 - 0.01 |rate|^2, at least -2."""
+    lean = obs[_ANGLE] ** 2 + obs[_ANGLE + 1] ** 2
+    rate = obs[_RATE] ** 2 + obs[_RATE + 1] ** 2
+    return max(-0.3 * lean - 0.01 * rate, -2.0)
+
+
+@njit(cache=True)
+def smoothness(obs, before):  # pragma: no cover
+    """-0.02 |a - a_before|^2; `before` (7,) was in force in the period before the observation's."""
+    total = 0.0
+    for i in range(before.shape[0]):
+        total += (obs[_ACTION + i] - before[i]) ** 2
+    return -0.02 * total
+
+
+REWARD_TERMS = ("alive", "fall", "dcm", "margin", "duration", "trunk", "smoothness")
+
+
+@njit(cache=True)
+def write_reward(
+    obs, before, planned, capture_margin, failed, started, start, nominal_duration, terms
+):  # pragma: no cover
+    """Write the terms (7,) of one robot in the order of REWARD_TERMS; returns their sum.
+
+    Args:
+        obs: observation (36,) after the period; its previous action is this period's.
+        before: action (7,) in force in the period before.
+        planned: step duration T asked for [s].
+        capture_margin: [m].
+        failed: whether the robot has fallen.
+        started: DCM (2,) at the start of the step [m].
+        start: the nominal gait's (2,) [m].
+        nominal_duration: T_nom [s].
+        terms: written.
+    """
+    terms[0] = alive(failed)
+    terms[1] = fall(failed)
+    terms[2] = dcm(started, start, failed)
+    terms[3] = margin(capture_margin)
+    terms[4] = duration(planned, nominal_duration)
+    terms[5] = trunk(obs)
+    terms[6] = smoothness(obs, before)
+    total = 0.0
+    for i in range(terms.shape[0]):
+        total += terms[i]
+    return total
+
+
+class Reward(NamedTuple):
+    """What one planning period was worth to n robots."""
+
+    total: NDArray[np.float64]  # (n,)
+    terms: NDArray[np.float64]  # (n, 7) in the order of REWARD_TERMS
+
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -145,3 +255,63 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
             nominal[NOMINAL_DURATION], episodes.terms[k],
         )  # fmt: skip
         episodes.before[k] = robots.action[k]
+
+
+# part_of is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+
+TIME, MARGIN, PHASE = 0, 1, 2  # since reset [s], capture margin [m], share of the step that is over
+SIDE, FAILURE = 3, 4  # indices into SIDES and into the reasons of a fall
+RECOVERED_AT = 5  # [s], NaN: it has not
+PUSH, PUSH_START = 6, 7  # index of `told_push`, and its start [s], NaN while its gait event has not come
+DCM, COP, CMP = slice(8, 10), slice(10, 12), slice(12, 14)  # in the world [m]
+LOADED = slice(14, 16)  # whether the left and the right foot carry load
+COLUMNS = 16
+
+_POINTS, _LOADED = DCM.start, LOADED.start
+
+
+def tell(table: Ints, n: int) -> Array:
+    """Rows (n, COLUMNS) of the moment, from an address table of `period_table`."""
+    told = np.empty((n, COLUMNS))
+    _write(table, told)
+    return told
+
+
+@njit(cache=True)
+def _write(t, told):  # pragma: no cover
+    robots, episodes = part_of(t, Judged, "robots"), part_of(t, Judged, "episodes")
+    monitor = part_of(t, Judged, "monitor")
+    for k in range(told.shape[0]):
+        row, obs, time, side = told[k], robots.observation[k], robots.time[k], robots.side[k]
+        row[TIME], row[MARGIN] = time, robots.margin[k]
+        row[PHASE] = min(obs[ELAPSED] / episodes.planned[k], 1.0)
+        row[SIDE], row[FAILURE] = side, robots.failure[k]
+        row[RECOVERED_AT] = monitor.recovered_at[k]
+        row[PUSH] = push = told_push(robots.push_start[k], episodes.pushes[k], time)
+        come = push >= 0 and robots.push_start[k, push] < np.inf
+        row[PUSH_START] = robots.push_start[k, push] if come else np.nan
+        for i in range(robots.world.shape[1]):
+            row[_POINTS + i] = robots.world[k, i]
+        row[_LOADED + side], row[_LOADED + 1 - side] = obs[STANCE_CONTACT], obs[SWING_CONTACT]
+
+
+@njit(cache=True)
+def told_push(starts, count, time):  # pragma: no cover
+    """The push to tell of: the latest that has begun, otherwise the first; -1 without pushes.
+
+    Of two that began together it is the first.
+
+    Args:
+        starts: (P,) [s], inf while the gait event has not come.
+        count: how many of them are the robot's.
+        time: now [s].
+    """
+    if count == 0:
+        return -1
+    latest = -1
+    for i in range(count):
+        if starts[i] < time and (latest < 0 or starts[i] > starts[latest]):
+            latest = i
+    return max(latest, 0)

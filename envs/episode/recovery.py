@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.compiled.array_table import Floats1, Floats2, Floats3, Ints1
-from ...controllers.compiled.kernels import njit
+from ...controllers.array_table import Floats1, Floats2, Floats3, Ints1
+from ...controllers.jit import njit
 from ...controllers.model.double_support import transfer_weight
-from ...controllers.model.frame import canonical, heading_frame
-from ...controllers.model.nominal_start import drifting_dcm_kernel, step_start_dcm_kernel
-from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION
+from ...controllers.model.nominal_gait import drifting_dcm_kernel, step_start_dcm_kernel
+from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION, canonical, heading_frame
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

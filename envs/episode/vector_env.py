@@ -14,13 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.validation import require_integer
-from ..scenario.push_distribution import PushDistribution
+from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
-from ..snapshot.robot_snapshot import RobotSnapshot
-from .core import Core
-from .env import check_action, check_push_distribution, check_scenario, spaces_of
-from .episodes import GaitEpisodes
-from .held_action import Held, check_hold, hold_action
+from ..snapshot import RobotSnapshot
+from .episodes import Core, GaitEpisodes, Held, check_hold, hold_action
+from .gym_env import check_action, check_push_distribution, check_scenario, spaces_of
 from .info import Info, InfoReader, overwrite
 
 Array = NDArray[np.float64]

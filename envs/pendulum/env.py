@@ -1,22 +1,231 @@
-"""`PushRecovery/Pendulum-v0`: the paper's linear inverted pendulum with flywheel as an environment."""
+"""`PushRecovery/Pendulum-v0`: the paper's linear inverted pendulum with flywheel as an environment.
+
+What a pendulum shows of itself: its observation, its capture margin, and whether it has fallen.
+
+n pendulums behind the arrays and calls that episodes need of a core.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.model.double_support import both_stand
-from ...controllers.model.gait_box import GaitLimits
+from ...controllers.jit import njit
+from ...controllers.model.capturability import (
+    BOUNDS,
+    HIGH,
+    LOW,
+    capture_constants,
+    constants_of,
+    offset_bounds_kernel,
+)
+from ...controllers.model.double_support import both_stand, check_double_support, gaits_of_actions
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
+from ...controllers.model.nominal_gait import NominalStart
+from ...controllers.model.observation import (
+    COM,
+    COM_VELOCITY,
+    COMMAND,
+    DCM,
+    ELAPSED,
+    OBSERVATION_SIZE,
+    PREVIOUS_ACTION,
+    PUSH_ESTIMATE,
+    STANCE_CONTACT,
+    SWING_CONTACT,
+    SWING_POSITION,
+    SWING_VELOCITY,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+    WORLD_CMP,
+    WORLD_COP,
+    WORLD_DCM,
+    WORLD_SIZE,
+    side_sign,
+)
 from ...controllers.model.robot import RobotModel
 from ...controllers.validation import require_kind
-from ..episode.env import GaitEnv
-from ..episode.episodes import Array, GaitEpisodes, Ints, Motion
+from ..episode.episodes import GaitEpisodes, Ints
+from ..episode.gym_env import GaitEnv
+from ..episode.period_end import Motion
 from ..episode.vector_env import GaitVectorEnv
-from ..scenario.push_distribution import PushDistribution
-from .core import PendulumCore
-from .dynamics import FAILURES
+from ..scenario.arrays import assign_changes, assign_pushes, empty_pushes, empty_schedule, follow_all
+from ..scenario.distribution import PushDistribution
+from ..scenario.push import SIDES
+from ..scenario.scenario import Scenario
+from .dynamics import (
+    DIVERGED,
+    FAILURES,
+    NOT_FINITE,
+    Pendulums,
+    Physics,
+    advance,
+    assign_errors,
+    no_errors,
+    show,
+)
+
+_DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
+_SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
+_ANGLE, _RATE, _PREVIOUS = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
+
+BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
+APEX = 0.06  # height of the swing foot in mid-step [m]
+
+
+@njit(cache=True)
+def observe(s, command, previous, p, out, world, first, end):  # pragma: no cover
+    """Observations (n, 36) of pendulums first..end-1, canonical frame.
+
+    Writes DCM, CoP and CMP in the world (n, 6) [m], too. The swing foot moves on a quintic of single
+    support's phase.
+    """
+    for k in range(first, end):
+        o = out[k]
+        o[:] = 0.0
+        elapsed = s.time[k] - s.step_start[k]
+        swing = s.plan[k, DURATION] - p.double_support
+        phase = min(max(elapsed - p.double_support, 0.0) / swing, 1.0)
+        blend = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase * phase)
+        pace = 30.0 * (phase * (1.0 - phase)) ** 2 / swing
+        o[ELAPSED] = elapsed
+        for axis in range(2):
+            sign = side_sign(s.side[k]) if axis == 1 else 1.0
+            o[_COM + axis] = sign * (s.com[k, axis] - s.stance[k, axis])
+            o[_VELOCITY + axis] = sign * s.velocity[k, axis]
+            o[_DCM + axis] = o[_COM + axis] + o[_VELOCITY + axis] / p.omega
+            lift = sign * (s.lift[k, axis] - s.stance[k, axis])
+            o[_SWING + axis] = lift + blend * (s.plan[k, STEP + axis] - lift)
+            o[_SWING_VELOCITY + axis] = pace * (s.plan[k, STEP + axis] - lift)
+            o[_ANGLE + axis] = sign * s.angle[k, axis]
+            o[_RATE + axis] = sign * s.rate[k, axis]
+            o[_COMMAND + axis] = sign * command[k, axis]
+            o[_PUSH + axis] = sign * s.push[k, axis]
+            world[k, WORLD_DCM + axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
+            world[k, WORLD_COP + axis], world[k, WORLD_CMP + axis] = s.cop[k, axis], s.cmp[k, axis]
+        o[_SWING + 2] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
+        o[_SWING_VELOCITY + 2] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / swing
+        o[STANCE_CONTACT] = 1.0
+        o[SWING_CONTACT] = 1.0 if elapsed == 0.0 or both_stand(elapsed, p.double_support) else 0.0
+        for i in range(previous.shape[1]):
+            o[_PREVIOUS + i] = previous[k, i]
+
+
+@njit(cache=True)
+def margin_of(o, elapsed, double_support, constants):  # pragma: no cover
+    """Capture margin of an observation (36,) as if `elapsed` had passed since the step began [m].
+
+    What is left of double support lets the CoP stand as far as the other foot, which moves the bounds by
+    p (1 - exp(-omega (d - t))).
+    """
+    bounds, margin, reach = np.empty(BOUNDS), np.inf, 0.0
+    angle, rate = o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
+    offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
+    if both_stand(o[ELAPSED], double_support):
+        reach = -math.expm1(-constants_of(constants).omega * (double_support - o[ELAPSED]))
+    for axis in range(2):
+        low = bounds[LOW + axis] + reach * min(o[_SWING + axis], 0.0)
+        high = bounds[HIGH + axis] + reach * max(o[_SWING + axis], 0.0)
+        margin = min(margin, o[_DCM + axis] - low, high - o[_DCM + axis])
+    return margin
+
+
+@njit(cache=True)
+def check_failures(s, observation, double_support, constants, margins, first, end):  # pragma: no cover
+    """Capture margins (n,) [m] of pendulums first..end-1, and those that not even a step now could save."""
+    for k in range(first, end):
+        o = observation[k]
+        margins[k] = margin_of(o, o[ELAPSED], double_support, constants)
+        if s.failure[k] != 0:
+            continue
+        if not (math.isfinite(o[_DCM]) and math.isfinite(o[_DCM + 1])):
+            s.failure[k] = NOT_FINITE
+        elif margin_of(o, 1e3, double_support, constants) < -BEYOND:
+            s.failure[k] = DIVERGED
+
+
+Array = NDArray[np.float64]
+
+
+class PendulumCore:
+    """n pendulums; arrays are indexed by pendulum, and none depends on another."""
+
+    def __init__(
+        self,
+        n: int,
+        robot: RobotModel,
+        limits: GaitLimits,
+        control_hz: float = 100.0,
+        double_support: float = 0.0,
+    ):
+        check_double_support(double_support, limits)
+        self.n, self.robot, self.limits, self.dt = n, robot, limits, 1.0 / control_hz
+        self.physics = Physics(
+            robot.omega, robot.mass, robot.cmp_per_trunk_acceleration, robot.foot_length / 2,
+            robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
+            double_support,
+        )  # fmt: skip
+        self.capture = capture_constants(robot, limits)
+        self.state = Pendulums(
+            com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
+            stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
+            cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
+            time=np.zeros(n), step_start=np.zeros(n), side=np.zeros(n, np.int64),
+            steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64), heading=np.zeros(n),
+        )  # fmt: skip
+        self.state.plan[:, DURATION] = limits.duration_max  # of pendulums that have not been reset
+        self.pushes = empty_pushes(n, 1)
+        self.schedule, self.command = empty_schedule(n), np.zeros((n, 3))  # to come, in force
+        self.previous_action = np.zeros((n, GAIT_SIZE))
+        self.observation = np.zeros((n, OBSERVATION_SIZE))
+        self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
+        self.errors = no_errors(n, self.dt)
+        self.margin = np.zeros(n)
+        self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
+
+    def assign(self, k: int, scenario: Scenario) -> None:
+        """Give pendulum k the errors, the pushes and the changes of command of a scenario."""
+        assign_errors(self.errors, k, scenario, self.dt)
+        self.pushes = assign_pushes(self.pushes, k, scenario)
+        self.schedule = assign_changes(self.schedule, k, scenario)
+
+    def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
+        """Put pendulum k at the start of a step; `gait` (7,) and `action` (7,) are the nominal ones."""
+        self.assign(k, scenario)
+        s = self.state
+        for field in s:
+            field[k] = 0
+        s.side[k] = SIDES.index(scenario.stance_side)
+        sign = side_sign(s.side[k])
+        s.com[k] = start.com[0], sign * start.com[1]
+        s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
+        s.lift[k] = start.swing[0], sign * start.swing[1]
+        s.plan[k] = gait
+        self.command[k, :2], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
+        self._look(k, k + 1)
+
+    def gaits(self, actions: NDArray[Any]) -> Array:
+        """Gait variables (n, 7) that actions (n, 7) in [-1, 1] mean now, see `gaits_of_actions`."""
+        return gaits_of_actions(self.limits, self.observation, actions, self.physics.double_support)
+
+    def step(self, gaits: Array, actions: Array) -> None:
+        """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
+        self.state.plan[:] = gaits
+        self.previous_action[:] = actions
+        advance(self.state, self.pushes, self.errors, self.dt, self.physics)
+        self.errors.period[self.state.failure == 0] += 1
+        self._look(0, self.n)
+
+    def _look(self, first: int, end: int) -> None:
+        """Observe pendulums first..end-1."""
+        state, p = self.state, self.physics
+        follow_all(self.schedule, state.time, self.command, first, end)
+        observe(state, self.command, self.previous_action, p, self.truth, self.world, first, end)
+        check_failures(state, self.truth, p.double_support, self.capture, self.margin, first, end)
+        show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)
 
 
 class PendulumEpisodes(GaitEpisodes[PendulumCore]):

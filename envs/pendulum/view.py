@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from ...controllers.model.frame import side_sign
 from ...controllers.model.gait_box import STEP
+from ...controllers.model.observation import side_sign
 from ...controllers.model.robot import RobotModel
-from ..physics.offscreen import window_opens
+from ..rendering import window_opens
 from .dynamics import Pendulums
 
 ARROW = 1.0 / 1000.0  # length of the push's arrow [m/N]

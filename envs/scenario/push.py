@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from ...controllers.model.similarity import Similarity
+from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     require_choice,
     require_integer,

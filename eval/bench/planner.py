@@ -1,9 +1,17 @@
-"""Timings of the planner: one plan at a time, and many in one call."""
+"""Timings of the planner, and its two problems solved by general solvers beside it.
+
+Timings of the planner: one plan at a time, and many in one call.
+
+The planner's two problems, solved from Python by general solvers of quadratic programs.
+"""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,22 +19,21 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.model.observation import DCM, OBSERVATION_SIZE, TRUNK_ANGLE, TRUNK_RATE
-from ...controllers.policies.plan import Plan
-from ...controllers.policies.two_stage import TwoStagePolicy
-from ...controllers.stage_1.columns import ROW_SIZE
-from ...controllers.stage_1.planner import StepPlanner
-from ...controllers.stage_2.planner import CopPlanner
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP
+from ...controllers.model.observation import DCM, ELAPSED, OBSERVATION_SIZE, TRUNK_ANGLE, TRUNK_RATE
+from ...controllers.policies.two_stage import Plan, TwoStagePolicy
+from ...controllers.qp import QuadraticProgram
+from ...controllers.stage_1 import ROW_SIZE, StepPlanner, StepProblem, step_program
+from ...controllers.stage_2.problem import explicit_problem
+from ...controllers.stage_2.single_support import CopPlanner
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
-from ..rollout.batch import batch_episodes
-from ..rollout.wrapped_action import action_rule
+from ..rollout.episodes import action_rule, batch_episodes
 
 CALLS, WARM_UP = 2000, 100  # timed calls of one part, and those before: compilation and caches
 BATCH, REPEATS = 4096, 15  # plans in one call; timed calls of which the median is taken
 ROBOTS, PERIODS = 64, 64  # that the observations of pushed robots are from
-FORCE, DURATION = 150.0, 0.1  # of the largest push [N], and of each [s]
+FORCE, PUSH_DURATION = 150.0, 0.1  # of the largest push [N], and of each [s]
 
 Observations = NDArray[np.float64]
 Timing = dict[str, float]
@@ -67,7 +74,7 @@ def pushed_observations(env: gym.Env, policy: TwoStagePolicy, walk: Observations
     rng, found = np.random.default_rng(0), []
     for k in range(ROBOTS):
         force, angle, start = rng.uniform(0.0, FORCE), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.4)
-        episodes.begin(k, Scenario(f"bench-{k}", (polar_push(force, angle, DURATION, start),)))
+        episodes.begin(k, Scenario(f"bench-{k}", (polar_push(force, angle, PUSH_DURATION, start),)))
     for _ in range(PERIODS):
         found.append(episodes.core.observation.copy())
         episodes.step(policy.predict(found[-1])[0].reshape(ROBOTS, GAIT_SIZE))
@@ -127,3 +134,173 @@ def batch_planner_timings(policy: TwoStagePolicy, observations: Observations) ->
             call()
             spent[name].append((time.perf_counter_ns() - began) / (1e3 * len(observations)))
     return {f"{name}_batch_us": float(np.median(times[1:])) for name, times in spent.items()}
+
+
+Array = NDArray[np.float64]
+PROBLEMS = 200
+TOLERANCE = 1e-6  # of the solvers that iterate
+MODULES = {"daqp": "daqp", "osqp": "osqp", "quadprog": "quadprog", "proxqp": "proxsuite"}
+
+
+@dataclass(frozen=True)
+class Dense:
+    """min 0.5 x'Hx + f'x  s.t.  lower <= A x <= upper, with the slacks of soft rows among the x."""
+
+    H: Array
+    f: Array
+    A: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, program: QuadraticProgram) -> Dense:
+        """A program with its soft rows written out: a slack each, at its weight."""
+        soft = np.flatnonzero(program.soft_weight > 0)
+        n, m, k = program.f.size, program.lower.size, soft.size
+        H, A = np.zeros((n + k, n + k)), np.zeros((m, n + k))
+        H[:n, :n], A[:, :n] = program.H, program.A
+        H[range(n, n + k), range(n, n + k)] = program.soft_weight[soft]
+        A[soft, range(n, n + k)] = 1.0
+        return cls(H, np.concatenate([program.f, np.zeros(k)]), A, program.lower, program.upper)
+
+
+def _daqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+    import daqp
+
+    sense = np.zeros(problem.lower.size, np.int32)
+    lower, upper = np.ascontiguousarray(problem.lower), np.ascontiguousarray(problem.upper)
+    return lambda: daqp.solve(problem.H, problem.f, problem.A, upper, lower, sense), lambda found: found[0]
+
+
+def _osqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+    import osqp
+    from scipy import sparse
+
+    P, A = sparse.csc_matrix(np.triu(problem.H)), sparse.csc_matrix(problem.A)
+
+    def solve() -> Any:
+        solver = osqp.OSQP()
+        solver.setup(
+            P, problem.f, A, problem.lower, problem.upper, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE
+        )
+        return solver.solve(raise_error=False)
+
+    return solve, lambda found: found.x
+
+
+def _quadprog(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+    quadprog: Any = importlib.import_module("quadprog")
+    equal = problem.lower == problem.upper
+    rows = np.vstack([problem.A[equal], problem.A[~equal], -problem.A[~equal]])
+    bounds = np.concatenate([problem.lower[equal], problem.lower[~equal], -problem.upper[~equal]])
+    C, count = np.ascontiguousarray(rows.T), int(equal.sum())
+    return lambda: quadprog.solve_qp(problem.H, -problem.f, C, bounds, count), lambda found: found[0]
+
+
+def _proxqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+    proxsuite: Any = importlib.import_module("proxsuite")
+    equal = problem.lower == problem.upper
+    A, b, C = problem.A[equal], problem.lower[equal], problem.A[~equal]
+    lower, upper = problem.lower[~equal], problem.upper[~equal]
+    solve = proxsuite.proxqp.dense.solve
+    return (
+        lambda: solve(problem.H, problem.f, A, b, C, lower, upper, eps_abs=TOLERANCE, eps_rel=0.0),
+        lambda found: found.x,
+    )
+
+
+SOLVERS = {"daqp": _daqp, "osqp": _osqp, "quadprog": _quadprog, "proxqp": _proxqp}
+
+
+def missing_solvers() -> list[str]:
+    """Solvers that are not installed."""
+    return [name for name, module in MODULES.items() if importlib.util.find_spec(module) is None]
+
+
+def step_problem(policy: TwoStagePolicy, problem: Stage2) -> StepProblem:
+    """The stage 1 problem behind a plan: its gain follows from u + b = a tau."""
+    plan, config, omega = problem.plan, policy.config, policy.robot.omega
+    tau, nominal = math.exp(omega * float(plan.gait[DURATION])), plan.nominal
+    gain = (plan.gait[:2] + plan.offset) / tau
+    low, high = policy.limits.low, policy.limits.high
+    earliest = max(float(low[DURATION]), float(problem.observation[ELAPSED]) + config.duration_margin)
+    return StepProblem(
+        gain=(float(gain[0]), float(gain[1])), step_nominal=(nominal.length, nominal.width),
+        tau_nominal=math.exp(omega * nominal.duration), offset_nominal=(nominal.offset_x, nominal.offset_y),
+        step_low=(float(low[STEP]), float(low[STEP + 1])),
+        step_high=(float(high[STEP]), float(high[STEP + 1])),
+        tau_low=math.exp(omega * earliest), tau_high=math.exp(omega * max(float(high[DURATION]), earliest)),
+        alpha_step=config.alpha_step, alpha_duration=config.alpha_duration, alpha_offset=config.alpha_offset,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Problems as a controller meets them."""
+
+    stage_1: list[Dense]
+    stage_2: list[tuple[Dense, Dense]]  # x, y
+    cop: Array  # (n, 2) that stage 2 decides on [m]
+
+
+def record(policy: TwoStagePolicy, observations: Array) -> Recorded:
+    """PROBLEMS problems, evenly spaced over the observations, less those at which the step plan is held."""
+    rows = observations[np.linspace(0, len(observations) - 1, PROBLEMS).astype(int)]
+    problems = [problem for row in rows if not (problem := Stage2(row, policy.plan(row))).plan.held]
+    planner = CopPlanner(policy.robot, policy.limits, policy.config)
+    stage_2 = []
+    for problem in problems:
+        remaining, dcm, angle, rate, target = problem.arguments
+        stage_2.append(
+            tuple(
+                Dense.of(
+                    explicit_problem(
+                        policy.robot, policy.config, remaining, dcm[i], angle[i], rate[i], target[i], 0.0,
+                        *planner.bounds(i, angle[i]),
+                    ).qp
+                )
+                for i in range(2)
+            )
+        )  # fmt: skip
+    return Recorded(
+        stage_1=[Dense.of(step_program(step_problem(policy, problem))) for problem in problems],
+        stage_2=stage_2,
+        cop=planner.plan_batch(np.array([problem.row for problem in problems]))[:, :2],
+    )
+
+
+def _time_all(name: str, problems: Sequence[Sequence[Dense]]) -> tuple[Timing, list[list[Any]]]:
+    """Time of each group of problems [us], and what the solver gave for each; the second of two runs."""
+    prepared = [[SOLVERS[name](problem) for problem in group] for group in problems]
+    spent, results = [], []
+    for _ in range(2):
+        spent, results = [], []
+        for group in prepared:
+            began = time.perf_counter_ns()
+            found = [solve() for solve, _ in group]
+            spent.append((time.perf_counter_ns() - began) / 1e3)
+            results.append(found)
+    return summary(spent), results
+
+
+def solver_timings(policy: TwoStagePolicy, observations: Array) -> dict[str, Any]:
+    """Each solver on the same recorded problems, from matrices to solution, one call each from Python.
+
+    `stage_2_NAME_us` is of both axes; `stage_2_NAME_error_m` the largest difference of its CoP from ours;
+    `stage_2_daqp_c_us` what DAQP itself says that its C code took.
+    """
+    recorded, missing = record(policy, observations), missing_solvers()
+    content: dict[str, Any] = {"solvers_missing": missing}
+    for name in SOLVERS:
+        if name in missing:
+            continue
+        content[f"stage_1_{name}_us"], _ = _time_all(name, [[problem] for problem in recorded.stage_1])
+        content[f"stage_2_{name}_us"], results = _time_all(name, recorded.stage_2)
+        read = SOLVERS[name](recorded.stage_2[0][0])[1]
+        cop = np.array([[float(read(found)[0]) for found in group] for group in results])
+        content[f"stage_2_{name}_error_m"] = float(np.max(np.abs(cop - recorded.cop)))
+        if name == "daqp":
+            spent = [sum(1e6 * (f[3]["setup_time"] + f[3]["solve_time"]) for f in group) for group in results]
+            content["stage_2_daqp_c_us"] = summary(spent)
+            content["stage_2_daqp_c_mean_us"] = float(np.mean(spent))
+    return content

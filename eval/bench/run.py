@@ -1,7 +1,15 @@
-"""Timings on this machine, in one run: bare physics, the planner, the closed loop, and others beside them."""
+"""Timings on this machine, in one run, as numbers and as tables.
+
+What the numbers of `push-recovery bench` mean; times in microseconds where no other unit is given.
+
+Timings on this machine, in one run: bare physics, the planner, the closed loop, and others beside them.
+
+The numbers of `push-recovery bench` as tables for a terminal.
+"""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -13,19 +21,52 @@ import numpy as np
 from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import progress_bars
-from ..output.work import Work
+from ..output.progress import Work, progress_bars
+from ..output.tables import print_table
 from ..rollout.environments import make_env
+from ..rollout.episodes import planning_period
 from ..rollout.load_policy import load_policy
-from ..rollout.one import planning_period
 from .planner import (
     CALLS,
+    MODULES,
     WARM_UP,
     Observations,
     batch_planner_timings,
     planner_timings,
     pushed_observations,
 )
+
+KEYS = {
+    "raw_physics_rtf": "bare mj_step of one robot along a walk; all rtf are simulated s per wall s",
+    "single_env_rtf": "one robot through gym.make, two-stage in the loop",
+    "vector_env_rtf": "vector_envs robots on `threads` threads, planner, whole-body control and physics",
+    "biped_rtf": "64 robots on one thread, in turn with",
+    "humanoid_rtf": "Gymnasium's Humanoid-v5, random actions, no controller, one core, resets not timed",
+    "over_humanoid": "biped_rtf / humanoid_rtf",
+    "memory_mib_per_robot": "resident memory of one robot among 256 [MiB]",
+    "start_s": "from starting Python to an environment that has been reset, kernels on disk [s]",
+    "plan_us": "two-stage, one observation a call",
+    "stage_1_us": "from the observation to the step plan, one a call",
+    "stage_2_us": "CoP and trunk acceleration, one a call",
+    "whole_body_us": "gait machine, swing foot and torques in a physics step, one robot",
+    "plan_batch_us": "two-stage in a call of 4096 observations, each",
+    "stage_1_batch_us": "stage 1 in a call of 4096, each",
+    "stage_2_batch_us": "stage 2 in a call of 4096, each",
+    "stage_2_daqp_c_us": "what DAQP says that its C code took for the same stage 2 problems, dense",
+    "stage_2_daqp_c_mean_us": "the same, mean",
+}
+GROUPS = {
+    "period_us_N_robots_T_threads": "planning period of one robot of N: planner, control, physics; median",
+    "rtf_N_robots_T_threads": "simulated s of all N robots per wall s",
+    "cost_over_physics_N_robots_T_threads": "that period over bare mujoco.batch of the same states",
+    "stage_1_SOLVER_us, stage_2_SOLVER_us": "the dense problem, from Python: daqp, osqp, quadprog, proxqp",
+    "stage_2_SOLVER_error_m": "largest difference of its CoP from ours [m]",
+    "solvers_missing": "solvers that are not installed",
+}
+EPILOG = "keys of --json (times in us; {median, p99} where one call was timed many times):\n" + "".join(
+    f"  {key}\n      {text}\n" for key, text in (KEYS | GROUPS).items()
+)
+
 
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
 START = "import gymnasium as gym; gym.make({env!r}, disable_env_checker=True).reset(seed=0)"
@@ -70,12 +111,12 @@ def start_time(env_id: str) -> float:
 
 def biped_timings(policy: TwoStagePolicy, quick: bool) -> dict[str, Any]:
     """What only the biped has: bare physics, control, many robots, Humanoid-v5 beside them."""
-    from .bipeds import batch_timings, memory_per_robot, time_control
+    from .closed_loop import batch_timings, memory_per_robot, time_control
 
     content = {**memory_per_robot(policy), **time_control(policy), **batch_timings(policy, quick)}
     if quick:
         return content
-    from .humanoid import humanoid_timings
+    from .closed_loop import humanoid_timings
 
     return {**content, **humanoid_timings(policy)}
 
@@ -116,7 +157,60 @@ def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
         content |= planner_timings(policy, observations[:CALLS])
         content |= batch_planner_timings(policy, observations)
         if not quick:
-            from .solvers import solver_timings
+            from .planner import solver_timings
 
             content |= solver_timings(policy, observations)
     return content
+
+
+ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
+SOLVER = re.compile(r"stage_1_(\w+)_us")
+OURS = "this planner"
+
+
+def number(value: Any) -> str:
+    """A number, or a median and its 99th percentile."""
+    if isinstance(value, dict):
+        return f"{value['median']:.2f} (p99 {value['p99']:.2f})"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def key_cells(content: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Key, value and meaning of what stands alone."""
+    return [(key, number(content[key]), meaning) for key, meaning in KEYS.items() if key in content]
+
+
+def robot_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Robots, threads, period of one robot, real-time factor, cost over physics."""
+    cells = []
+    for match in filter(None, map(ROBOTS.fullmatch, content)):
+        label = f"{match[1]}_robots_{match[2]}_threads"
+        values = [content[f"{name}_{label}"] for name in ("period_us", "rtf", "cost_over_physics")]
+        cells.append((match[1], match[2], f"{values[0]:.0f}", f"{values[1]:.0f}", f"{values[2]:.2f}"))
+    return cells
+
+
+def solver_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Solver, stage 1, stage 2, error of stage 2; the planner's own first, what is missing last."""
+    if "solvers_missing" not in content:
+        return []
+    cells = [(OURS, number(content["stage_1_us"]), number(content["stage_2_us"]), "-")]
+    for match in filter(None, map(SOLVER.fullmatch, content)):
+        if f"stage_2_{match[1]}_error_m" in content:
+            first, second = (number(content[f"stage_{stage}_{match[1]}_us"]) for stage in (1, 2))
+            cells.append((match[1], first, second, f"{content[f'stage_2_{match[1]}_error_m']:.0e} m"))
+    for name in content["solvers_missing"]:
+        cells.append((name, "not installed", f"pip install {MODULES[name]}", "-"))
+    return cells
+
+
+def print_tables(content: dict[str, Any]) -> None:
+    """All tables on standard output."""
+    title = f"{content['env']}: rtf = simulated seconds per wall second, times in microseconds"
+    print_table(title, ("", "value", "what"), key_cells(content))
+    if cells := robot_cells(content):
+        columns = ("robots", "threads", "period of a robot [us]", "rtf", "cost over bare physics")
+        print_table("Closed loop of many robots", columns, cells)
+    if cells := solver_cells(content):
+        columns = ("solver", "stage 1 [us]", "stage 2, both axes [us]", "CoP from ours")
+        print_table("The planner's problems from Python, one call each: median (p99)", columns, cells)

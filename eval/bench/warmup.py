@@ -7,16 +7,14 @@ from dataclasses import replace
 
 import gymnasium as gym
 
-from ...controllers.policies.random import RandomPolicy
-from ...controllers.settings.arms import ARMS
-from ...envs.scenario.command import CommandChange
+from ...controllers.policies.interface import RandomPolicy
+from ...controllers.settings import ARMS
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Push
-from ...envs.scenario.scenario import Command, Scenario
-from ..rollout.batch import rollout_all
+from ...envs.scenario.scenario import Command, CommandChange, Scenario
 from ..rollout.environments import env_ids, make_env
+from ..rollout.episodes import rollout, rollout_all
 from ..rollout.load_policy import acts_on_joints, acts_on_residual, make_policy
-from ..rollout.one import rollout
 
 DOUBLE_SUPPORT = "PushRecovery/Pendulum-v0@double-support"
 ROBOTS = 2  # side by side: what runs in batches

@@ -1,4 +1,10 @@
-"""What the options of several commands have in common, and the bounds of their numbers.
+"""Options that several commands share, and the bounds of their numbers.
+
+Archives of Stable-Baselines3 among the policies of a command, where the user trusts what is in them.
+
+The page of a command: written where its extra is installed, and how to get it where not.
+
+What the options of several commands have in common, and the bounds of their numbers.
 
 A command is a frozen dataclass: its fields are the options, the texts below them the help, with units.
 What is slow to load is imported by the functions that need it, so that `--help` stays quick.
@@ -8,17 +14,51 @@ from __future__ import annotations
 
 import json
 import math
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 from tyro.conf import arg
 
-from ...controllers.errors import InvalidValueError, is_finite_number, shown
+from ...controllers.errors import InvalidValueError, MissingExtraError, is_finite_number, shown
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
+
+ARCHIVE = ".zip"
+LOADER = "...training.from_sb3"  # a package after this one, which is loaded only where it is needed
+
+
+def trusted(policies: Sequence[str], trust: bool) -> list[Any]:
+    """The policies with every FILE.zip as a policy of that label; without trust they stay, to be refused.
+
+    Raises:
+        InvalidValueError: a file can't be read.
+    """
+    if not trust or not any(name.endswith(ARCHIVE) for name in policies):
+        return list(policies)
+    archive = import_module(LOADER, __package__).ArchivePolicy
+    return [{name: archive.of(name)} if name.endswith(ARCHIVE) else name for name in policies]
+
+
+def write_or_say(write: Callable[[], Path]) -> Path | None:
+    """Write a page; where its extra is missing, say so in one line on standard error and go on."""
+    try:
+        return write()
+    except MissingExtraError as error:
+        print(f"no report.html: {error}", file=sys.stderr)
+        return None
+
+
+def print_page(path: Path | None) -> None:
+    """Where the page is, if there is one."""
+    if path is not None:
+        print(f"page: {path}")
+
 
 Flag = Annotated[bool, arg(help_behavior_hint="")]
 Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
@@ -26,7 +66,7 @@ Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]
 Address = Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")]
 Real = Annotated[float, arg(metavar="X")]
-Policy = Annotated[str, arg(metavar="NAME|FILE")]
+PolicyName = Annotated[str, arg(metavar="NAME|FILE")]
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 PROFILE_TEXT = (
     "How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses, "
@@ -149,7 +189,7 @@ class WorkerOptions(JsonOption):
         """Where episodes run; connects to the cluster that is named."""
         if self.ray is None:
             return self.workers
-        from ..processes.cluster import ray_workers
+        from ..output.cluster import ray_workers
 
         return ray_workers(self.ray, self.workers)
 

@@ -1,19 +1,180 @@
-"""Rows of JSON in a directory of their own, which survive a kill and go on from there."""
+"""Rows of JSON in a directory of their own, one writer at a time, which survive a kill.
+
+Whether a file can be written, asked before the work that it is for.
+
+What wrote a result: versions, commit, kind of machine.
+
+One writer a directory: a lock that ends with the process that holds it, however that ends.
+
+Rows of JSON in a directory of their own, which survive a kill and go on from there.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import read_file, sync_names, write_text
-from ...controllers.json_text import parse_json
-from ..processes.writer import Writer
+from ...controllers.validation import parse_json
+
+
+def require_place(path: Path) -> None:
+    """Make the folder of a file to come, and try to write there.
+
+    Raises:
+        InvalidValueError: nothing can be written there, or the name is that of a folder.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        reason = "its folder is a file" if isinstance(error, FileExistsError) else error.strerror
+        raise InvalidValueError(f"can't write to {str(path)!r}: {reason}") from error
+
+
+PACKAGES = ("mujoco", "numpy", "numba", "scipy", "gymnasium", "osqp", "daqp")  # that outcomes may hang on
+
+
+def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str]:
+    """Versions of this package, of Python and of others, as far as they are installed."""
+    found = {
+        "push-recovery": sys.modules[__name__.partition(".")[0]].__version__,
+        "python": platform.python_version(),
+    }
+    for name in packages:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def machine_kind() -> str:
+    """Operating system, processor family and number of cores; no name of the machine."""
+    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+
+
+def source_commit(file: Path = Path(__file__)) -> str | None:
+    """Commit of the repository that tracks a file, "-dirty" where files differ from it; None without one."""
+    if _git(file.parent, "ls-files", "--error-unmatch", file.name) is None:
+        return None  # in no repository, or in one that is not ours
+    return _git(file.parent, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """What git says in a folder; None where it fails or is not installed."""
+    try:
+        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603, S607
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()
+
+
+LOCK = ".lock"
+
+
+class Writer:
+    """The only one that writes to a directory, until it is released; a context manager.
+
+    The system's lock on the file LOCK says so (flock); where a killed process has left the file behind, it
+    means nothing. On release the file goes, and with it the folders that were made for it and are empty.
+
+    Args:
+        directory: made if absent.
+
+    Raises:
+        InvalidValueError: another process, or another run in this one, writes there; or nobody can.
+    """
+
+    def __init__(self, directory: Path):
+        self._path = directory / LOCK
+        try:
+            self._made = [folder for folder in (directory, *directory.parents) if not folder.exists()]
+            directory.mkdir(parents=True, exist_ok=True)
+            self._file = _take(self._path)
+        except BlockingIOError:
+            raise InvalidValueError(
+                f"another run{_holder(self._path)} is writing to {str(directory)!r}: wait for its end, or "
+                "choose another directory"
+            ) from None
+        except OSError as error:
+            raise InvalidValueError(f"can't write to the directory {str(directory)!r}: {error}") from error
+
+    def release(self) -> None:
+        """Let others write; may be called twice."""
+        if self._file.closed:
+            return
+        with contextlib.suppress(OSError):
+            self._path.unlink()  # before the lock goes: what is locked next is a new file
+        self._file.close()
+        with contextlib.suppress(OSError):
+            for folder in self._made:
+                folder.rmdir()
+
+    def __enter__(self) -> Writer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+def _take(path: Path) -> IO[bytes]:
+    """The locked file.
+
+    Raises:
+        BlockingIOError: another holds the lock.
+        OSError: the file can't be made, is a link, or is on a file system without locks.
+    """
+    while True:
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b", buffering=0)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_still(file, path):
+                with contextlib.suppress(OSError):  # only for the message of others: no space is no reason
+                    file.truncate(0)
+                    file.write(b"%d" % os.getpid())
+                return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()
+
+
+def _is_still(file: IO[bytes], path: Path) -> bool:
+    """Whether a path leads to an open file; the one who held its lock before may have removed it."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _holder(path: Path) -> str:
+    """The process that holds the lock, where it says so."""
+    try:
+        number = path.read_bytes()
+    except OSError:
+        return ""
+    return f" (process {int(number)})" if number.isdigit() else ""
+
 
 LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
 

@@ -14,10 +14,8 @@ import mujoco
 import numpy as np
 
 from ...controllers.errors import PushRecoveryError
-from ...envs.biped.scene import add_markers, set_posture
-from .drag import IMPULSE_PER_METRE, limited, polar_impulse
-from .session import FASTEST, SLOWEST, Session
-from .status import status_words
+from ...envs.biped.view import add_markers, set_posture
+from .session import FASTEST, IMPULSE_PER_METRE, SLOWEST, Session, limited, polar_impulse, status_words
 
 FRAME = 1.0 / 60.0  # [s]
 KEYS = "space: push, R: replay, P: pause, F: one period, N: start anew, -/=: slower, faster"
@@ -97,7 +95,7 @@ def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) ->
     Raises:
         RenderError: there is no display.
     """
-    from ...envs.physics.offscreen import require_display
+    from ...envs.rendering import require_display
 
     require_display()
     from mujoco import viewer

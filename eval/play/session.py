@@ -1,19 +1,298 @@
-"""A session of play: one robot, or two side by side, in step with a clock that is handed in."""
+"""A session of play: robots that walk in step with a clock, and pushes by dragging.
+
+From a drag on the screen to a push.
+
+The pointer's way is measured in metres on the plane that holds the point grabbed and faces the camera: r to
+the right and u upwards. To the right stays to the right, upwards is away from the camera, along the floor:
+
+    J = K (r a + u b),     a: the camera's right,  b: its view without its vertical part;  |J| <= LARGEST.
+
+At depth D from the camera a pixel is 2 D tan(fov / 2) / H metres, where H is the picture's height in pixels.
+
+One robot that walks under a policy, and whose scenario grows while it walks.
+
+What happens to it is written into its scenario first: a push or a command given now makes a longer scenario,
+to which the robot is put back at the same moment (`restore`). So the walk is at any time that of its scenario
+from the start, bit for bit, whoever gave the pushes.
+
+What a robot is going through, in words.
+
+A session of play: one robot, or two side by side, in step with a clock that is handed in.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_number
-from ...envs.scenario.command import Command
+from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.push import Body, Push
-from ...envs.scenario.scenario import Scenario
-from .drag import push_now
-from .lane import ON_THE_SPOT, Lane, Moment
+from ...envs.scenario.scenario import Command, CommandChange, Scenario
+from ...envs.snapshot import RobotSnapshot
+from ..record.record import LIMIT, Row, Sampler, gait_episodes
+from ..record.words import fall_words, impulse_words
+from ..rollout.environments import make_env_for
+from ..rollout.episodes import begin_policy
+from ..rollout.policy_source import policy_sources
+
+Array = NDArray[np.float64]
+
+IMPULSE_PER_METRE = 100.0  # K [N s/m]
+LARGEST = 400.0  # [N s]
+DURATION = 0.1  # of a push by hand [s]
+STEEP = 1e-6  # a view with less of a horizontal part looks straight down
+
+
+def metres_per_pixel(depth: float, fov: float, height: float) -> float:
+    """How far a pixel is at a depth [m] from the camera, in a picture `height` pixels high; fov [rad]."""
+    return 2.0 * depth * math.tan(fov / 2.0) / height
+
+
+def dragged_impulse(way: ArrayLike, camera: ArrayLike) -> Array:
+    """Horizontal impulse (2,) [N s], in the world, of a drag.
+
+    Args:
+        way: from the point grabbed to the pointer, (3,) in the world [m].
+        camera: its axes in the world, (3, 3), columns right, down, view.
+    """
+    right, down, view = np.asarray(camera, np.float64).T
+    away = view if np.hypot(*view[:2]) > STEEP else -down
+    away = away[:2] / np.hypot(*away[:2])
+    aside = np.array([away[1], -away[0]])
+    way = np.asarray(way, np.float64)
+    return limited(IMPULSE_PER_METRE * ((way @ right) * aside - (way @ down) * away))
+
+
+def limited(impulse: ArrayLike) -> Array:
+    """An impulse (2,) no larger than LARGEST, in the same direction."""
+    impulse = np.asarray(impulse, np.float64)
+    return impulse * min(1.0, LARGEST / max(float(np.hypot(*impulse)), 1e-12))
+
+
+def polar_impulse(size: float, psi_deg: float) -> Array:
+    """Impulse (2,) of a size [N s] towards psi, counter-clockwise from x [deg].
+
+    Raises:
+        InvalidValueError: a size beyond LARGEST or an angle that is not finite.
+    """
+    size = require_number("impulse [N s]", size, 0.0, LARGEST)
+    psi = math.radians(require_number("direction [deg]", psi_deg))
+    return np.array([size * math.cos(psi), size * math.sin(psi)])
+
+
+def push_now(impulse: ArrayLike, time: float, body: str = "pelvis", duration: float = DURATION) -> Push:
+    """The push of an impulse (2,) [N s] from a time on [s]: the force J / duration."""
+    x, y = (float(part) / duration for part in np.asarray(impulse, np.float64))
+    return Push((x, y, 0.0), duration, time, body)
+
+
+LONGEST = 1e6  # [s] of a walk; no one plays that long
+KEPT = 600  # samples of the strip charts
+NAME = "play"  # of its scenarios
+ON_THE_SPOT = Scenario(NAME)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A robot between two planning periods, and what its policy remembered."""
+
+    snapshot: RobotSnapshot
+    policy: str  # that acted
+    memory: Any  # what it remembered
+
+
+class Lane:
+    """One robot and its policy.
+
+    Args:
+        env_id: of a biped under gait actions.
+        policy: a name, a file, or MODULE:ATTRIBUTE.
+        start: how the robot is and what it is told; its pushes and its end are left out.
+
+    Raises:
+        PushRecoveryError: unknown names, or a robot that can't be put back.
+    """
+
+    def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
+        source = policy_sources(policy)[policy]  # a name of a policy that ships stands for its file
+        made = make_env_for(source.origin, env_id)
+        self.name = policy
+        self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
+        self.policy = source.load(made)
+        self.env: Any = made.unwrapped
+        self.episodes = _biped(gait_episodes(made))
+        self.period = 1.0 / self.episodes.control_hz  # [s]
+        self.rows: deque[Row] = deque(maxlen=KEPT)
+        self._sampler = Sampler(self.episodes)
+        self.restart(start.command)
+
+    def restart(self, command: Command) -> None:
+        """Begin a new walk."""
+        scenario = replace(self._start, command=command)
+        self._seen, self._info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
+        self._memory, self._first, self.over = None, True, False
+        begin_policy(self.policy, scenario)
+        self._look(anew=True)
+
+    def step(self) -> None:
+        """One planning period; a robot that has fallen lies."""
+        if self.over:
+            return
+        action, self._memory = self.policy.predict(
+            self._seen, state=self._memory, episode_start=np.array([self._first]), deterministic=True
+        )
+        self._first = False
+        self._seen, _, fell, late, self._info = self.env.step(action)
+        self.over = bool(fell or late)
+        self._look()
+
+    def push(self, push: Push) -> None:
+        """Push from now on; `push` starts at the present time or later.
+
+        Raises:
+            InvalidValueError: the robot has fallen.
+        """
+        scenario = self.scenario
+        self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
+
+    def tell(self, command: Command) -> None:
+        """Another command, in force from the next planning period on.
+
+        Raises:
+            InvalidValueError: the robot has fallen.
+        """
+        scenario, at = self.scenario, self.time + self.period
+        if command == self.command:
+            return
+        kept = tuple(change for change in scenario.changes if change.time < at - 0.5 * self.period)
+        self._go_on(replace(scenario, changes=(*kept, CommandChange(at, command))))
+
+    def moment(self) -> Moment:
+        """Where it is now.
+
+        Raises:
+            InvalidValueError: the robot has fallen.
+        """
+        self._refuse_fallen()
+        return Moment(self.env.state_snapshot(), self.name, self._memory)
+
+    def put(self, moment: Moment) -> None:
+        """Go on where a robot of the same kind was; another policy remembers nothing of it.
+
+        Raises:
+            InvalidValueError: a robot of another kind.
+        """
+        self._seen, self._info = self.env.restore(moment.snapshot)
+        same = moment.policy == self.name
+        self._memory = moment.memory if same else None
+        self._first, self.over = not same, False
+        self._look(anew=True)
+
+    @property
+    def scenario(self) -> Scenario:
+        """All that has happened to it since the start of its walk."""
+        return self.env.scenario
+
+    @property
+    def command(self) -> Command:
+        """In force, or to come into force with the next planning period."""
+        scenario = self.scenario
+        return scenario.changes[-1].command if scenario.changes else scenario.command
+
+    @property
+    def time(self) -> float:
+        """Since the start of its walk [s]."""
+        return float(self._info["time"])
+
+    @property
+    def failure(self) -> str | None:
+        """Why it has fallen."""
+        return self._info["failure_reason"]
+
+    @property
+    def recovered_at(self) -> float | None:
+        """Since when it has been walking as told again [s]."""
+        return self._info["recovered_at"]
+
+    @property
+    def bounds(self) -> dict[str, float]:
+        """How far columns of its samples may go both ways, in their units."""
+        return self._sampler.bounds
+
+    @property
+    def mass(self) -> float:
+        """Of the robot [kg]."""
+        return self.episodes.robot.mass
+
+    def close(self) -> None:
+        """Let the environment go."""
+        self.env.close()
+
+    def _go_on(self, scenario: Scenario) -> None:
+        self._refuse_fallen()
+        self._seen, self._info = self.env.restore(self.env.state_snapshot(), scenario)
+
+    def _refuse_fallen(self) -> None:
+        if self.over:
+            raise InvalidValueError("the robot has fallen: restart it, or replay the last push")
+
+    def _look(self, anew: bool = False) -> None:
+        if anew:
+            self.rows.clear()
+            self._sampler.begin()
+        self.rows.append(self._sampler.row())
+
+
+def _biped(episodes: Any) -> BipedEpisodes:
+    if not isinstance(episodes, BipedEpisodes):
+        raise InvalidValueError(
+            f"only bipeds are played with, such as PushRecovery/Biped-v0, got {episodes.name}"
+        )
+    return episodes
+
+
+RECENT = 30  # samples in which a limit counts as being met
+
+
+def status_words(lane: Lane) -> str:
+    """Walks, was pushed, has recovered or fallen: one sentence."""
+    push = _last_push(lane)
+    if lane.over:
+        after = "" if push is None else f" {lane.time - float(_start(push)):.2f} s after the push"
+        return f"fell{after} ({fall_words(lane.failure)})"
+    if push is None:
+        return f"walks, {lane.time:.1f} s"
+    since = lane.time - _start(push)
+    if lane.recovered_at is not None and lane.recovered_at >= _start(push):
+        return f"recovered {lane.recovered_at - _start(push):.2f} s after {impulse_words(push, lane.mass)}"
+    return f"pushed {since:.2f} s ago with {impulse_words(push, lane.mass)}"
+
+
+def limits_words(lane: Lane) -> list[str]:
+    """The limits being met: in one of the last RECENT planning periods."""
+    rows = list(lane.rows)[-RECENT:]
+    names = [name for name in (rows[-1] if rows else {}) if name.startswith(LIMIT)]
+    met = [name for name in names if any(row[name] > 0.0 for row in rows)]
+    return [name.removeprefix(LIMIT).replace("_", " ") for name in met]
+
+
+def _last_push(lane: Lane) -> Push | None:
+    pushes = lane.scenario.pushes
+    return pushes[-1] if pushes else None
+
+
+def _start(push: Push) -> float:
+    """Of a push by hand, which is given at a time."""
+    return push.start if isinstance(push.start, float) else 0.0
+
 
 SLOWEST, FASTEST = 0.02, 2.0  # of the session's clock against the one handed in
 MOST_PERIODS = 20  # that one `advance` catches up with; a slower computer plays slower instead

@@ -1,4 +1,6 @@
-"""RecoverFormer's push table on robots of this package: jumps of the whole robot's velocity, by level.
+"""RecoverFormer's push table on robots of this package: jumps of velocity, by level.
+
+RecoverFormer's push table on robots of this package: jumps of the whole robot's velocity, by level.
 
 Source: github.com/ZihuiLiu/RecoverFormer, commit 70eabd2, and its paper, Table I. A "push of F for 0.1 s"
 adds F x 0.1 s / m to the velocity of a Unitree G1's base, which is an impulse through its CoM in no time. The
@@ -7,6 +9,8 @@ jump [m/s] is the level here, so that robots of another mass meet the same. Thre
 - "stated", as the paper says: 8 directions in turn, no vertical part;
 - "coded", as the program does: direction uniform, vertical part uniform in -0.1 to 0.2 of the jump;
 - "force", which the paper says too: a force on the pelvis for 0.1 s with the impulse of "stated".
+
+What RecoverFormer measures of an episode: fallen by its criterion, time to stable, largest tilt.
 """
 
 from __future__ import annotations
@@ -14,10 +18,16 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from ...controllers.model.similarity import REFERENCE
-from ...envs.scenario.push import Kick, Push
+import numpy as np
+
+from ...controllers.model.robot import REFERENCE
+from ...controllers.whole_body.kinematics import TRUNK
+from ...envs.biped.core import BipedCore
+from ...envs.scenario.push import GaitEvent, Kick, Push
 from ...envs.scenario.scenario import Scenario
+from ..rollout.outcome import Ending
 from .streams import uniforms
+from .watched import Found
 
 FORMS = ("stated", "coded", "force")
 FORCES = (50, 100, 150, 200, 250, 300)  # [N], of which each for 0.1 s on the G1 is a level, as published
@@ -79,3 +89,64 @@ def every_kick(form: str) -> tuple[Scenario, ...]:
     """The published levels of a form, the weakest first."""
     levels = kick_scenarios(form)
     return tuple(scenario for force in FORCES for scenario in levels[force])
+
+
+LOWEST = 0.30 / 0.79  # height of the pelvis at which it counts as fallen, share of that in which it stands
+STEEPEST = 1.2  # tilt of the trunk at which it does [rad]
+STILL = 0.15  # speed of the base below which it counts as stable [m/s]
+UPRIGHT = 8  # entry of a body's rotation matrix: the cosine of its tilt
+
+
+class KickWatcher:
+    """Looks at pelvis and trunk of each robot, at the true state, from the disturbance on."""
+
+    def __init__(self) -> None:
+        self._episodes: dict[int, _Measured] = {}
+
+    def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
+        """Robot k has begun a scenario with one kick or one push at a time."""
+        starts = [kick.start for kick in scenario.kicks] + [push.start for push in scenario.pushes]
+        times = [start for start in starts if not isinstance(start, GaitEvent)]
+        standing = float(core.true_state(k).qpos[k, 2])
+        self._episodes[k] = _Measured(min(times, default=math.inf), standing)
+
+    def look(self, core: BipedCore, k: int) -> None:
+        """Take in where robot k is."""
+        state = core.true_state(k)
+        self._episodes[k].take(
+            float(core.gait.time[k]),
+            float(state.qpos[k, 2]),
+            float(np.linalg.norm(state.qvel[k, :3])),
+            math.acos(min(max(float(state.xmat[k, TRUNK, UPRIGHT]), -1.0), 1.0)),
+        )
+
+    def found(self, core: BipedCore, k: int, ending: Ending) -> Found:
+        """RSR, TTS and PTT of the episode."""
+        return self._episodes.pop(k).told(ending)
+
+
+class _Measured:
+    """One episode so far."""
+
+    def __init__(self, start: float, standing: float):
+        self._start, self._standing = start, standing
+        self._lowest, self._steepest, self._tilt, self._stable = standing, 0.0, 0.0, math.nan
+
+    def take(self, time: float, height: float, speed: float, tilt: float) -> None:
+        """One moment: [s], [m], [m/s], [rad]."""
+        self._lowest, self._steepest = min(self._lowest, height), max(self._steepest, tilt)
+        if time > self._start:
+            self._tilt = max(self._tilt, tilt)
+            if math.isnan(self._stable) and speed < STILL:
+                self._stable = time
+
+    def told(self, ending: Ending) -> Found:
+        """Their measures; the time to stable of one that never was is what was left of its episode."""
+        stands = not ending.fell and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
+        stable = ending.time if math.isnan(self._stable) else self._stable
+        after = math.isfinite(self._start)
+        return {
+            "stood": stands,
+            "time_to_stable": round(stable - self._start, 6) if after else None,
+            "peak_tilt_deg": round(math.degrees(self._tilt), 4) if after else None,
+        }

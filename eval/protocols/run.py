@@ -13,16 +13,14 @@ from typing import Any
 from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy, as_policy
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import progress_bars
+from ..output.progress import Work, about, progress_bars
 from ..output.rows import RowFile
-from ..output.work import Work, about
 from ..rollout.environments import code_digest, env_label, preset_digest
-from ..rollout.loop import run_episodes
-from ..rollout.one import GymRobot, begin_policy
+from ..rollout.episodes import GymRobot, begin_policy, run_episodes
 from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
-from .kick_watcher import KickWatcher
-from .tour_watcher import TourWatcher
+from .kick import KickWatcher
+from .tour import TourWatcher
 from .watched import Watched, Watcher
 
 FORMAT = 2  # of the rows

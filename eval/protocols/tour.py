@@ -1,22 +1,96 @@
 """The open teleop-walking-benchmark on robots of this package: a tour of 18 waypoints under 18 punches.
 
+Where the benchmark's punches act on a robot: a body and a point of it for each joint of the G1.
+
+The open teleop-walking-benchmark on robots of this package: a tour of 18 waypoints under 18 punches.
+
 Source: github.com/rhoyn/teleop-walking-benchmark, README of 6d331a85 and main.cpp of 2e8b4286, of which the
 constants of the README stand where the two differ. Each task is a run id; its waypoints and punches come from
 the benchmark's own random streams. A punch of a joint of the G1 acts where `places_of` says.
+
+The benchmark's way to a waypoint: velocity proportional to what is missing, within a robot's limits.
+
+Tells robots how to walk from waypoint to waypoint, and measures where they stand at the end of each.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
-from ...controllers.model.robot import RobotModel
-from ...controllers.model.similarity import SAME, Similarity
-from ...envs.biped.robots.compiled_robot import CompiledRobot
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.model.robot import SAME, RobotModel, Similarity
+from ...controllers.whole_body.kinematics import PELVIS
+from ...envs.biped.core import BipedCore
+from ...envs.robots.compiled_robot import CompiledRobot
+from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
-from ...envs.scenario.scenario import Scenario
-from .places import places_of
+from ...envs.scenario.scenario import FASTEST_TURN, Scenario
+from ..rollout.outcome import Ending
 from .streams import SeededTwister
+from .watched import Found
+
+SIDES = "left", "right"
+WAIST = 3  # joints of the G1's
+LINKS = *3 * ("thigh",), "shank", *2 * ("foot",)  # of a leg that its joints move
+ARM = "shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"
+SHOULDER = (0.10, 0.24)  # of the G1, aside and over the waist [m]
+
+
+class Place(NamedTuple):
+    """A body, and an offset from its CoM in the body's axes [m]."""
+
+    body: str
+    offset: tuple[float, float, float]
+
+
+@lru_cache(maxsize=8)
+def places_of(robot: CompiledRobot) -> tuple[Place, ...]:
+    """Places in the order of the G1's joints: left leg, right leg, waist, left arm, right arm.
+
+    A punch of a leg's joint acts at that joint on the link that it moves, whichever axis of the hip it is on
+    the thigh. One of the waist acts on the trunk at the waist. One of an arm acts on the arm's link, held or
+    in one with a held one; on a robot without the G1's arms it acts on the trunk where the G1 has its
+    shoulders.
+    """
+    data, legs = robot.in_reference_posture(), robot.indices.legs
+    axis = next((joint for joint in robot.indices.joints[1:3] if joint != MISSING), None)
+    waist = data.xpos[robot.indices.trunk] if axis is None else data.xanchor[axis]
+    found = []
+    for side, leg in zip(SIDES, legs, strict=True):
+        found += [
+            _place(robot, data, f"{side}_{link}", data.xanchor[joint])
+            for link, joint in zip(LINKS, leg, strict=True)
+        ]
+    found += WAIST * [_place(robot, data, "trunk", waist)]
+    for side, left in zip(SIDES, (1.0, -1.0), strict=True):
+        shoulder = _place(robot, data, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
+        found += [_on_arm(robot, data, f"{side}_{part}") or shoulder for part in ARM]
+    return tuple(found)
+
+
+def _on_arm(robot: CompiledRobot, data: mujoco.MjData, part: str) -> Place | None:
+    """The origin of a part of an arm, where its joint is, on the link that it is in one with."""
+    first = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, f"{part}_link")
+    if first == MISSING:
+        return None
+    names, body = {number: name for name, number in robot.pushed.items()}, first
+    while body not in robot.indices.pushed:
+        body = int(robot.model.body_parentid[body])
+    return _place(robot, data, names[robot.indices.pushed.index(body)], data.xpos[first])
+
+
+def _place(robot: CompiledRobot, data: mujoco.MjData, body: str, point: NDArray[np.float64]) -> Place:
+    """A point of the world in the axes of a body, as the robot stands in `data`."""
+    number = robot.indices.pushed[robot.pushed[body]]
+    x, y, z = (data.xmat[number].reshape(3, 3).T @ (point - data.xipos[number])).round(6).tolist()
+    return Place(body, (x + 0.0, y + 0.0, z + 0.0))
+
 
 WAYPOINTS, PUNCHES = 2, 3  # streams
 SEGMENTS, SEGMENT = 18, 5.0  # of the tour, and how long each is [s]
@@ -96,3 +170,121 @@ def force_share(robot: RobotModel) -> float:
 def run_id_of(scenario_id: str) -> int:
     """The task of a scenario of `tour_scenario`."""
     return int(scenario_id.rpartition("-")[2])
+
+
+GAIN = 1.5  # of position and of heading [1/s]
+REACHED, LOST = (0.10, 0.05), (0.20, 0.12)  # distance [m], heading [rad]
+SLOWEST_X, FASTEST_X, FASTEST_Y = -0.25, 0.5, 0.2  # that a robot of 0.8 m is told to walk [m/s]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Place [m] and heading [rad] of the pelvis over the floor."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+def missing(pose: Pose, target: Waypoint) -> tuple[float, float, float]:
+    """Position error in the heading's frame, forward and to the left [m], and heading error [rad]."""
+    east, north = target.x - pose.x, target.y - pose.y
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    return cos * east + sin * north, cos * north - sin * east, wrapped(target.yaw - pose.yaw)
+
+
+def in_frame(pose: Pose, origin: Pose) -> Pose:
+    """A pose as seen from another one."""
+    x, y, yaw = missing(origin, Waypoint(pose.x, pose.y, pose.yaw))
+    return Pose(x, y, yaw)
+
+
+class Follower:
+    """Tells one robot how to walk to one waypoint after the other.
+
+    A waypoint counts as reached until it is lost again by more than the bounds of REACHED; meanwhile nothing
+    is asked. Position and heading are reached each for itself.
+
+    Args:
+        velocity: of the robot against one whose CoM is 0.8 m high.
+    """
+
+    def __init__(self, velocity: float = 1.0) -> None:
+        self._slowest_x, self._fastest_x, self._fastest_y = (
+            velocity * speed for speed in (SLOWEST_X, FASTEST_X, FASTEST_Y)
+        )
+        self._target: Waypoint | None = None
+        self._there = [False, False]  # position, heading
+
+    def command(self, pose: Pose, target: Waypoint) -> tuple[float, float, float]:
+        """Velocity forward and to the left [m/s] and turn [rad/s]."""
+        if target != self._target:
+            self._target, self._there = target, [False, False]
+        forward, left, turn = missing(pose, target)
+        for i, error in enumerate((math.hypot(forward, left), abs(turn))):
+            bound = LOST[i] if self._there[i] else REACHED[i]
+            self._there[i] = error < bound
+        walk, face = (0.0 if there else GAIN for there in self._there)
+        return (
+            min(max(walk * forward, self._slowest_x), self._fastest_x),
+            min(max(walk * left, -self._fastest_y), self._fastest_y),
+            min(max(face * turn, -FASTEST_TURN), FASTEST_TURN),
+        )
+
+
+HAIR = 1e-9  # times are sums of steps [s]
+
+
+class TourWatcher:
+    """Looks at the true pose of each robot's pelvis and writes its command, as the harness there does."""
+
+    def __init__(self) -> None:
+        self._tours: dict[int, _Tour] = {}
+
+    def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
+        """Robot k begins a tour where it stands."""
+        velocity = Similarity.of(core.robot).velocity
+        self._tours[k] = _Tour(run_id_of(scenario.id), pose_of(core, k), velocity)
+
+    def look(self, core: BipedCore, k: int) -> None:
+        """Tell robot k where to go from here on; the planning period after the next one is planned on it."""
+        core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
+
+    def found(self, core: BipedCore, k: int, ending: Ending) -> Found:
+        """Errors at the ends of the segments."""
+        return self._tours.pop(k).told()
+
+
+def pose_of(core: BipedCore, k: int) -> Pose:
+    """Where the pelvis of robot k truly is."""
+    state = core.true_state(k)
+    (x, y), rotation = state.qpos[k, :2].tolist(), state.xmat[k, PELVIS].tolist()
+    return Pose(x, y, math.atan2(rotation[3], rotation[0]))
+
+
+class _Tour:
+    """One robot on its way."""
+
+    def __init__(self, run_id: int, origin: Pose, velocity: float):
+        self._waypoints, self._origin = waypoints(run_id), origin
+        self._follower = Follower(velocity)
+        self._errors: list[tuple[float, float]] = []  # distance [m] and heading [rad], by segment begun
+
+    def command(self, time: float, pose: Pose) -> tuple[float, float, float]:
+        """What is asked of it now."""
+        index = min(int((time + HAIR) / SEGMENT), SEGMENTS - 1)
+        here, target = in_frame(pose, self._origin), self._waypoints[index]
+        forward, left, turn = missing(here, target)
+        error = math.hypot(forward, left), abs(turn)
+        if index == len(self._errors):
+            self._errors.append(error)
+        else:
+            self._errors[index] = error
+        return self._follower.command(here, target)
+
+    def told(self) -> Found:
+        """Errors at the last look of each segment begun, also the one in which it fell."""
+        return {
+            "position_errors_cm": [round(100.0 * distance, 3) for distance, _ in self._errors],
+            "heading_errors_deg": [round(math.degrees(turn), 3) for _, turn in self._errors],
+        }

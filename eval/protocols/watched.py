@@ -8,10 +8,10 @@ from typing import Any, Protocol
 from ...controllers.errors import InvalidValueError
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
-from ...envs.biped.robots.compiled_robot import CompiledRobot
+from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
 from ..rollout.environments import make_env
-from ..rollout.loop import Ints, Robots
+from ..rollout.episodes import Ints, Robots
 from ..rollout.outcome import Ending
 
 Found = dict[str, Any]

@@ -1,1 +1,1 @@
-"""One episode as arrays: columns by name with their units, as a file, as a figure."""
+"""Recorded episodes, and how they are shown: words, figures, films, ONNX."""

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...controllers.files import write_atomically
-from ..reproduction.figures import style
-from .record import EpisodeRecord
-from .sampler import LIMIT, TORQUE, Array
+from ..reproduction import style
+from .record import LIMIT, TORQUE, Array, EpisodeRecord
 from .words import push_words, verdict
 
 if TYPE_CHECKING:

@@ -1,19 +1,238 @@
-"""A page from a template: style and script inside it, nothing that is asked for elsewhere."""
+"""A page from a template: its figures, labels and commands; nothing in it is asked for elsewhere.
+
+Commands as a user would type them: the one behind a report, and those that replay its episodes.
+
+Figures as SVG inside a page: small enough for a phone, apart in grey print and for every eye.
+
+Names of policies and of what became of episodes, short enough for tables and figures, and in words.
+
+A page from a template: style and script inside it, nothing that is asked for elsewhere.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import io
+import math
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
-from ..output.provenance import machine_kind, source_commit, versions
+from ...envs.scenario.push import Push
+from ...envs.scenario.scenario import Scenario
+from ..output.rows import machine_kind, source_commit, versions
+from ..record.words import direction_words
 from ..rollout.environments import code_digest
-from .replay import Command
+from ..score.report import KINDS, measures_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PROGRAM = "push-recovery"
+WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
+OF_ROBOT = {"--env", "--preset", "--errors"}  # options of `play` that decide what a scenario is, too
+OF_SUITE = OF_ROBOT | {"--suite"}
+OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy"}
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command and those of its options that decide outcomes and are not at their defaults."""
+
+    words: tuple[str, ...]  # its name, and what stands without an option
+    options: tuple[tuple[str, tuple[str, ...]], ...] = ()  # as ("--suite", ("quick",))
+
+    @property
+    def text(self) -> str:
+        """The line for a shell."""
+        said = [word for option, values in self.options for word in (option, *values)]
+        return shlex.join([PROGRAM, *self.words, *said])
+
+    def replay(self, profile: str, scenario_id: str, policy: str) -> str:
+        """The line that draws one scenario of a suite under a profile and says what became of it."""
+        said = () if profile == "exact" else (("--profile", profile),)
+        return self._play(OF_SUITE, (*said, ("--scenario", scenario_id)), scenario_id, policy)
+
+    def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
+        """The line that draws the frontier's push of a force [N] towards psi [deg]."""
+        said = ("--psi", f"{psi_deg:g}"), ("--force", f"{force:g}")
+        return self._play(OF_PUSH, said, f"{psi_deg:g}deg-{force:g}N", policy)
+
+    def _play(self, kept: set[str], said: Sequence[tuple[str, str]], stem: str, policy: str) -> str:
+        """`play` with some of this command's options, others besides, and a picture's name."""
+        picture = re.sub(r"[^\w+.-]+", "-", f"{stem}-{policy}").strip("-.") + ".png"
+        more = (*said, ("--policy", policy), ("--out", picture))
+        options = [entry for entry in self.options if entry[0] in kept]
+        return Command(("play",), (*options, *((name, (value,)) for name, value in more))).text
+
+
+def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
+    """The command that a dataclass of options stands for.
+
+    Args:
+        name: of the command.
+        options: its fields are the options, as in `cli/options.py`.
+        positional: fields whose values stand without an option.
+    """
+    said = []
+    for entry in fields(options):
+        value = getattr(options, entry.name)
+        default = entry.default if entry.default_factory is MISSING else entry.default_factory()
+        if value == default or entry.name in {*positional, *WITHOUT_RESULT}:
+            continue
+        values = (
+            () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
+        )
+        said.append(("--" + entry.name.replace("_", "-"), values))
+    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(said))
+
+
+BLUE, ORANGE, INK, GREY, PALE = "#0b5394", "#c4610a", "#1c1c1c", "#6f6f6f", "#d9d9d9"
+PANEL = 3.55  # width of a figure [in]; 340 pixels, less than a phone has
+LONGEST_LABEL = 22  # characters beside an axis
+POINTS = 72.0  # an inch
+
+
+@contextmanager
+def page_style() -> Iterator[None]:
+    """Fonts and axes of the page's figures; draw and turn into SVG inside it."""
+    import matplotlib
+
+    settings: Any = {
+        "font.family": "sans-serif", "font.size": 8.5, "axes.titlesize": 9.0, "axes.labelsize": 8.5,
+        "xtick.labelsize": 8.0, "ytick.labelsize": 8.0, "axes.spines.top": False, "axes.spines.right": False,
+        "axes.edgecolor": GREY, "axes.linewidth": 0.7, "axes.titlelocation": "left",
+        "hatch.linewidth": 0.6, "svg.fonttype": "none",
+    }  # fmt: skip
+    with matplotlib.rc_context(settings):
+        yield
+
+
+def new_panel(height: float, polar: bool = False) -> tuple[Figure, Any]:
+    """A figure [in] with one pair of axes, on a canvas that needs no display."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PANEL, height), layout="constrained")
+    FigureCanvasSVG(figure)
+    return figure, figure.add_subplot(projection="polar" if polar else None)
+
+
+def to_svg(figure: Figure, text: str) -> str:
+    """The figure as an element of HTML, with words for those who cannot see it.
+
+    Names are taken out but for those that are referred to, which are made from `text`, so that many figures
+    stand in one page.
+    """
+    import matplotlib
+
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": text}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    drawn = buffer.getvalue()
+    drawn = drawn[drawn.index("<svg") :]
+    drawn = re.sub(r"<metadata>.*?</metadata>", "", drawn, flags=re.DOTALL)
+    drawn = re.sub(r'(<g) id="[^"]*"', r"\1", drawn)
+    drawn = re.sub(r"<!--.*?-->", "", drawn, flags=re.DOTALL)
+    drawn = re.sub(r"\n\s*", "\n", re.sub(r"(\d\.\d\d)\d+", r"\1", drawn))  # a hundredth of a point will do
+    box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', drawn)
+    width, height = (float(side) for side in box.groups()) if box else (PANEL * POINTS, PANEL * POINTS)
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+        f'viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{_attribute(text)}">'
+    )
+    return re.sub(r"<svg[^>]*>", lambda _: head, drawn, count=1).strip()
+
+
+def beside_axis(label: str) -> str:
+    """A label cut in its middle where it is too long to stand beside an axis."""
+    if len(label) <= LONGEST_LABEL:
+        return label
+    half = LONGEST_LABEL // 2 - 1
+    return f"{label[:half]}...{label[-half:]}"
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+
+
+Row = Mapping[str, Any]
+REASONS = {  # why an episode does not count as recovered
+    "not_settled": "stayed up, but was not back in its commanded walk at the end",
+    "com_height": "the centre of mass sank too low above the standing foot",
+    "pelvis_tilt": "the pelvis leaned over by more than 60 degrees",
+    "not_finite": "the simulation ran out of numbers",
+    "dcm_diverged": "its motion ran away farther than any step can catch",
+}
+LIMITS = {  # of controllers/whole_body/limits.py, in words
+    "step_length": "the planned step is as long as it may be",
+    "step_width": "the planned step is as wide or as narrow as it may be",
+    "step_time": "the foot cannot come down any sooner",
+    "cop": "the planned centre of pressure is at the edge of where it may be",
+    "trunk_torque": "the trunk is swung as hard as it may be",
+    "trunk_angle": "the trunk leans as far as it may",
+    "leg_reach": "the foothold is farther than the leg reaches",
+    "joint_torque": "a motor gives all it can",
+    "sole_edge": "the pressure under the sole is at its edge",
+    "contact": "friction or load under the foot is at its bound",
+    "touchdown_error": "the foot landed elsewhere or later than planned",
+    "dcm_tracking": "the robot's motion is not what was planned",
+}
+
+
+def short_labels(names: Iterable[str]) -> dict[str, str]:
+    """Policy -> label: of a file its folder and stem, where that tells it apart; any other name as it is."""
+    names = list(names)
+    short = {name: _short(name) for name in names}
+    taken = list(short.values())
+    return {name: label if taken.count(label) == 1 else name for name, label in short.items()}
+
+
+def _short(name: str) -> str:
+    path = PurePath(name)
+    return "/".join([*path.parts[-2:-1], path.stem]) if path.suffix == ".safetensors" else name
+
+
+def impulse_words(push: Push) -> str:
+    """Body, impulse, direction in the robot's frame and duration of a push."""
+    direction = direction_words(*push.force[:2])
+    return f"{push.body}, {push.impulse_magnitude:.0f} N s {direction} within {push.duration:.2f} s"
+
+
+def scenario_words(scenario: Scenario) -> str:
+    """What happens in a scenario: its first push, how many there are, and on which walk."""
+    if not scenario.pushes:
+        return f"no push, walking {KINDS['command'](scenario)}"
+    count, walk = KINDS["count"](scenario), KINDS["command"](scenario)
+    return f"{impulse_words(scenario.pushes[0])}, {count}, {'' if walk == 'turning' else 'walking '}{walk}"
+
+
+def effort_words(row: Row) -> str:
+    """What an episode took, as far as its row tells; empty where it does not."""
+    measures = measures_of(row)
+    margin, lean, energy = (measures.get(name) for name in ("smallest_margin", "trunk_excursion", "energy"))
+    if margin is None or lean is None or energy is None:
+        return ""
+    return f"margin {100.0 * margin:.0f} cm, lean {math.degrees(lean):.0f} deg, {energy / 1000.0:.1f} kJ"
+
+
+def outcome_words(row: Row) -> str:
+    """What became of an episode, and the first limit that a fall met."""
+    if row["recovered"]:
+        return "recovers"
+    if row["survived"]:
+        return "stays up, does not settle"
+    first = row.get("first_limit")
+    return f"falls at {row['end_time']:.1f} s ({row['failure_reason']}{f', first {first}' if first else ''})"
+
 
 PAGE = "report.html"
 TEMPLATES = Path(__file__).parent / "templates"

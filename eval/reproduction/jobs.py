@@ -1,21 +1,38 @@
-"""Jobs of the reproduction: each gives one row, written as it finishes, found again on the next run."""
+"""Jobs of the reproduction: each gives one row, written as it finishes, found again on the next run.
+
+Tables of the reproduction: text cells under columns.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import importlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from ...controllers.errors import InvalidValueError
-from ..output.progress import progress_bars
+from ..output.progress import Work, about, progress_bars
 from ..output.rows import RowFile
-from ..output.work import Work, about
+from ..output.tables import markdown_table
 from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
+
+
+class Table(NamedTuple):
+    """Text cells under columns."""
+
+    title: str
+    columns: Sequence[str]
+    cells: Sequence[Sequence[str]]
+
+
+def markdown(table: Table) -> str:
+    """The table in Markdown under its title."""
+    return f"**{table.title}**\n\n{markdown_table(table.columns, table.cells)}"
+
 
 ENV_ID = "PushRecovery/Pendulum-v0"
 SECONDS = 0.6  # of a core that a job takes, about

@@ -16,14 +16,12 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import read_file
-from ...controllers.learned.policy_file import read_policy
-from ...controllers.model.similarity import SAME, Similarity
-from ...controllers.settings.arms import ARMS
-from ...controllers.settings.presets import is_preset_file, load_preset
-from ...envs.episode.profile import EXACT, Profile, get_profile
-from .load_policy import is_policy_file
+from ...controllers.model.robot import SAME, Similarity
+from ...controllers.policies.learned import read_policy
+from ...controllers.settings import ARMS, is_preset_file, load_preset
+from ...envs.scenario.scenario import EXACT, Profile, get_profile
+from .load_policy import import_from_here, is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
-from .user_object import import_from_here
 
 ROBOT_FILE = ".robot.json"
 OF_REFERENCE = ("Biped", "Pendulum")  # how ids of the robot of 60 kg begin

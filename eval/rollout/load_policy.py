@@ -1,21 +1,150 @@
-"""A policy by name, file, MODULE:ATTRIBUTE, or as an object, ready to act in an environment."""
+"""A policy by name, file, MODULE:ATTRIBUTE, or as an object, ready to act in an environment.
+
+Names of the learned policies that come with the package, and the files that they stand for.
+
+The files lie in the folder `policies/` beside this module, NAME.safetensors and NAME.json, and are no code: a
+new one leaves the digest of the code, and with it the rows of all others, as they are. How each came about
+stands in its JSON; its settings are those of `training.recipes`.
+
+Objects of the user: modules that the user named, and what in them acts.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import inspect
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.files import is_file
-from ...controllers.learned.network import NetworkPolicy
+from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies.interface import Policy, as_policy
-from ..sampling_mpc.settings import NAME as SAMPLING_MPC
-from ..shipped.names import NAMES, shipped_names
+from ...controllers.policies.learned import NetworkPolicy, policy_paths
+from ...controllers.validation import parse_json
+from ..sampling_mpc import NAME as SAMPLING_MPC
 from .names import DEFAULT_ENV
-from .user_object import acting, import_attribute
+
+FOLDER = Path(__file__).parent / "policies"
+# `residual` is seed 0, named before it was trained; the other seeds show how much hangs on the seed.
+NAMES = (
+    "residual", "residual-seed1", "residual-seed2", "residual-seed3", "residual-seed4",
+    "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware", "residual-g1",
+)  # fmt: skip
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Those of NAMES whose files are there."""
+    return tuple(name for name in NAMES if all(path.is_file() for path in policy_paths(FOLDER / name)))
+
+
+def shipped_digest() -> str:
+    """SHA-256 of the policies that are there: their names and files."""
+    digest = hashlib.sha256()
+    for name in shipped_names():
+        digest.update(name.encode() + b"\0")
+        for path in policy_paths(FOLDER / name):
+            digest.update(hashlib.sha256(read_file(path)).digest())
+    return digest.hexdigest()
+
+
+def training_note(path: Path) -> Any:
+    """What stands under `training` in a policy's JSON: how it came about; None where nothing does.
+
+    Raises:
+        InvalidValueError: the file can't be read, or is no JSON.
+    """
+    try:
+        about = parse_json(f"the policy description {path}", read_file(path))
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    return about.get("training") if isinstance(about, dict) else None
+
+
+def named_file(name: str) -> str:
+    """The weights' file that a name stands for; what is no name of a shipped policy comes back as it is.
+
+    Raises:
+        InvalidValueError: a name of a policy whose files are not there.
+    """
+    if name not in NAMES:
+        return name
+    if name not in shipped_names():
+        there = ", ".join(shipped_names()) or "none"
+        raise InvalidValueError(
+            f"policy {name!r} does not come with this version, whose trained policies are: {there}; "
+            f"train it with: push-recovery policies {name}"
+        )
+    return str(policy_paths(FOLDER / name)[0])
+
+
+def import_from_here(name: str) -> Any:
+    """A module that the user named, also from the working directory as `python -m` has it.
+
+    Raises:
+        InvalidValueError: no such module, or it can't be imported.
+    """
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise InvalidValueError(f"{name!r:.200} is no name of a module")
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise InvalidValueError(f"cannot import {name!r}: {error}") from error
+
+
+def import_attribute(name: str) -> tuple[Any, Any]:
+    """Module and attribute of MODULE:ATTRIBUTE.
+
+    Raises:
+        UnknownNameError: the module has no such attribute; lists those that it has.
+        InvalidValueError: no such module, or it can't be imported.
+    """
+    module_name, _, path = name.partition(":")
+    found = module = import_from_here(module_name)
+    for part in path.split("."):
+        if not part or not hasattr(found, part):
+            valid = [entry for entry in vars(found) if not entry.startswith("_")]
+            raise UnknownNameError(f"attribute of {module_name}", part, sorted(valid))
+        found = getattr(found, part)
+    return module, found
+
+
+def acting(policy: Any, name: str = "") -> Any:
+    """A name as text, or an object that acts; a class or a function without `predict` is called for it.
+
+    The name of a shipped policy becomes that of its file.
+
+    Raises:
+        InvalidValueError: there is no way to an object with `predict`, or no file of a shipped policy.
+    """
+    if isinstance(policy, str | os.PathLike):
+        return named_file(os.fspath(policy))
+    name = name or repr(policy)[:200]
+    if isinstance(policy, type) or (callable(policy) and not hasattr(policy, "predict")):
+        try:
+            policy = policy()
+        except TypeError as error:
+            raise InvalidValueError(f"policy {name} cannot be made without arguments: {error}") from error
+    if not callable(getattr(policy, "predict", None)):
+        raise InvalidValueError(f"policy {name} has no method predict(observation)")
+    return policy
+
+
+def source_of(what: Any) -> bytes:
+    """Source text of a module or class; nothing where there is none to read."""
+    try:
+        return inspect.getsource(what).encode()
+    except (OSError, TypeError):
+        return b""
+
 
 POLICY_SUFFIXES = (".safetensors", ".json")
 FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE")
@@ -52,7 +181,7 @@ def make_policy(name: str, env: Any) -> Policy:
         InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
             policy was made for another environment, or its file is not there.
     """
-    from ...controllers.policies.arms import make_policy as make_analytic
+    from ...controllers.policies.two_stage import make_policy as make_analytic
 
     if name in NAMES:
         return load_policy(name, env)
@@ -70,7 +199,7 @@ def make_policy(name: str, env: Any) -> Policy:
             f"environment below, such as {DEFAULT_ENV}"
         )
     if name == SAMPLING_MPC:
-        from ..sampling_mpc.policy import SamplingMpcPolicy
+        from ..sampling_mpc import SamplingMpcPolicy
 
         return SamplingMpcPolicy(env)
     return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
@@ -78,7 +207,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
 def _random_joints(name: str, episodes: Any) -> Policy:
     """The one analytic policy that acts on joints."""
-    from ...controllers.policies.random import RandomPolicy
+    from ...controllers.policies.interface import RandomPolicy
 
     if name != "random":
         raise InvalidValueError(
@@ -90,7 +219,7 @@ def _random_joints(name: str, episodes: Any) -> Policy:
 
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
-    from ...controllers.policies.arms import POLICY_NAMES
+    from ...controllers.policies.two_stage import POLICY_NAMES
 
     return (*POLICY_NAMES, SAMPLING_MPC, *shipped_names())
 
@@ -107,8 +236,7 @@ def is_attribute(name: str) -> bool:
 
 def acts_on_residual(env: Any) -> bool:
     """Whether the actions of an environment are residuals on a policy of its own."""
-    from ...envs.residual.vector_env import ResidualVectorEnv
-    from ...envs.residual.wrapper import ResidualAction
+    from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 
     if isinstance(env, ResidualVectorEnv):
         return True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from ...controllers.settings.arms import ARMS, ON_REQUEST
+from ...controllers.settings import ARMS, ON_REQUEST
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"

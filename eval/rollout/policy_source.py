@@ -17,17 +17,15 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file
-from ...controllers.learned.policy_file import policy_paths
 from ...controllers.policies.interface import Policy
+from ...controllers.policies.learned import policy_paths
 from ...envs.scenario.scenario import Scenario
+from ..output.progress import episode_seconds
 from ..output.rows import RowFile, default_directory
-from ..output.work import episode_seconds
-from ..sampling_mpc.settings import NAME as SAMPLING_MPC
-from ..sampling_mpc.settings import TIMES_THE_PLANNER
-from ..sampling_mpc.source import sampling_mpc_source
+from ..sampling_mpc import NAME as SAMPLING_MPC
+from ..sampling_mpc import TIMES_THE_PLANNER, sampling_mpc_source
 from .environments import make_env_for
-from .load_policy import is_attribute, is_policy_file, load_policy
-from .user_object import acting, import_attribute, source_of
+from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,13 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..output.provenance import versions
-from ..processes.cluster import RayPool, RayWorkers
-from ..processes.pool import Pool, WorkerPool
-from .batch import batch_episodes, plans_batches, rollout_batch
+from ..output.cluster import RayPool, RayWorkers
+from ..output.processes import Pool, WorkerPool
+from ..output.rows import versions
 from .environments import code_digest, make_env, own_env, preset_digest
-from .one import rollout
+from .episodes import ActionRule, Slots, action_rule, batch_episodes, plans_batches, rollout, rollout_batch
 from .outcome import Outcome
 from .policy_source import Sources, policy_sources
-from .slots import Slots
-from .wrapped_action import ActionRule, action_rule
 
 S = TypeVar("S")
 J = TypeVar("J")

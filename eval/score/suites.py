@@ -1,32 +1,33 @@
-"""Versioned suites of scenarios: the same pushes for every policy, addressed by a hash of their content."""
+"""Versioned suites of scenarios: the same pushes for every policy, addressed by a hash of their content.
+
+A suite of one's own, drawn from a seed: pushes of a known kind that nobody has met.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
 from ...controllers.files import is_file, read_file, write_text
-from ...controllers.json_text import parse_json
-from ...controllers.model.similarity import SAME, Similarity
-from ...controllers.validation import require_keys
-from ...envs.episode.profile import EXACT, HARDWARE, Profile
+from ...controllers.model.robot import SAME, Similarity
+from ...controllers.validation import parse_json, require_choice, require_integer, require_keys
+from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ...envs.scenario.push_distribution import PushDistribution
-from ...envs.scenario.scenario import Scenario
+from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
 from ..protocols.kick import every_kick
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
+from ..rollout.load_policy import shipped_digest
 from ..rollout.names import DEFAULT_ENV
-from ..shipped.names import shipped_digest
-from .shifts import HARD, SHIFTS, shifted_scenarios
-from .stratified import BLOCK, pelvis_scenarios
-from .varied import harder, varied_scenarios
+from .draw import BLOCK, HARD, SHIFTS, harder, pelvis_scenarios, shifted_scenarios, varied_scenarios
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
 BLOCKS = 4  # of 256 scenarios
@@ -276,3 +277,57 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     if path.suffix == ".json" or is_file(path):
         return load_suite(path)
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])
+
+
+RANGES: Mapping[str, PushDistribution] = MappingProxyType({"standard": PushDistribution(), "hard": HARD})
+KINDS = (*RANGES, "varied", *SHIFTS)
+LARGEST = 65536  # scenarios
+# Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
+UNUSED = {
+    "direction_min", "direction_max", "errors", "turn", "bodies", "push_duration_ratio", "pushes_max",
+}  # fmt: skip
+
+
+def new_suite(
+    like: str = "varied",
+    seed: int = 0,
+    scenarios: int = BLOCK,
+    name: str | None = None,
+    pushes: Mapping[str, Any] | None = None,
+) -> Suite:
+    """A suite drawn like a named one, from another seed; the same arguments give the same suite.
+
+    Args:
+        like: one of KINDS.
+        seed: of the draw.
+        scenarios: how many; every whole 256 of them are stratified.
+        name: of the suite; by default that of the kind and the seed.
+        pushes: other ranges than those of the kind, by fields of `PushDistribution`; of standard and hard.
+
+    Raises:
+        UnknownNameError: another kind, or a field that is none.
+        InvalidValueError: a number out of its bounds, an impossible range or name, or ranges of a kind that
+            has others.
+    """
+    require_choice("kind of suite", like, KINDS)
+    require_integer("seed", seed)
+    require_integer("scenarios", scenarios, 1, LARGEST)
+    label, blocks = name or f"{like}-{seed}", math.ceil(scenarios / BLOCK)
+    if like in RANGES:
+        drawn = pelvis_scenarios(label, _ranges(like, pushes or {}), blocks, seed)
+    elif pushes:
+        raise InvalidValueError(
+            f"only {' and '.join(RANGES)} take other ranges of pushes, not {like!r}: got {dict(pushes)}"
+        )
+    elif like in SHIFTS:
+        drawn = shifted_scenarios(like, label, blocks, seed)
+    else:
+        drawn = varied_scenarios(label, blocks, seed)
+    return Suite(label, "1", drawn[:scenarios])
+
+
+def _ranges(like: str, pushes: Mapping[str, Any]) -> PushDistribution:
+    """The ranges of a kind, with other values of some fields."""
+    known = RANGES[like].to_dict()
+    given = require_keys("ranges of pushes", dict(pushes), set(), set(known) - UNUSED)
+    return PushDistribution.from_dict({**known, **given})

@@ -12,16 +12,15 @@ from typing import Any
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.policies.arms import make_policy
-from ...controllers.policies.two_stage import TwoStagePolicy
+from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..processes.cluster import RayWorkers
-from ..processes.pool import Pool
-from ..rollout.batch import rollout_batch
+from ..output.cluster import RayWorkers
+from ..output.processes import Pool
 from ..rollout.environments import EnvName, env_ids, make_env
+from ..rollout.episodes import rollout_batch
 from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
 

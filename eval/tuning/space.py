@@ -1,4 +1,12 @@
-"""What is searched: dimensions with bounds and a natural unit, and points in them."""
+"""What is tuned: fields of planner and biped with bounds and units, and presets as points of that space.
+
+What is searched: dimensions with bounds and a natural unit, and points in them.
+
+The fields of planner and biped that are tuned, with bounds and units; `space_of` scales those of robots.
+
+Left out are weights that only scale a whole cost (alpha_step, beta_cop, com_price), what another field
+implies (freeze, which is the gait machine's commit), hardware, numerical constants and switches.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from ...controllers.settings import PlannerConfig
 
 DIGITS = 6  # significant digits of a value: short in a file, far finer than what matters
 Settings = dict[str, dict[str, float]]  # group -> field -> value
@@ -111,3 +121,123 @@ def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimens
         if name not in labels and name not in groups:
             raise UnknownNameError("field to tune", name, [*groups, *labels])
     return tuple(d for d in dimensions if not only or d.label in only or d.group in only)
+
+
+UNTUNED = ("passive", "stage-1-paper", "two-stage-paper", "random")  # nothing of theirs is free
+ARMS = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
+
+
+def _planner(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("planner", name, low, high, unit)
+
+
+def _weight(name: str, unit: float = 2.0, low: float = 1e-6) -> Dimension:
+    return Dimension("planner", name, low, 1e9, unit, "log")
+
+
+WEIGHTS = (_weight("alpha_duration", 1.5), _weight("alpha_offset"))  # of eq. 3; the former prices T
+STAGE_1 = (
+    _planner("duration_margin", 0.0, 0.1, 0.01),  # [s]
+    _planner("push_carry", 0.0, 0.2, 0.03),  # [s]
+    _planner("push_threshold", 0.0, 0.4, 0.03),  # [m]
+)
+STAGE_2 = (
+    _weight("beta_dcm"),
+    _planner("sampling_time", 0.04, 0.1, 0.005),  # [s]
+)
+COP = (
+    _planner("cop_margin_x", 0.0, 0.06, 0.004),  # [m]
+    _planner("cop_margin_y", 0.0, 0.03, 0.003),  # [m]
+)
+TRUNK = (
+    _weight("beta_trunk"),
+    _weight("beta_trunk_rate"),
+    _weight("beta_trunk_angle"),
+    _weight("beta_trunk_limit"),
+    _planner("trunk_gravity", 0.0, 150.0, 10.0),  # [N m]
+    _planner("tail_sampling_time", 0.03, 0.12, 0.006),  # [s]
+)
+MPC = (
+    _weight("mpc_velocity"),
+    _weight("mpc_jerk", 4.0, 1e-12),
+    _weight("mpc_step"),
+)
+UPRIGHT = (
+    Dimension("planner", "upright_stiffness", 2.0, 200.0, 1.3, "log"),  # [1/s^2]
+    Dimension("planner", "upright_damping", 1.0, 60.0, 1.3, "log"),  # [1/s]
+)
+
+
+def _limit(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("limits", name, low, high, unit)
+
+
+def _gait(name: str, low: float, high: float, unit: float) -> Dimension:
+    return Dimension("gait", name, low, high, unit)
+
+
+def _gain(name: str, start: float) -> Dimension:
+    return Dimension("gains", name, start / 8.0, start * 8.0, 1.2, "log")
+
+
+def _price(name: str) -> Dimension:
+    return Dimension("bounds", name, 1e-5, 10.0, 1.4, "log")
+
+
+ROBOT = (
+    _planner("touchdown_delay", 0.0, 0.03, 0.003),  # the robot's timing [s]
+    Dimension("planner", "swing_acceleration", 40.0, 1000.0, 1.1, "log"),  # likewise [m/s^2]
+    _limit("length_min", -0.55, -0.25, 0.02),  # [m]
+    _limit("length_max", 0.25, 0.55, 0.02),
+    _limit("width_min", 0.104, 0.16, 0.006),  # the feet are 0.1 m wide
+    _limit("width_max", 0.3, 0.7, 0.02),
+    _limit("duration_min", 0.08, 0.35, 0.015),  # [s]
+    _limit("duration_max", 0.4, 0.9, 0.03),
+    _gait("apex", 0.02, 0.12, 0.006),  # [m]
+    _gait("landing_delay", 0.0, 0.03, 0.003),  # [s]
+    _gait("commit", 0.0, 0.12, 0.01),
+    _gait("early", 0.0, 0.03, 0.003),
+    Dimension("gait", "early_load", 5.0, 100.0, 1.3, "log"),  # [N]
+    Dimension("gait", "forced_load", 50.0, 500.0, 1.3, "log"),
+    _gait("forced_phase", 0.3, 0.95, 0.06),
+    Dimension("gait", "descent", 0.1, 1.0, 1.3, "log"),  # [m/s]
+    _gait("reach", 0.62, 0.705, 0.008),  # thigh and shank are 0.72 m [m]
+    _gait("height_drop", 0.0, 0.25, 0.02),
+    _gait("height_lead", 0.0, 0.1, 0.01),  # [s]
+    _gait("height_time", 0.02, 0.2, 0.01),
+    _gain("stance_kp", 300.0), _gain("stance_kd", 35.0), _gain("swing_kp", 329.0), _gain("swing_kd", 36.3),
+    _gain("swing_max", 120.0), _gain("swing_turn_kp", 400.0), _gain("swing_turn_kd", 40.0),
+    _gain("pelvis_kp", 108.0), _gain("pelvis_kd", 20.8), _gain("heading_kp", 205.0),
+    _gain("heading_kd", 28.6), _gain("height_kp", 900.0), _gain("height_kd", 60.0),
+    Dimension("bounds", "cop_x_max", 0.05, 0.1, 0.004),  # [m]
+    Dimension("bounds", "cop_y_max", 0.02, 0.05, 0.002),
+    Dimension("bounds", "yaw_friction", 0.01, 0.06, 0.003),
+    Dimension("bounds", "friction", 0.5, 0.9, 0.03),
+    Dimension("bounds", "force_min", 10.0, 300.0, 1.3, "log"),  # [N]
+    _price("height_price"), _price("pelvis_price"), _price("heading_price"), _price("swing_price"),
+    _price("swing_turn_price"), _price("waist_price"),
+)  # fmt: skip
+
+OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
+
+
+def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
+    """The fields of PlannerConfig that an arm uses.
+
+    Raises:
+        UnknownNameError: no policy of that name with gains to tune; lists those that have some.
+    """
+    if policy not in ARMS:
+        raise UnknownNameError("policy to tune", policy, ARMS)
+    arm = make_policy(policy)
+    assert isinstance(arm, TwoStagePolicy)  # noqa: S101
+    config: PlannerConfig = arm.config
+    stage_2 = config.use_cop or config.use_trunk
+    weights, mpc = WEIGHTS if config.adapt_duration else WEIGHTS[1:], config.foothold == "linear_mpc"
+    return (
+        (weights if config.foothold == "optimal" else MPC if mpc else ())
+        + STAGE_1
+        + (STAGE_2 if stage_2 else ())
+        + (COP if config.use_cop or mpc else ())
+        + (TRUNK if config.use_trunk else UPRIGHT)
+    )

@@ -1,28 +1,363 @@
-"""A study: a search of so many trials, and the preset that comes of it."""
+"""A study: CMA-ES with successive halving over trials on disk, and the preset that comes of it.
+
+`TuningSettings`: all that a study is, besides its number of trials.
+
+From a preset to the space of a search, and from a point's settings back to a preset.
+
+CMA-ES by asking and telling: its proposals are a function of the seed and of what it was told.
+
+A search that starts again with the same seed and is told the same scores makes the same proposals, so that
+a study resumes by telling it what the finished trials found (Hansen and Ostermeier 2001; package `cmaes`).
+
+Successive halving on paired scenarios: a trial that is clearly worse than the best one is stopped early.
+
+Trials meet the same scenarios in the same order, so that the difference of two trials on the first n of them
+says more than either score: with d_i = value_i - best_i over those n,
+
+    score ~ best + mean(d),        clearly worse: mean(d) + z s / sqrt(n) < 0,   s^2 = sample variance of d.
+
+Trials: one point of the space each, run on the suite's scenarios, on disk when it is done.
+
+How a preset was found: what its file says for the reader, and what the command prints.
+
+A study: a search of so many trials, and the preset that comes of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...controllers.settings.presets import PresetFile, load_preset
+from ...controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from ...controllers.settings import PresetFile, load_preset
+from ...controllers.validation import require_choice, require_integer
+from ...envs.biped.core import SECTIONS, BipedSettings
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..output.rows import RowFile, default_directory
+from ..output.statistics import PairedCounts
 from ..protocols.watched import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
-from ..score.tuning_pushes import PUNCHES, held_out_of, punched_suite, tuning_suite
-from .candidate import preset_of, space_of
-from .findings import findings
-from .scorer import Scorer
-from .search import Search
-from .settings import TuningSettings
-from .space import Space
-from .trials import FIELDS, KEY, START, Row, Trials, best_of
+from .pushes import MOST, PUNCHES, TUNING, TUNING_SUITES, VARIED, held_out_of, punched_suite, tuning_suite
+from .scorer import BIPED, PENDULUM, RECOVERED, Scorer, check_env, own_episodes
+from .space import OF_TRUNK, ROBOT, Space, make_space, planner_dimensions, select
+
+SPACES = ("planner", "robot", "both")
+FEWEST_SCENARIOS = 8  # scenarios
+
+
+@dataclass(frozen=True)
+class TuningSettings:
+    """What is tuned, from where, on how many pushes.
+
+    Raises:
+        UnknownNameError: an environment, a policy or a space that cannot be tuned.
+        InvalidValueError: a space of another robot, or an impossible number.
+    """
+
+    env_id: str
+    policy: str
+    space: str = "planner"  # one of SPACES
+    only: tuple[str, ...] = ()  # groups or fields of it; none: all of it
+    preset: str = ""  # to start from, by name or file; the environment's own by default
+    seed: int = 0
+    suite: str = ""  # one of TUNING_SUITES; by default pushes of every kind where the robot takes them
+    scenarios: int = 256  # of it
+    held_out: int = 256  # of the one held out
+    errors: ModelErrors = EXACT_MODEL  # of every second robot, see `tuning_suite`
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "env_id", check_env(self.env_id))
+        planner_dimensions(self.policy)  # knows the arms that can be tuned
+        if self.space not in SPACES:
+            raise UnknownNameError("space to tune", self.space, SPACES)
+        if self.space != "planner" and self.env_id == PENDULUM:
+            raise InvalidValueError(
+                f"space {self.space!r} is that of robots; {PENDULUM} has the space 'planner' only"
+            )
+        require_integer("seed", self.seed)
+        for name in ("scenarios", "held_out"):
+            if not FEWEST_SCENARIOS <= require_integer(name, getattr(self, name)) <= MOST:
+                raise InvalidValueError(
+                    f"{name} must be in [{FEWEST_SCENARIOS}, {MOST}], got {getattr(self, name)}"
+                )
+        if not self.preset:
+            object.__setattr__(self, "preset", own_episodes(self.env_id).preset)
+        self._check_suite()
+
+    def _check_suite(self) -> None:
+        if not self.suite:
+            plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
+            object.__setattr__(self, "suite", TUNING if plain else VARIED)
+        require_choice("tuning suite", self.suite, list(TUNING_SUITES))
+        if self.suite != TUNING and self.env_id == PENDULUM:
+            raise InvalidValueError(
+                f"suite {self.suite!r} is that of robots; {PENDULUM} takes {TUNING!r} only"
+            )
+        if self.suite == VARIED and self.errors != EXACT_MODEL:
+            raise InvalidValueError(
+                f"every second robot of suite {VARIED!r} has the errors of the profile hardware already, "
+                f"got {self.errors.to_dict()}: leave them out, or take suite {TUNING!r}"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return {**asdict(self), "only": list(self.only), "errors": self.errors.to_dict()}
+
+
+BIPED_PRESET = "biped"
+
+
+def space_of(settings: TuningSettings) -> Space:
+    """The dimensions that a study searches, starting at its preset.
+
+    Those of another robot than the biped have its bounds and units times as much as their start is of the
+    biped's own value. What turns a trunk is left out where there is no waist.
+
+    Raises:
+        UnknownNameError: a field that is not among them.
+    """
+    planner, robot = settings.space != "robot", settings.space != "planner"
+    dimensions = (planner_dimensions(settings.policy) if planner else ()) + (ROBOT if robot else ())
+    start = _values(settings.preset, settings.policy)
+    if settings.env_id not in (BIPED, PENDULUM):
+        own, model = _values(BIPED_PRESET, settings.policy), own_episodes(settings.env_id).robot
+        if not (model.trunk_pitch or model.trunk_roll):
+            dimensions = tuple(d for d in dimensions if d.name not in OF_TRUNK)
+        dimensions = tuple(d.times(_ratio(start[d.group][d.name], own[d.group][d.name])) for d in dimensions)
+    return make_space(select(dimensions, settings.only), start)
+
+
+def _values(preset: str, policy: str) -> dict[str, Mapping[str, Any]]:
+    """Group -> field -> value of an arm's own settings."""
+    found = load_preset(preset)
+    robot = BipedSettings().changed(found.robot(policy)).to_dict()
+    return {"planner": asdict(found.config(policy)), **robot}
+
+
+def _ratio(value: float, other: float) -> float:
+    """How many times the other one a value is; 1 where there is no ratio."""
+    return value / other if value * other > 0.0 else 1.0
+
+
+def preset_of(
+    settings: TuningSettings,
+    values: Mapping[str, Mapping[str, float]],
+    found: Mapping[str, Any] | None = None,
+) -> PresetFile:
+    """The preset of a point: what the study starts from, with the point's values put in as the arm's own.
+
+    The planner holds its plan when the gait machine commits the swing foot.
+    """
+    start = load_preset(settings.preset)
+    own = {**start.arms.get(settings.policy, {}), **values.get("planner", {})}
+    if "commit" in values.get("gait", {}):
+        own["freeze"] = values["gait"]["commit"]
+    if sections := {name: values[name] for name in SECTIONS if name in values}:
+        robot = own.get("biped", {})
+        own["biped"] = {**robot, **{name: {**robot.get(name, {}), **part} for name, part in sections.items()}}
+    return replace(start, arms={**start.arms, settings.policy: own}, found={**whose(start), **(found or {})})
+
+
+def whose(preset: PresetFile) -> dict[str, Any]:
+    """What `found` of a preset that comes of this one says of whose it is."""
+    return {} if preset.made_for is None else {"robot": preset.made_for}
+
+
+SIGMA = 1.0  # first standard deviation, in the units of the dimensions
+FEWEST_DIMENSIONS = 2  # the package's least number of dimensions
+
+
+class Search:
+    """Proposes points of a space, generation by generation; the first generation is drawn about the start.
+
+    Raises:
+        InvalidValueError: fewer than two dimensions.
+        MissingExtraError: the package is not installed.
+    """
+
+    def __init__(self, space: Space, seed: int):
+        try:
+            from cmaes import CMA
+        except ImportError as error:
+            raise MissingExtraError("cmaes", "tune") from error
+        self.size = n = len(space.dimensions)
+        if n < FEWEST_DIMENSIONS:
+            raise InvalidValueError(f"a search needs at least {FEWEST_DIMENSIONS} fields, got {n}")
+        word = int(np.random.SeedSequence(seed).generate_state(1)[0])
+        self._cma = CMA(mean=np.zeros(n), sigma=SIGMA, bounds=space.bounds, seed=word)
+        self._told: list[tuple[NDArray[np.float64], float]] = []
+
+    @property
+    def population(self) -> int:
+        """Proposals in a generation, 4 + floor(3 ln n)."""
+        return int(self._cma.population_size)
+
+    def ask(self) -> NDArray[np.float64]:
+        """The next point, (n,)."""
+        return np.asarray(self._cma.ask(), dtype=np.float64)
+
+    def tell(self, point: NDArray[np.float64], score: float) -> None:
+        """Say what the last point is worth; a generation moves the search once all of it is told."""
+        self._told.append((point, -score))  # the package minimises
+        if len(self._told) == self.population:
+            self._cma.tell(self._told)
+            self._told = []
+
+
+Z = 1.645  # one-sided 95 %: of trials as good as the best, one in twenty is stopped at each rung
+RUNGS = (0.25, 0.5, 1.0)  # shares of the scenarios
+
+
+def rungs(scenarios: int) -> list[int]:
+    """Numbers of scenarios after which a trial is looked at; the last one is all of them."""
+    return sorted({max(1, round(share * scenarios)) for share in RUNGS})
+
+
+def estimate(values: Sequence[float], best: Sequence[float]) -> float:
+    """Score of a trial from its first values; their mean where it has all, or where there is no best."""
+    n = len(values)
+    if n >= len(best):
+        return float(np.mean(values))
+    return float(np.mean(best) + np.mean(np.subtract(values, best[:n])))
+
+
+def clearly_worse(values: Sequence[float], best: Sequence[float]) -> bool:
+    """Whether the first values leave little hope of reaching the best trial."""
+    n = len(values)
+    if n >= len(best) or n < 2:
+        return False
+    difference = np.subtract(values, best[:n])
+    return bool(difference.mean() + Z * difference.std(ddof=1) / math.sqrt(n) < 0.0)
+
+
+def race(run: Callable[[int, int], list[float]], scenarios: int, best: Sequence[float]) -> list[float]:
+    """Values of a trial, rung by rung, until it is clearly worse than the best one.
+
+    Args:
+        run: values of the scenarios from the first number to before the second.
+        scenarios: how many there are.
+        best: values of the best trial so far on all of them; empty: this one is run in full.
+    """
+    values: list[float] = []
+    for end in rungs(scenarios) if len(best) else [scenarios]:
+        values += run(len(values), end)
+        if clearly_worse(values, best):
+            break
+    return values
+
+
+CANDIDATE = "candidate.json"  # the preset that is being run
+START = 0  # number of the trial that is the start itself
+KEY = ("suite", "trial")
+FIELDS = ("score", "stopped", "scenarios", "settings", "point", "values")
+Row = dict[str, Any]
+
+
+def best_of(rows: Sequence[Row]) -> Row:
+    """The row of the highest score among those that met every scenario; of equal ones the first."""
+    return max((row for row in rows if not row["stopped"]), key=lambda row: row["score"])
+
+
+class Trials:
+    """Runs points, or takes their rows out of the directory.
+
+    Args:
+        settings: of the study.
+        space: whose points are run.
+        store: rows of the directory.
+        scorer: runs scenarios.
+        directory: where the preset that is being run lies.
+    """
+
+    def __init__(
+        self, settings: TuningSettings, space: Space, store: RowFile, scorer: Scorer, directory: Path
+    ):
+        self._settings, self._space, self._store = settings, space, store
+        self._scorer, self._path = scorer, directory / CANDIDATE
+
+    def run(self, number: int, point: NDArray[np.float64], suite: Suite, best: Row | None) -> Row:
+        """The row of a point; stopped early where it is clearly worse than the best one so far.
+
+        Raises:
+            InvalidValueError: the directory has a trial of this number at another point.
+        """
+        key = (suite.name, number)
+        if key in self._store.rows:
+            row = self._store.rows[key]
+            if not np.allclose(row["point"], point, rtol=1e-9, atol=1e-9):
+                raise InvalidValueError(
+                    f"{str(self._store.path)!r} has trial {number} at another point than this search asks "
+                    "for: choose another --out, or --overwrite to start over"
+                )
+            return row
+        settings = self._space.settings(point)
+        preset_of(self._settings, settings).save(self._path)
+        values = race(
+            lambda first, end: self._scorer.values(self._path, suite.scenarios[first:end]),
+            len(suite.scenarios),
+            best["values"] if best else (),
+        )
+        row = {
+            "suite": suite.name, "trial": number, "score": estimate(values, best["values"] if best else ()),
+            "stopped": len(values) < len(suite.scenarios), "scenarios": len(values), "settings": settings,
+            "point": point.tolist(), "values": values,
+        }  # fmt: skip
+        self._store.append(row)
+        return row
+
+    def close(self) -> None:
+        """Remove the preset that was being run."""
+        self._path.unlink(missing_ok=True)
+
+
+def comparison(start: Row, best: Row) -> dict[str, Any]:
+    """Scores of start and best on the same scenarios, and how their recoveries differ."""
+    recovered = [np.array(row["values"]) == RECOVERED for row in (best, start)]
+    counts = PairedCounts.of(*recovered)
+    return {
+        "start": {"score": start["score"], "recovered": int(recovered[1].sum())},
+        "best": {"score": best["score"], "recovered": int(recovered[0].sum())},
+        "scenarios": counts.pairs,
+        "only_best": counts.only_a,
+        "only_start": counts.only_b,
+        "mcnemar_p": counts.p_value,
+        "rate_difference": counts.rate_difference,
+        "ci95": list(counts.interval),
+    }
+
+
+def findings(
+    config: Mapping[str, Any], population: int, rows: Sequence[Row], held_out: Mapping[int, Row]
+) -> dict[str, Any]:
+    """The section `found` of a preset file.
+
+    Args:
+        config: configuration of the study.
+        population: trials in a generation.
+        rows: of all trials.
+        held_out: rows of start and best on the suite held out, by number of the trial.
+    """
+    best = best_of(rows)
+    return {
+        "by": f"CMA-ES (cmaes {version('cmaes')}), {population} trials a generation, successive halving",
+        "trials": len(rows) - 1,
+        "stopped_early": sum(row["stopped"] for row in rows),
+        "episodes": sum(row["scenarios"] for row in [*rows, *held_out.values()]),
+        "trial": best["trial"],
+        "tuning": comparison(rows[START], best),
+        "held_out": comparison(held_out[START], held_out[best["trial"]]),
+        **{name: config[name] for name in ("tune", "suites", "code", "space")},
+    }
+
 
 FORMAT = 1
 OnTrial = Callable[[Row, Row], None]

@@ -12,29 +12,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if Path(sys.argv[0]).name in {"push-recovery", "-m"}:  # the command starts: nothing is there to be kept
-    from .eval.processes.interrupts import end_at_ctrl_c
+    from .eval.output.processes import end_at_ctrl_c
 
     end_at_ctrl_c()
 
 from gymnasium.envs.registration import register
 
 if TYPE_CHECKING:
-    from .controllers.model.body_plan import BodyPlan
-    from .controllers.model.robot import RobotModel
-    from .controllers.settings.planner_config import PlannerConfig
-    from .envs.biped.robots.description import RobotDescription
-    from .envs.biped.robots.register import register_robot
-    from .envs.residual.action_hold import ActionHold
-    from .envs.residual.wrapper import ResidualAction
-    from .envs.scenario.command import CommandChange
+    from .controllers.model.robot import BodyPlan, RobotModel
+    from .controllers.settings import PlannerConfig
+    from .envs.robots.description import RobotDescription, register_robot
+    from .envs.scenario.distribution import PushDistribution
     from .envs.scenario.model_errors import ModelErrors
     from .envs.scenario.push import GaitEvent, Kick, Push
-    from .envs.scenario.push_distribution import PushDistribution
-    from .envs.scenario.scenario import Command, Scenario
-    from .eval.api.frontier import frontier
-    from .eval.api.rollout import rollout
-    from .eval.api.score import compare, evaluate
-    from .eval.processes.cluster import ray_workers
+    from .envs.scenario.scenario import Command, CommandChange, Scenario
+    from .envs.wrappers import ActionHold, ResidualAction
+    from .eval.api import compare, evaluate, frontier, rollout
+    from .eval.output.cluster import ray_workers
     from .eval.record.record import record
     from .eval.record.words import describe
     from .eval.rollout.load_policy import load_policy, make_policy
@@ -50,31 +44,31 @@ __all__ = [
 ]  # fmt: skip
 
 _MODULES = {
-    "ActionHold": "envs.residual.action_hold",
-    "BodyPlan": "controllers.model.body_plan",
+    "ActionHold": "envs.wrappers",
+    "BodyPlan": "controllers.model.robot",
     "Command": "envs.scenario.scenario",
-    "CommandChange": "envs.scenario.command",
+    "CommandChange": "envs.scenario.scenario",
     "GaitEvent": "envs.scenario.push",
     "Kick": "envs.scenario.push",
     "ModelErrors": "envs.scenario.model_errors",
-    "PlannerConfig": "controllers.settings.planner_config",
+    "PlannerConfig": "controllers.settings",
     "Push": "envs.scenario.push",
-    "PushDistribution": "envs.scenario.push_distribution",
-    "ResidualAction": "envs.residual.wrapper",
-    "RobotDescription": "envs.biped.robots.description",
+    "PushDistribution": "envs.scenario.distribution",
+    "ResidualAction": "envs.wrappers",
+    "RobotDescription": "envs.robots.description",
     "RobotModel": "controllers.model.robot",
     "Scenario": "envs.scenario.scenario",
-    "compare": "eval.api.score",
+    "compare": "eval.api",
     "describe": "eval.record.words",
-    "evaluate": "eval.api.score",
-    "frontier": "eval.api.frontier",
+    "evaluate": "eval.api",
+    "frontier": "eval.api",
     "get_suite": "eval.score.suites",
     "load_policy": "eval.rollout.load_policy",
     "make_policy": "eval.rollout.load_policy",
-    "ray_workers": "eval.processes.cluster",
+    "ray_workers": "eval.output.cluster",
     "record": "eval.record.record",
-    "register_robot": "envs.biped.robots.register",
-    "rollout": "eval.api.rollout",
+    "register_robot": "envs.robots.description",
+    "rollout": "eval.api",
 }
 
 
@@ -97,7 +91,7 @@ register(
 )
 _FORMS = {  # of a robot's environment: what follows its name -> one robot, n robots
     "": ("biped.env:BipedEnv", "biped.env:make_biped_vector"),
-    "Residual": ("residual.wrapper:make_biped_residual", "residual.vector_env:make_biped_residual_vector"),
+    "Residual": ("wrappers:make_biped_residual", "wrappers:make_biped_residual_vector"),
     "Joint": ("joint.env:BipedJointEnv", "joint.env:make_biped_joint_vector"),
     "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
 }

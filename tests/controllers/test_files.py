@@ -7,9 +7,9 @@ import pytest
 from push_recovery.controllers import files
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.files import read_file, write_atomically
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.controllers.settings.presets import load_preset
-from push_recovery.eval.ceiling.answers import Answers
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.controllers.settings import load_preset
+from push_recovery.eval.ceiling import Answers
 from push_recovery.eval.score.suites import load_suite
 
 

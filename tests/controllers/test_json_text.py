@@ -3,12 +3,12 @@ from dataclasses import dataclass
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.json_text import changed_fields, parse_json
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.controllers.settings import load_preset
+from push_recovery.controllers.validation import changed_fields, parse_json
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.ceiling.answers import Answers
+from push_recovery.eval.ceiling import Answers
 from push_recovery.eval.score.suites import load_suite
 
 NESTED = "[" * 100_000

@@ -1,6 +1,6 @@
 """What differs between two robots, in words."""
 
-from push_recovery.controllers.made_for import differences
+from push_recovery.controllers.validation import differences
 
 
 def test_entries_that_differ_are_told_with_both_values():

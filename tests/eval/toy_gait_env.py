@@ -2,15 +2,13 @@
 
 import gymnasium as gym
 import numpy as np
-from push_recovery.controllers.learned.description import PolicyDescription
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.scenario.push_arrays import push_arrays
-from push_recovery.envs.scenario.push_distribution import PushDistribution
-from push_recovery.envs.scenario.push_force import mean_force, resolve_starts
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.envs.scenario.arrays import mean_force, push_arrays, resolve_starts
+from push_recovery.envs.scenario.distribution import PushDistribution
 
 STEP = 0.65
 ENV_ID = "toy_gait_env:PushRecovery/Toy-v0"

@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.score.suites import get_suite
 from test_outcomes import SLOTS, close

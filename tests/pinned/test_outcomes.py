@@ -14,8 +14,8 @@ from pathlib import Path
 import llvmlite.binding
 import pytest
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.score.suites import get_suite
 

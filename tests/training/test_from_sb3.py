@@ -4,10 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.residual.action_hold import ActionHold
-from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.training.from_sb3 import from_sb3
 
 torch = pytest.importorskip("torch")

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.eval.shipped import names
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.eval.rollout import load_policy as names
 from push_recovery.training.ppo import train
 from push_recovery.training.settings import TrainingSettings
 

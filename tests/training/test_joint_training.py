@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.network import NetworkPolicy
+from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.training import ppo
 from push_recovery.training.builders import make_env as make_training_env
-from push_recovery.training.imitation.settings import ImitationSettings
+from push_recovery.training.imitation import ImitationSettings
 from push_recovery.training.ppo import train
-from push_recovery.training.robots.vec_env import TrainingRobots
 from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.vec_env import TrainingRobots
 
 ENVS = {"joint": "PushRecovery/BipedJoint-v0", "joint-residual": "PushRecovery/BipedJointResidual-v0"}
 SHORT = TrainingSettings(

@@ -7,7 +7,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.scenario import Scenario
 
 pytest.importorskip("stable_baselines3")
-from push_recovery.training.sb3_vec_env import SB3VecEnv
+from push_recovery.training.vec_env import SB3VecEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
-from push_recovery.controllers.learned.inputs import NetworkInputs
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.residual.action_hold import ActionHold
-from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.controllers.policies.mlp import NetworkInputs
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.wrappers import ActionHold, ResidualAction
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.training.builders import FallingRate, make_ppo
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import train

@@ -7,9 +7,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.eval.processes.writer import Writer
-from push_recovery.eval.rollout.one import rollout
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.eval.output.rows import Writer
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
 from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
 from push_recovery.training.ppo import Run, resume, train
@@ -248,7 +248,7 @@ def test_an_untrained_network_gives_zero(tmp_path, settings):
 
 
 def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, settings):
-    from push_recovery.controllers.policies.arms import make_policy
+    from push_recovery.controllers.policies.two_stage import make_policy
 
     result = train(dataclasses.replace(settings, kind="residual", timesteps=0, hold=2), tmp_path / "run")
     env = gym.make(settings.env_id)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.baselines.horizon import (
+from push_recovery.controllers.policies.linear_mpc import (
     ACCELERATION,
     COLUMNS,
     FOOT,

@@ -5,12 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.baselines.horizon import SAMPLES, STEPS
-from push_recovery.controllers.baselines.linear_mpc import LinearMpc
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import COP, DURATION, STEP, GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
 from push_recovery.controllers.model.observation import (
     COM,
     COM_VELOCITY,
@@ -20,12 +17,11 @@ from push_recovery.controllers.model.observation import (
     PREVIOUS_ACTION,
 )
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
-from push_recovery.controllers.stage_1.columns import DCM_END, OFFSET, REMAINING, ROW_SIZE, TARGET
-from push_recovery.controllers.stage_1.planner import StepPlanner
+from push_recovery.controllers.policies.linear_mpc import SAMPLES, STEPS, LinearMpc
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.settings import PlannerConfig
+from push_recovery.controllers.stage_1 import DCM_END, OFFSET, REMAINING, ROW_SIZE, TARGET, StepPlanner
 from scipy.optimize import minimize
 
 ROBOT, LIMITS = RobotModel(), replace(GaitLimits(), duration_max=0.6)

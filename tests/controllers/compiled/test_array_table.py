@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 from numba.core.errors import TypingError
-from push_recovery.controllers.compiled.array_table import (
+from push_recovery.controllers.array_table import (
     DIMENSIONS,
     Floats1,
     Ints2,

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from push_recovery.controllers.compiled import cache_place
+from push_recovery.controllers import jit as cache_place
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ import sys
 import time
 
 import pytest
-from push_recovery.controllers.compiled import compile_notice
-from push_recovery.controllers.compiled.compile_notice import LATELY, MESSAGE
+from push_recovery.controllers import jit as compile_notice
+from push_recovery.controllers.jit import LATELY, MESSAGE
 
 CODE = """
-from push_recovery.controllers.compiled.compile_notice import announce_compilation
+from push_recovery.controllers.jit import announce_compilation
 announce_compilation(), announce_compilation()
 from push_recovery.controllers.model.gait_box import GaitLimits, _scale
 from numba import njit

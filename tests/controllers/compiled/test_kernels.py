@@ -6,9 +6,9 @@ import sys
 import threading
 
 import pytest
-from push_recovery.controllers.compiled import kernels
+from push_recovery.controllers import jit as kernels
 
-IMPORT = "from push_recovery.controllers.compiled.kernels import njit\n"
+IMPORT = "from push_recovery.controllers.jit import njit\n"
 FILES = {
     "__init__.py": "",
     "limits.py": "GAIN = 2.0\n",
@@ -85,11 +85,11 @@ def test_a_damaged_file_is_compiled_anew(toy, tmp_path):
 def test_a_process_waits_for_another_that_compiles_the_same_kernel(toy):
     _, start = toy
     code = (
-        "import sys\nfrom push_recovery.controllers.compiled.kernels import _only_process\n"
+        "import sys\nfrom push_recovery.controllers.jit import _only_process\n"
         "with _only_process('a'):\n    print('held', flush=True)\n    sys.stdin.read()\n"
     )
     waiting = (
-        "from push_recovery.controllers.compiled.kernels import _only_process\n"
+        "from push_recovery.controllers.jit import _only_process\n"
         "with _only_process('b'):\n    print('free', flush=True)\n"
         "with _only_process('a'):\n    print('had', flush=True)\n"
     )

@@ -3,14 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.quaternion import (
-    conjugate,
-    normalised,
-    of_rotation,
-    product,
-    rotated,
-    rotation_of,
-)
+from push_recovery.controllers.math3 import conjugate, normalised, of_rotation, product, rotated, rotation_of
 
 RNG = np.random.default_rng(1)
 A, B = (tuple(q / np.linalg.norm(q)) for q in RNG.normal(size=(2, 4)))

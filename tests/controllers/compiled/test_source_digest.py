@@ -5,7 +5,7 @@ import sys
 import types
 
 import pytest
-from push_recovery.controllers.compiled import source_digest as digests
+from push_recovery.controllers import jit as digests
 
 TEXTS = {
     "pack": "",
@@ -72,14 +72,10 @@ def test_another_version_of_an_outside_package_counts(package, monkeypatch):
 
 
 def test_the_modules_that_an_import_may_mean():
-    found = digests.imported_modules(
-        "push_recovery.controllers.compiled.kernels", 1, "source_digest", "LENGTH"
-    )
-    assert found == {"push_recovery.controllers.compiled.source_digest"}
-    found = digests.imported_modules("push_recovery.controllers.compiled.kernels", 1, "", "source_digest, x")
-    assert found == {
-        "push_recovery.controllers.compiled", "push_recovery.controllers.compiled.source_digest"
-    }  # fmt: skip
+    found = digests.imported_modules("push_recovery.controllers.math3", 1, "jit", "njit")
+    assert found == {"push_recovery.controllers.jit"}
+    found = digests.imported_modules("push_recovery.controllers.math3", 1, "", "jit, x")
+    assert found == {"push_recovery.controllers", "push_recovery.controllers.jit"}
 
 
 def test_every_import_of_a_kernel_s_module_is_seen():

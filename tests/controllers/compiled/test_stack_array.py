@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 from numba.np.numpy_support import carray
-from push_recovery.controllers.compiled.stack_array import stack_floats
+from push_recovery.controllers.math3 import stack_floats
 
 
 @njit

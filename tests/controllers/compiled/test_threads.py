@@ -5,8 +5,8 @@ import multiprocessing
 import threading
 
 import pytest
-from push_recovery.controllers.compiled.threads import RangeThreads
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.jit import RangeThreads
 
 
 @pytest.mark.parametrize(("threads", "n"), [(1, 5), (2, 5), (3, 3), (4, 2), (2, 1), (3, 17)])

@@ -1,5 +1,5 @@
 import numpy as np
-from push_recovery.controllers.compiled.vector_3 import (
+from push_recovery.controllers.math3 import (
     add,
     cross,
     dot,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.estimation.grip import (
+from push_recovery.controllers.estimation.base_estimate import (
     GRIP_MIN,
     MOST,
     NO_NOISE,

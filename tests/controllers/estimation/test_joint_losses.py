@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.estimation.joint_losses import (
+from push_recovery.controllers.estimation.self_model import (
     BEFORE,
     FRICTION,
+    LOSS_SIZE,
     LOST,
     ROTOR,
-    SIZE,
     add_losses,
     conclude,
     direction,
@@ -17,14 +17,13 @@ from push_recovery.controllers.estimation.joint_losses import (
     keep_leg,
     take_in,
 )
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import LEG_DOF
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.tuning.scorer import preset_episodes
 from scipy.signal import lfilter
 
@@ -41,7 +40,7 @@ def motion(seconds: float = 0.6, seed: int = 3):
 
 def told(rate, acceleration, lost) -> np.ndarray:
     """Row of a joint that has moved so."""
-    joint = np.zeros(SIZE)
+    joint = np.zeros(LOSS_SIZE)
     for v, a, r in zip(rate, acceleration, lost, strict=True):
         take_in(joint, r, v, a, DT)
     return joint
@@ -106,7 +105,7 @@ def test_what_a_leg_loses_is_what_its_motors_give_beyond_mujocos_m_and_h(random_
     rng = np.random.default_rng(8 + leg)
     core, data = robot_in(*random_state(rng))
     physics, qdd, lost = core.physics, rng.normal(0.0, 20.0, 20), rng.uniform(-3.0, 3.0, 6)
-    needed, joints, before = np.empty(20), np.zeros((1, 14, SIZE)), np.zeros((1, BEFORE))
+    needed, joints, before = np.empty(20), np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
     mujoco.mj_mulM(MODEL, data, needed, qdd)
     needed += data.qfrc_bias
     rows = slice(LEG_DOF[leg] - 6, LEG_DOF[leg])
@@ -123,7 +122,7 @@ def test_what_a_leg_loses_is_what_its_motors_give_beyond_mujocos_m_and_h(random_
 
 def test_losses_are_added_to_mass_matrix_and_bias(random_state, robot_in):
     core, data = robot_in(*random_state(np.random.default_rng(5)))
-    physics, joints = core.physics, np.zeros((1, 14, SIZE))
+    physics, joints = core.physics, np.zeros((1, 14, LOSS_SIZE))
     joints[0, :, FRICTION], joints[0, :, ROTOR] = np.arange(14.0), 0.01 * np.arange(14.0)
     add_losses(joints, physics, 0)
     mass, full = np.empty((20, 20)), np.empty((20, 20))
@@ -139,7 +138,7 @@ def test_losses_are_added_to_mass_matrix_and_bias(random_state, robot_in):
 def test_a_leg_tells_only_in_the_air_and_concludes_as_it_has_landed(random_state, robot_in):
     core, _ = robot_in(*random_state(np.random.default_rng(6)), stance=1)
     physics, gait = core.physics, core.gait
-    joints, before = np.zeros((1, 14, SIZE)), np.zeros((1, BEFORE))
+    joints, before = np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
     gait.elapsed[0], physics.load[0] = 0.1, (30.0, 500.0)
     feel_joints(joints, before, physics, gait, 0, DT)
     assert not joints.any()

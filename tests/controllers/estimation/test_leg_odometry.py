@@ -2,19 +2,23 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.quaternion import of_rotation, rotated
 from push_recovery.controllers.estimation.base_estimate import (
+    GATE,
+    LOADED,
+    STANDING_DEVIATION,
     VV,
     BaseEstimate,
+    Inertial,
     begin_estimate,
     deviations,
     empty_base_estimate,
+    listen_to_soles,
+    navigate,
 )
-from push_recovery.controllers.estimation.leg_odometry import GATE, LOADED, STANDS, listen_to_soles
-from push_recovery.controllers.estimation.strapdown import Inertial, navigate
+from push_recovery.controllers.math3 import of_rotation, rotated
 from push_recovery.controllers.whole_body.kinematics import LEG_DOF, Physics, sole_motion, sole_position
 from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.biped.robots.biped.robot import biped
+from push_recovery.envs.robots.biped import biped
 
 DT, G = 0.002, 9.81
 SOLES = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
@@ -51,7 +55,7 @@ def test_a_standing_sole_corrects_the_velocity_by_the_gain_of_one_measurement(st
     phys, estimate = standing((300.0, 0.0))
     moving(estimate, phys, (0.02, -0.01, 0.015))
     estimate.level[0, VV] = estimate.lift[0, 0] = 9e-4
-    left = STANDS**2 / (STANDS**2 + 9e-4)
+    left = STANDING_DEVIATION**2 / (STANDING_DEVIATION**2 + 9e-4)
     listen_to_soles(estimate, 0, phys, DT)
     np.testing.assert_allclose(estimate.velocity[0], left * np.array([0.02, -0.01, 0.015]), rtol=1e-12)
     np.testing.assert_array_equal(phys.qvel[0, :3], estimate.velocity[0])
@@ -66,7 +70,7 @@ def test_a_sole_that_turns_counts_for_less(standing):
     phys.qvel[0, LEG_DOF[0] + 5] = 0.5  # of the ankle about the foot's long axis, through the sole's centre
     before = sole_motion(phys, 0, 0, (0.0, 0.0, 0.0)).velocity[0]
     listen_to_soles(estimate, 0, phys, DT)
-    noise = STANDS**2 + 0.2**2
+    noise = STANDING_DEVIATION**2 + 0.2**2
     np.testing.assert_allclose(estimate.velocity[0, 0], 0.02 - 9e-4 / (9e-4 + noise) * before, rtol=1e-6)
 
 
@@ -89,7 +93,7 @@ def test_two_soles_count_as_two_measurements(standing):
     moving(estimate, phys, (0.02, 0.0, 0.0))
     estimate.level[0, VV] = 9e-4
     listen_to_soles(estimate, 0, phys, DT)
-    left = 1.0 / (1.0 + 2.0 * 9e-4 / STANDS**2)
+    left = 1.0 / (1.0 + 2.0 * 9e-4 / STANDING_DEVIATION**2)
     np.testing.assert_allclose(estimate.velocity[0, 0], left * 0.02, rtol=1e-12)
 
 

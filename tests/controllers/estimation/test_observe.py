@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model import observation as layout
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK
-from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.envs.biped.core import BIPED
+from push_recovery.envs.robots.biped import PLAN, biped_model
 
 MODEL = biped_model()
 

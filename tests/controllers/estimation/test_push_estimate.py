@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.model.observation import PREVIOUS_ACTION, PUSH_ESTIMATE
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.robots.biped.robot import biped_model
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

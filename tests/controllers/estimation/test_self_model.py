@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.estimation.grip import PLACE, START
+from push_recovery.controllers.estimation.base_estimate import PLACE, START
 from push_recovery.controllers.estimation.self_model import DRIFT_KNOWN, STANDING, learn_grip
 from push_recovery.controllers.model.observation import COM, COM_HEIGHT_ERROR, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario

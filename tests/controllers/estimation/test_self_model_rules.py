@@ -17,7 +17,7 @@ from push_recovery.controllers.estimation.self_model import (
     weigh,
 )
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.envs.biped.settings import BIPED_GAIT
+from push_recovery.envs.biped.core import BIPED_GAIT
 
 LEFT, RIGHT = -1.0, 1.0  # sign of the canonical y on a stance foot
 

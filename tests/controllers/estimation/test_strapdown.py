@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.quaternion import conjugate, of_rotation, product, rotated
 from push_recovery.controllers.estimation.base_estimate import (
+    BEYOND_RANGE,
+    FORCE_RANGE,
     VV,
     BaseEstimate,
+    Inertial,
     begin_estimate,
     deviations,
     empty_base_estimate,
+    navigate,
 )
-from push_recovery.controllers.estimation.strapdown import BEYOND_RANGE, FORCE_RANGE, Inertial, navigate
+from push_recovery.controllers.math3 import conjugate, of_rotation, product, rotated
 
 DT, G = 0.002, 9.81
 LEVEL = (1.0, 0.0, 0.0, 0.0)

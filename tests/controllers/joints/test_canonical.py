@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.canonical import (
+from push_recovery.controllers.joint_control import (
     JOINT_NAMES,
     axial,
     joint_sign,
@@ -11,7 +11,7 @@ from push_recovery.controllers.joints.canonical import (
     to_canonical,
     to_own,
 )
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
+from push_recovery.envs.robots.biped import biped, biped_model
 
 LEFT, RIGHT = 0, 1
 OWN = [biped_model().actuator(i).name for i in range(biped_model().nu)]

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.contact_gait import LIFTED, follow_contacts, hold_nominal
+from push_recovery.controllers.joint_control import LIFTED, follow_contacts, hold_nominal
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import COMMAND
 from push_recovery.controllers.whole_body.gait_machine import resting_gait
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.settings import BIPED_GAIT
+from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.joint.core import JointCore
 
 T, DT = 0.3, 0.002

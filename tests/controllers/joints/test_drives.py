@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.drives import (
+from push_recovery.controllers.joint_control import (
     add_residual,
     count_effort,
     follow_targets,
     joint_constants,
 )
-from push_recovery.controllers.whole_body.bounds import NEVER
-from push_recovery.controllers.whole_body.bounds_met import JOINT_TORQUE
-from push_recovery.controllers.whole_body.motors import driving_share
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.robots.biped.robot import biped
+from push_recovery.controllers.whole_body.limits import JOINT_TORQUE, NEVER, driving_share
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.joint.core import JointCore, JointResidualCore
+from push_recovery.envs.robots.biped import biped
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.observation import (
+from push_recovery.controllers.joint_control import (
     ANGLES,
     BASE_RATE,
     BASE_VELOCITY,
-    COMMAND,
+    COMMAND_COLUMN,
     GRAVITY_DIRECTION,
     HEADING_ERROR,
     JOINT_OBSERVATION_NAMES,
@@ -18,10 +18,9 @@ from push_recovery.controllers.joints.observation import (
     RATES,
     observe_joints,
 )
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
-from push_recovery.envs.biped.settings import BIPED_GAIT
+from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.joint.core import JointCore
+from push_recovery.envs.robots.biped import biped, biped_model
 
 THREE = np.arange(3)
 QUIET = (0.0, 0.0)
@@ -113,7 +112,7 @@ def test_command_and_heading_are_told_towards_the_swing_side(core, stance, sign)
     qpos[2], qpos[3], qpos[6], qpos[7:] = 0.75, np.cos(0.4), np.sin(0.4), core.joints.posture
     seen = observed(core, qpos, np.zeros(20), stance, 0.5, (0.2, 0.1, 0.4))
     assert seen[HEADING_ERROR] == pytest.approx(0.3 * sign)
-    np.testing.assert_allclose(seen[COMMAND + THREE], [0.2, 0.1 * sign, 0.4 * sign], atol=1e-15)
+    np.testing.assert_allclose(seen[COMMAND_COLUMN + THREE], [0.2, 0.1 * sign, 0.4 * sign], atol=1e-15)
 
 
 def test_noise_of_the_velocity_is_turned_into_the_axes_of_the_base(core):

@@ -6,11 +6,10 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.learned.description import PolicyDescription
-from push_recovery.controllers.learned.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+from push_recovery.controllers.policies.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
 
 FORMS = list(itertools.product(ACTIVATIONS, OUTPUTS))
 FUNCTIONS = {"tanh": np.tanh, "relu": lambda x: np.where(x > 0.0, x, 0.0), "linear": lambda x: x}

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.learned.description import PolicyDescription
-from push_recovery.controllers.learned.inputs import INPUTS, NetworkInputs, check_inputs, input_size
 from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.residual_rule import Below
+from push_recovery.controllers.policies.learned import PolicyDescription
+from push_recovery.controllers.policies.mlp import INPUTS, NetworkInputs, check_inputs, input_size
+from push_recovery.controllers.policies.residual import Below
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 

@@ -12,15 +12,18 @@ import zipfile
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.controllers.learned.policy_file import policy_paths
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.learned import (
+    NetworkPolicy,
+    PolicyDescription,
+    ResidualBase,
+    policy_paths,
+)
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.residual import compose, default_residual_scale
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
+from push_recovery.controllers.settings import PlannerConfig
 
 
 @dataclasses.dataclass

@@ -12,14 +12,11 @@ from push_recovery.controllers.model.double_support import (
     transfer_weight,
 )
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.observation import ELAPSED, OBSERVATION_SIZE, SWING_POSITION
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import preset_config
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.settings import PlannerConfig, preset_config
 from scipy.integrate import quad, solve_ivp
 
 ROBOT, LIMITS, D = RobotModel(), GaitLimits(), 0.1

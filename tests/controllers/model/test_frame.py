@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.frame import (
+from push_recovery.controllers.model.observation import (
     Frame,
     canonical,
     canonical_frame,

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.double_support import gaits_of_actions
-from push_recovery.controllers.model.gait_action import scale_actions
+from push_recovery.controllers.model.double_support import gaits_of_actions, scale_actions
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import ELAPSED, SWING_POSITION
 

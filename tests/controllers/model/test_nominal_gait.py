@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
 
 ROBOT = RobotModel()

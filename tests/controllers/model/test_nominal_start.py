@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import drifting_dcm_kernel, nominal_start, step_start_dcm
+from push_recovery.controllers.model.nominal_gait import (
+    drifting_dcm_kernel,
+    nominal_gait,
+    nominal_start,
+    step_start_dcm,
+)
 from push_recovery.controllers.model.robot import RobotModel
 from scipy.integrate import solve_ivp
 

@@ -5,8 +5,7 @@ import math
 import pytest
 from push_recovery.controllers.model.capturability import max_recoverable_impulse
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.model.similarity import SAME, Similarity
+from push_recovery.controllers.model.robot import SAME, RobotModel, Similarity
 
 LARGE = RobotModel(
     mass=120.0, com_height=1.8, trunk_inertia=8.0 * 2.0 * 2.25**2, trunk_torque_max=150.0 * 2.0 * 2.25,

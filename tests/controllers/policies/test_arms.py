@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.arms import ARMS
-from push_recovery.controllers.settings.presets import PresetFile, named_preset
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.settings import ARMS, PresetFile, named_preset
 
 PUSHED = np.zeros(36)
 PUSHED[ELAPSED], PUSHED[DCM], PUSHED[COMMAND] = 0.1, (0.15, 0.2), (0.2, 0.0)

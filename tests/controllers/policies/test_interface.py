@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 
 ACTION = np.ones(7, np.float32)
 

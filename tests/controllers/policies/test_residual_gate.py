@@ -3,19 +3,16 @@ import dataclasses
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
-from push_recovery.controllers.policies.residual_gate import ResidualGate, check_gate, make_gate
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.presets import preset_config
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.residual import ResidualGate, check_gate, make_gate
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.settings import preset_config
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 

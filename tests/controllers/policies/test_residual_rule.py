@@ -4,7 +4,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.residual_rule import ResidualRule
+from push_recovery.controllers.policies.residual import ResidualRule
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 SCALE = np.array([0.5, 0.25, 0.0, 1.0, 0.125, 2.0, 0.5], np.float32)

@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import (
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import (
+    PlannerConfig,
     PresetFile,
     load_preset,
     named_preset,

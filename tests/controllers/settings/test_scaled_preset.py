@@ -4,10 +4,8 @@ from dataclasses import fields, replace
 
 import pytest
 from push_recovery.controllers.model.robot import natural_frequency
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import named_preset
-from push_recovery.controllers.settings.scaled_preset import UNITS, Scale, scaled_preset
-from push_recovery.envs.biped.settings import SECTIONS
+from push_recovery.controllers.settings import UNITS, PlannerConfig, Scale, named_preset, scaled_preset
+from push_recovery.envs.biped.core import SECTIONS
 
 BIPED = named_preset("biped")
 SAME = Scale(1.0, 1.0, 1.0, 1.0, 1.0)

@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import UnknownNameError
-from push_recovery.controllers.solvers.general_qp import QuadraticProgram, kkt_residual, solve_qp
-from push_recovery.controllers.solvers.least_distance import LeastDistance, solve_least_distance
+from push_recovery.controllers.qp import (
+    LeastDistance,
+    QuadraticProgram,
+    kkt_residual,
+    solve_least_distance,
+    solve_qp,
+)
 
 
 def random_program(seed: int, n: int = 12, rows: int = 20, soft: int = 6) -> QuadraticProgram:

@@ -10,10 +10,8 @@ from push_recovery.controllers.model.gait_box import DURATION, STEP, GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, SWING_POSITION
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_1.columns import OFFSET, REMAINING, ROW_SIZE, TARGET
-from push_recovery.controllers.stage_1.planner import StepPlanner
+from push_recovery.controllers.settings import PlannerConfig, preset_config
+from push_recovery.controllers.stage_1 import OFFSET, REMAINING, ROW_SIZE, TARGET, StepPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 OMEGA = ROBOT.omega

@@ -17,17 +17,17 @@ from push_recovery.controllers.model.observation import (
     SWING_POSITION,
 )
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_1.columns import (
+from push_recovery.controllers.settings import PlannerConfig, preset_config
+from push_recovery.controllers.stage_1 import (
     HELD,
     OFFSET,
     REMAINING,
     ROW_SIZE,
     TARGET,
+    StepPlanner,
+    StepProblem,
+    solve_step,
 )
-from push_recovery.controllers.stage_1.planner import StepPlanner
-from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 OMEGA = ROBOT.omega

@@ -4,9 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.solvers.general_qp import QpSolution, kkt_residual, solve_qp
-from push_recovery.controllers.stage_1.as_qp import step_program
-from push_recovery.controllers.stage_1.step_problem import StepProblem, solve_step
+from push_recovery.controllers.qp import QpSolution, kkt_residual, solve_qp
+from push_recovery.controllers.stage_1 import StepProblem, solve_step, step_program
 
 OMEGA = math.sqrt(9.81 / 0.8)
 

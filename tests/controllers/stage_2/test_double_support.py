@@ -8,8 +8,8 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.double_support import strip, transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
+from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()

@@ -7,8 +7,7 @@ import pytest
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_RATE
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import preset_config
+from push_recovery.controllers.settings import PlannerConfig, preset_config
 
 COP, TRUNK = 3, 5
 AXES = [("trunk_pitch", 0), ("trunk_roll", 1)]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_2.packing import box_of, constants_of, memory_of, tables_of
-from push_recovery.controllers.stage_2.planner import CopPlanner
+from push_recovery.controllers.settings import preset_config
+from push_recovery.controllers.stage_2.single_support import CopPlanner
+from push_recovery.controllers.stage_2.tables import box_of, constants_of, memory_of, tables_of
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)

@@ -6,11 +6,10 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
-from push_recovery.controllers.stage_2.dense import grid
-from push_recovery.controllers.stage_2.interface import CopPlan
+from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.settings import PlannerConfig
 from push_recovery.controllers.stage_2.paper_form import JerkCopPlanner
+from push_recovery.controllers.stage_2.problem import CopPlan, grid
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 REPAIRED = PlannerConfig(form="jerk", beta_trunk=1e-2)

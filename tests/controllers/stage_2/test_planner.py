@@ -3,17 +3,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.array_table import first_rows
+from push_recovery.controllers.array_table import first_rows
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.solvers.general_qp import kkt_residual, solve_qp
-from push_recovery.controllers.stage_2.dense import explicit_problem
-from push_recovery.controllers.stage_2.interface import RESULT_SIZE, CopPlan
-from push_recovery.controllers.stage_2.kernel import plan_rows
-from push_recovery.controllers.stage_2.packing import Memory, Parts
-from push_recovery.controllers.stage_2.planner import CopPlanner
+from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.settings import PlannerConfig
+from push_recovery.controllers.stage_2.problem import RESULT_SIZE, CopPlan, explicit_problem
+from push_recovery.controllers.stage_2.single_support import CopPlanner, plan_rows
+from push_recovery.controllers.stage_2.tables import Memory, Parts
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 CONFIG = PlannerConfig(beta_trunk_limit=1e4)

@@ -4,15 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.bounds import (
+from push_recovery.controllers.whole_body.kinematics import NU
+from push_recovery.controllers.whole_body.limits import (
+    CONTACT,
+    JOINT_TORQUE,
+    SOLE_EDGE,
     bounds_met,
     centre_of_pressure,
     make_bounds,
     within_bounds,
 )
-from push_recovery.controllers.whole_body.bounds_met import CONTACT, JOINT_TORQUE, SOLE_EDGE
-from push_recovery.controllers.whole_body.kinematics import NU
-from push_recovery.envs.biped.settings import BIPED_BOUNDS
+from push_recovery.envs.biped.core import BIPED_BOUNDS
 
 S = BIPED_BOUNDS._replace(cop_x_max=0.06, cop_y_max=0.04, yaw_friction=0.02, friction=0.8, force_min=30.0)
 HEADING, LOAD = 0.7, 600.0

@@ -3,11 +3,20 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.deviation_maps import TASKS, Legs, write_deviation_maps
-from push_recovery.controllers.whole_body.kinematics import NU, NV, PELVIS, WAIST_DOF, sole_position
-from push_recovery.controllers.whole_body.leg_inverse import LegInverses, write_leg_inverse
-from push_recovery.controllers.whole_body.mass_matrix import com_compliance
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.controllers.whole_body.kinematics import (
+    NU,
+    NV,
+    PELVIS,
+    TASKS,
+    WAIST_DOF,
+    LegInverses,
+    Legs,
+    com_compliance,
+    sole_position,
+    write_deviation_maps,
+    write_leg_inverse,
+)
+from push_recovery.envs.robots.biped import PLAN, biped_model
 
 MODEL = biped_model()
 

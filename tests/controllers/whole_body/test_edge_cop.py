@@ -4,14 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.bounds import centre_of_pressure, make_bounds
-from push_recovery.controllers.whole_body.edge_cop import (
-    SHARE_OF_GRIP,
-    full_sole_force,
-    kept_cop,
-    missing_cmp,
-    share_within,
-)
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
 from push_recovery.controllers.whole_body.kinematics import (
     NU,
@@ -19,8 +11,16 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_motion,
     sole_position,
 )
-from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
+from push_recovery.controllers.whole_body.limits import (
+    SHARE_OF_GRIP,
+    centre_of_pressure,
+    full_sole_force,
+    kept_cop,
+    make_bounds,
+    missing_cmp,
+    share_within,
+)
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.scenario.scenario import Scenario
 
 EDGE = 0.065

@@ -2,16 +2,10 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.gait_machine import (
-    accept,
-    has_landed,
-    reach_height,
-    touch_down,
-)
+from push_recovery.controllers.whole_body.gait_machine import accept, has_landed, reach_height, touch_down
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
-from push_recovery.envs.biped.env import BIPED_LIMITS
-from push_recovery.envs.biped.settings import BIPED_GAIT
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
+from push_recovery.envs.biped.core import BIPED_GAIT, BIPED_LIMITS
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 

@@ -6,12 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.whole_body.bounds import (
-    Bounds,
-    centre_of_pressure,
-    make_bounds,
-)
-from push_recovery.controllers.whole_body.deviation_maps import TASKS
 from push_recovery.controllers.whole_body.inverse_dynamics import (
     Gains,
     Task,
@@ -24,17 +18,17 @@ from push_recovery.controllers.whole_body.kinematics import (
     NU,
     NV,
     PELVIS,
+    TASKS,
     WAIST_DOF,
     SoleMotion,
     base_angular_velocity,
+    com_velocity,
     sole_motion,
     sole_position,
 )
-from push_recovery.controllers.whole_body.mass_matrix import com_velocity
-from push_recovery.controllers.whole_body.motors import driving_share
-from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
-from push_recovery.envs.biped.settings import BIPED_BOUNDS, BIPED_GAINS
+from push_recovery.controllers.whole_body.limits import Bounds, centre_of_pressure, driving_share, make_bounds
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.scenario.scenario import Scenario
 
 MODEL = biped_model()

@@ -8,7 +8,7 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_position,
     upright_error,
 )
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.envs.robots.biped import PLAN, biped_model
 
 MODEL = biped_model()
 

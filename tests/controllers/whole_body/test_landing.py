@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.bounds_met import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR
 from push_recovery.controllers.whole_body.gait_machine import landing_error, lever_and_missing, touch_down
 from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.envs.biped.settings import BIPED_GAIT
+from push_recovery.controllers.whole_body.limits import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR
+from push_recovery.envs.biped.core import BIPED_GAIT
 
 HEADING, TURNED = 0.7, 0.2
 OUTWARD = {0: -1.0, 1: 1.0}  # sign of the swing side of a stance foot, to the left

@@ -4,24 +4,22 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.kinematics import (
+    KNEE,
     LEG_DOF,
     LEG_QPOS,
     NU,
+    LegInverses,
     base_angular_velocity,
     sole_motion,
     sole_position,
-)
-from push_recovery.controllers.whole_body.leg_inverse import (
-    KNEE,
-    LegInverses,
     subtract_leg_torques,
     write_inverse_of_any_axes,
     write_leg_inverse,
 )
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
-from push_recovery.envs.biped.robots.variants.robots import VARIANTS
+from push_recovery.envs.robots.biped import PLAN, biped_model
+from push_recovery.envs.robots.variants import VARIANTS
 
 MODEL = biped_model()
 

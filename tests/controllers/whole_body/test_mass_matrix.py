@@ -1,16 +1,19 @@
 import mujoco
 import numpy as np
-from push_recovery.controllers.whole_body.kinematics import LEG_DOF, NV, sole_position
-from push_recovery.controllers.whole_body.leg_inverse import LegInverses, write_leg_inverse
-from push_recovery.controllers.whole_body.mass_matrix import (
+from push_recovery.controllers.whole_body.kinematics import (
     BASE,
     CHAIN,
+    LEG_DOF,
+    NV,
     ROW,
+    LegInverses,
     com_compliance,
     com_velocity,
+    sole_position,
     write_generalised_force,
+    write_leg_inverse,
 )
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
+from push_recovery.envs.robots.biped import PLAN, biped_model
 
 MODEL = biped_model()
 

@@ -4,15 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.whole_body.motors import (
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.limits import (
     FULL_TORQUE_SHARE,
     clip_torque,
     driving_share,
     write_torque_range,
 )
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 

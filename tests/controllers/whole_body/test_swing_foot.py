@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.whole_body.swing_foot import swing_update, swing_update_batch
+from push_recovery.controllers.whole_body.swing import swing_update, swing_update_batch
 
 DT, APEX, DESCENT = 0.002, 0.06, 0.3
 

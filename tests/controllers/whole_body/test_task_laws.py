@@ -13,9 +13,9 @@ from push_recovery.controllers.whole_body.inverse_dynamics import (
     swing_acceleration,
 )
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, SoleMotion
-from push_recovery.envs.biped.env import BIPED
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.biped.settings import BIPED_GAINS as G
+from push_recovery.envs.biped.core import BIPED
+from push_recovery.envs.biped.core import BIPED_GAINS as G
+from push_recovery.envs.robots.biped import biped_model
 
 MODEL = biped_model()
 ZERO = (0.0, 0.0, 0.0)

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import COMMAND
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
-from push_recovery.controllers.whole_body.turning import (
+from push_recovery.controllers.whole_body.swing import (
     SIZE,
     exchange_soles,
     given_yaw,
     turn_references,
     turned_command,
 )
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import GaitMonitor, record_touchdown
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.scenario.command import Command, CommandChange
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 RATE, DURATION, FINAL, DT = 0.4, 0.5, 0.055, 0.002

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.controllers.stage_1.swing_time import swing_time
-from push_recovery.controllers.whole_body import bounds_met as bits
-from push_recovery.controllers.whole_body.bounds import bounds_met, make_bounds
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import preset_config
+from push_recovery.controllers.stage_1 import swing_time
+from push_recovery.controllers.whole_body import limits as bits
 from push_recovery.controllers.whole_body.gait_machine import landing_error
 from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.envs.biped import bounds_record as record_of
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.settings import BIPED_BOUNDS
+from push_recovery.controllers.whole_body.limits import bounds_met, make_bounds
+from push_recovery.envs.biped import limits_record as record_of
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 

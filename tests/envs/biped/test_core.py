@@ -7,14 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
-from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
-from push_recovery.controllers.whole_body.mass_matrix import com_velocity
-from push_recovery.envs.biped.core import BipedCore, substeps
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped_model
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, com_velocity
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
+from push_recovery.envs.biped.period import substeps
+from push_recovery.envs.robots.biped import PLAN, biped_model
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model import observation as layout
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario

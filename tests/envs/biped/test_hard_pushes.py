@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.episode.profile import PROFILES
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.model_errors import BOUNDS
 from push_recovery.envs.scenario.push import FORCE_MAX, Push
-from push_recovery.envs.scenario.scenario import SENSING, Scenario
+from push_recovery.envs.scenario.scenario import PROFILES, SENSING, Scenario
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 CALM = Push((30.0, 20.0, 0.0), 0.1, 0.06)

@@ -2,8 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.kinematics import LEG_QPOS
-from push_recovery.envs.biped.leg_kinematics import LegGeometry, leg_geometry, leg_joints, level_leg
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
+from push_recovery.envs.biped.posture import LegGeometry, leg_geometry, leg_joints, level_leg
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 
 THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET = 0.36, 0.36, 0.06, 0.05, 0.10  # as biped.xml has them [m]
 LEG = LegGeometry(THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET)

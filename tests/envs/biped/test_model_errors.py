@@ -4,15 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.estimation.joint_losses import FRICTION, ROTOR
+from push_recovery.controllers.estimation.self_model import FRICTION, ROTOR
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, TRUNK
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE
-from push_recovery.envs.biped.plant.altered_model import altered_model
-from push_recovery.envs.biped.robots.biped.robot import biped, biped_model
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
+from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario

@@ -16,10 +16,10 @@ from push_recovery.controllers.whole_body.kinematics import (
     WAIST_DOF,
     WAIST_JOINT,
 )
-from push_recovery.envs.biped.env import BIPED
+from push_recovery.envs.biped.core import BIPED
 from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP
 
 TORQUE_LIMITS = {
     "waist_pitch": 150, "waist_roll": 150, "hip_yaw": 100, "hip_roll": 200, "hip_pitch": 220, "knee": 300,

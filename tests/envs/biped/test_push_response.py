@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.whole_body.kinematics import PELVIS
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.kinematics import PELVIS, com_velocity
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity as omega_of
-from push_recovery.controllers.whole_body.mass_matrix import com_velocity
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.robots.biped.robot import biped_model
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 

@@ -5,15 +5,14 @@ from typing import get_args
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot
-from push_recovery.envs.biped.robots.description import robot_description
-from push_recovery.envs.biped.robots.variants.held_joints import ARMS_HELD
-from push_recovery.envs.episode.profile import PROFILES
+from push_recovery.envs.robots.compiled_robot import CompiledRobot
+from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.push import Body, GaitEvent, Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import PROFILES, Scenario
 
 BODIES = get_args(Body)
 FORCE, OFFSET = (30.0, -20.0, 10.0), (0.02, 0.03, -0.04)

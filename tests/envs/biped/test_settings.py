@@ -3,10 +3,10 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.settings.presets import PresetFile
-from push_recovery.envs.biped.env import BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.settings import SECTIONS, BipedSettings, biped_settings
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import PresetFile
+from push_recovery.envs.biped.core import BIPED_LIMITS, SECTIONS, BipedSettings, biped_settings
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 

@@ -7,18 +7,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.period import COMMON, NO_STATE, SENSED
-from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.residual.vector_env import ResidualVectorEnv
-from push_recovery.envs.scenario.command import CommandChange
-from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.physics_options import PhysicsOptions
+from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
-from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
+from push_recovery.envs.wrappers import ResidualVectorEnv
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 PUSH = Push((120.0, 250.0, 0.0), 0.1, GaitEvent(1, "left", 0.3), "trunk", (0.0, 0.02, 0.1), "heading")
@@ -34,7 +32,7 @@ SCENARIOS = (
     Scenario("noisy", (PUSH,), noise_seed=6, errors=NOISY, sensing="onboard"),
     Scenario("rk4", (PUSH,), noise_seed=7, errors=NOISY, physics=PhysicsOptions(0.001, "rk4")),
 )
-VARIANTS = "push_recovery.envs.biped.robots.variants.robots"
+VARIANTS = "push_recovery.envs.robots.variants"
 BEFORE, AFTER = 78, 100  # periods: a first push is on or over, a second one and a command are to come
 
 
@@ -285,7 +283,7 @@ def test_a_new_push_must_begin_after_the_snapshot(walked):
     ("kwargs", "message"),
     [
         (
-            {"robot": "push_recovery.envs.biped.robots.variants.robots:ANKLE_ROLL_FIRST"},
+            {"robot": "push_recovery.envs.robots.variants:ANKLE_ROLL_FIRST"},
             "taken of another robot",
         ),
         ({"control_hz": 50.0}, "another planning rate, '100 Hz', than this environment has, '50 Hz'"),

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.scenario.command import Command, CommandChange
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 COMMANDS = (Command(0.5), Command(-0.25), Command(0.0, 0.2), Command(0.0, -0.2))
 START, STOP, END = 1.0, 5.0, 9.0  # [s]

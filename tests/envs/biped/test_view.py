@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.envs.biped.env import BipedEnv
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.biped.scene import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
-from push_recovery.envs.physics.offscreen import RenderError, make_context, require_display
+from push_recovery.envs.biped.view import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
+from push_recovery.envs.rendering import RenderError, make_context, require_display
+from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -161,7 +161,7 @@ def test_error_names_both_backends_where_neither_works():
     code = (
         "import sys\n"
         "sys.modules['mujoco.egl'] = sys.modules['mujoco.osmesa'] = None\n"
-        "from push_recovery.envs.physics.offscreen import RenderError, make_context\n"
+        "from push_recovery.envs.rendering import RenderError, make_context\n"
         "try: make_context(8, 8)\n"
         "except RenderError as error: print(error)\n"
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
-from push_recovery.envs.episode.env import check_action
+from push_recovery.envs.episode.gym_env import check_action
 from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes, make_pendulum_vector
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario

@@ -7,8 +7,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.canonical import JOINT_NAMES, own_joint
-from push_recovery.controllers.joints.observation import JOINT_OBSERVATION_NAMES
+from push_recovery.controllers.joint_control import JOINT_NAMES, JOINT_OBSERVATION_NAMES, own_joint
 from push_recovery.controllers.model.gait_box import GAIT_NAMES
 from push_recovery.controllers.model.observation import OBSERVATION_NAMES
 from push_recovery.controllers.policies.residual import default_residual_scale
@@ -17,7 +16,7 @@ from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.joint.env import BipedJointEnv, BipedJointResidualEnv
 from push_recovery.envs.pendulum import dynamics as pendulum_dynamics
 from push_recovery.envs.pendulum.env import PendulumEnv
-from push_recovery.envs.residual.wrapper import make_biped_residual
+from push_recovery.envs.wrappers import make_biped_residual
 
 import push_recovery  # noqa: F401
 

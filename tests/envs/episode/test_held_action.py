@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.episode.held_action import check_hold, hold_action
+from push_recovery.envs.episode.episodes import check_hold, hold_action
 
 
 class Counting:

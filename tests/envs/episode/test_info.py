@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.observation import ELAPSED, STANCE_CONTACT, SWING_CONTACT
 from push_recovery.envs.episode.info import InfoReader
-from push_recovery.envs.episode.reward import REWARD_TERMS
-from push_recovery.envs.episode.told import told_push
+from push_recovery.envs.episode.period_end import REWARD_TERMS, told_push
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario

@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.episode.period_end import Episodes, Robots, end_period, period_constants, period_table
+from push_recovery.envs.episode.period_end import (
+    REWARD_TERMS,
+    Episodes,
+    Robots,
+    end_period,
+    period_constants,
+    period_table,
+)
 from push_recovery.envs.episode.recovery import GaitMonitor, uphill_dcm
-from push_recovery.envs.episode.reward import REWARD_TERMS
 from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes
 from push_recovery.envs.scenario.push import SIDES, Push
 from push_recovery.envs.scenario.scenario import Scenario

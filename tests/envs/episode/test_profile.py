@@ -6,11 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import UnknownNameError
-from push_recovery.envs.episode.profile import EXACT, HARDWARE, get_profile
-from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.physics_options import PhysicsOptions
+from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario, get_profile
 
 PUSHED = Scenario("a", (Push((60.0, 0.0, 0.0), 0.1, 1.0),), noise_seed=7)
 

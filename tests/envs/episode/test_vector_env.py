@@ -9,14 +9,13 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEnv, make_biped_vector
-from push_recovery.envs.episode.reward import REWARD_TERMS
+from push_recovery.envs.episode.period_end import REWARD_TERMS
 from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes, make_pendulum_vector
-from push_recovery.envs.residual.vector_env import ResidualVectorEnv, make_biped_residual_vector
-from push_recovery.envs.residual.wrapper import make_biped_residual
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.wrappers import ResidualVectorEnv, make_biped_residual, make_biped_residual_vector
 
 import push_recovery  # noqa: F401
 

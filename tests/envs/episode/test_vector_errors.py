@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
 

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.joint.floor_points import write_floor_points
+from push_recovery.envs.joint.core import write_floor_points
+from push_recovery.envs.robots.biped import biped_model
 
 FLOOR = biped_model().geom("floor").id
 

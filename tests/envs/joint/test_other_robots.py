@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
-from push_recovery.envs.biped.robots.variants.robots import NO_WAIST_ROLL, VARIANTS
-from push_recovery.envs.joint.episodes import JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.joint.env import JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.robots.variants import HELD_VARIANTS, NO_WAIST_ROLL, VARIANTS
 
 
 @pytest.mark.parametrize("description", [*VARIANTS, *HELD_VARIANTS], ids=lambda description: description.name)

@@ -6,10 +6,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.joint.episodes import JointResidualEpisodes
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.joint.env import JointResidualEpisodes
+from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -11,8 +11,8 @@ from push_recovery.controllers.model.observation import (
     HEADING_ERROR,
     SWING_POSITION,
 )
-from push_recovery.envs.episode.reward import REWARD_TERMS
-from push_recovery.envs.joint.reward import (
+from push_recovery.envs.episode.period_end import REWARD_TERMS
+from push_recovery.envs.joint.env import (
     CLEARANCE,
     FROM_GAIT,
     JOINT_REWARD_TERMS,

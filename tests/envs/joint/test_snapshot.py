@@ -10,7 +10,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.joint.core import COMMON
-from push_recovery.envs.joint.episodes import JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.joint.env import JointEpisodes, JointResidualEpisodes
 from push_recovery.envs.joint.taught import TaughtEpisodes
 from push_recovery.envs.scenario.push import Push
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.joints.canonical import to_canonical
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.joint_control import to_canonical
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.episode.reward import REWARD_TERMS
-from push_recovery.envs.joint.episodes import JointEpisodes
-from push_recovery.envs.joint.reward import FROM_GAIT, JOINT_REWARD_TERMS
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.episode.period_end import REWARD_TERMS
+from push_recovery.envs.joint.env import FROM_GAIT, JOINT_REWARD_TERMS, JointEpisodes
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -8,7 +8,7 @@ from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

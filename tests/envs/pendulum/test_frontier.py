@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import nominal_start
+from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.pendulum.core import PendulumCore
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.pendulum.env import PendulumCore
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 

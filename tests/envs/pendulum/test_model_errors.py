@@ -11,14 +11,12 @@ from push_recovery.controllers.model.double_support import transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.scenario.model_errors import BOUNDS, ModelErrors
-from push_recovery.envs.scenario.physics_options import PhysicsOptions
+from push_recovery.envs.scenario.model_errors import BOUNDS, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import FORCE_MAX, GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.reproduction.pendulum.batch import run_batch
-from push_recovery.eval.reproduction.pendulum.sensor import Measurement
+from push_recovery.eval.reproduction.pendulum import Measurement, run_batch
 from scipy.integrate import solve_ivp
 
 ROBOT = RobotModel()

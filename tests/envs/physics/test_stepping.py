@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-from push_recovery.envs.biped.robots.biped.robot import biped_model
-from push_recovery.envs.physics.stepping import Simulations, advance
+from push_recovery.envs.robots.biped import biped_model
+from push_recovery.envs.simulation import Simulations, advance
 
 MODEL = biped_model()
 OUTPUTS = ("qpos", "qvel", "xmat", "qfrc_bias", "qfrc_constraint", "sensordata", "M")

@@ -9,8 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.residual import check_residual_scale, compose, default_residual_scale
-from push_recovery.envs.residual.action_hold import ActionHold
-from push_recovery.envs.residual.wrapper import ResidualAction, build_residual
+from push_recovery.envs.wrappers import ActionHold, ResidualAction, build_residual
 
 
 class EchoEnv(gym.Env):

@@ -2,9 +2,8 @@ import math
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
-from push_recovery.envs.scenario.command import Command, CommandChange
 from push_recovery.envs.scenario.push import Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 TURN = Command(0.3, turn=0.2)
 CHANGES = (CommandChange(2.0, Command(0.3, 0.1)), CommandChange(3.5, Command()))

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.model.observation import COMMAND
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.episodes import GaitEpisodes
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.scenario.command import Command, CommandChange
-from push_recovery.envs.scenario.command_schedule import assign_changes, empty_schedule, follow
+from push_recovery.envs.scenario.arrays import assign_changes, empty_schedule, follow
 from push_recovery.envs.scenario.push import Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 ROBOTS = (PendulumEpisodes, BipedEpisodes)
 START, STOP = CommandChange(1.0, Command(0.3)), CommandChange(4.0, Command())

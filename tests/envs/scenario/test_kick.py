@@ -3,8 +3,8 @@ import math
 
 import pytest
 from push_recovery.controllers.errors import PushRecoveryError
+from push_recovery.envs.scenario.arrays import assign_pushes, empty_pushes
 from push_recovery.envs.scenario.push import Kick, Push
-from push_recovery.envs.scenario.push_arrays import assign_pushes, empty_pushes
 from push_recovery.envs.scenario.scenario import Scenario
 
 KICK = Kick((0.3, -0.4, 0.1), 2.5)

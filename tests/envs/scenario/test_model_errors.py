@@ -7,10 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.scenario.error_ranges import ErrorRanges
-from push_recovery.envs.scenario.model_errors import BOUNDS, EXACT_MODEL, ModelErrors
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP
-from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
+from push_recovery.envs.scenario.model_errors import BOUNDS, CONTROL_STEP, EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
 
 ALL = ModelErrors(

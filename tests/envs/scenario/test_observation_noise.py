@@ -1,7 +1,7 @@
 """Noise of the observed motion: its size, its mirror, and that it belongs to the period."""
 
 import numpy as np
-from push_recovery.envs.scenario.observation_noise import add_motion_noise, motion_noise
+from push_recovery.envs.scenario.noise import add_motion_noise, motion_noise
 
 OMEGA = 3.5
 

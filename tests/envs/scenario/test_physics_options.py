@@ -4,7 +4,7 @@ import re
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.scenario.physics_options import CONTROL_STEP, PLAIN_PHYSICS, PhysicsOptions
+from push_recovery.envs.scenario.model_errors import CONTROL_STEP, PLAIN_PHYSICS, PhysicsOptions
 from push_recovery.envs.scenario.scenario import Scenario
 
 FINE = PhysicsOptions(

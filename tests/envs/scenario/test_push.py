@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.scenario.arrays import push_arrays
 from push_recovery.envs.scenario.push import PENDING, GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.push_arrays import push_arrays
 
 
 @pytest.mark.parametrize(

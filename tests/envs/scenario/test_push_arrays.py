@@ -1,8 +1,8 @@
 """Arrays of pushes of several robots: each has its own, whatever the others get."""
 
 import numpy as np
+from push_recovery.envs.scenario.arrays import assign_pushes, empty_pushes
 from push_recovery.envs.scenario.push import PENDING, GaitEvent, Push
-from push_recovery.envs.scenario.push_arrays import assign_pushes, empty_pushes
 from push_recovery.envs.scenario.scenario import Scenario
 
 ONE = Push((1.0, 2.0, 3.0), 0.1, 0.5)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
-from push_recovery.envs.scenario.push_distribution import PushDistribution
+from push_recovery.envs.scenario.distribution import PushDistribution
 
 
 def test_distribution_is_a_function_of_the_generator():

@@ -5,9 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from push_recovery.envs.scenario.arrays import mean_force, push_arrays, resolve_starts, turn_forces
 from push_recovery.envs.scenario.push import PENDING, GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.push_arrays import push_arrays
-from push_recovery.envs.scenario.push_force import mean_force, resolve_starts, turn_forces
 
 
 def delivered(push: Push, edges: np.ndarray) -> np.ndarray:

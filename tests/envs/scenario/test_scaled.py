@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.similarity import SAME, Similarity
-from push_recovery.envs.episode.profile import EXACT, HARDWARE
-from push_recovery.envs.scenario.command import Command, CommandChange
-from push_recovery.envs.scenario.error_ranges import ErrorRanges
+from push_recovery.controllers.model.robot import SAME, Similarity
+from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
-from push_recovery.envs.scenario.push_distribution import PushDistribution
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command, CommandChange, Scenario
 
 LARGER = Similarity(2.0, 2.25)  # twice as heavy, 1.5 times as slow
 EVENT = GaitEvent(4, "left", 0.25)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import GaitEvent, Push
-from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 PUSH = Push((10.0, -20.0, 0.0), 0.1, GaitEvent(4, "left", 0.2))

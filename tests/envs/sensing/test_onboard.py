@@ -9,10 +9,10 @@ from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import UnknownNameError
 from push_recovery.controllers.estimation.base_estimate import deviations
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import PELVIS
-from push_recovery.envs.biped.core import BipedCore
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEnv, BipedEpisodes
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
+from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario

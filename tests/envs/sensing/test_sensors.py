@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.quaternion import of_rotation, product, rotated
 from push_recovery.controllers.estimation.observe import Contacts
+from push_recovery.controllers.math3 import of_rotation, product, rotated
 from push_recovery.controllers.whole_body.kinematics import NU
-from push_recovery.envs.sensing.data_sheet import SensorSettings
-from push_recovery.envs.sensing.sensors import (
+from push_recovery.envs.sensing import (
     BASE,
     JOINT,
+    SensorSettings,
     begin_sensing,
     read_feet,
     read_inertial,

@@ -2,8 +2,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from push_recovery.controllers.compiled.array_table import Floats1, Floats2, Ints1
-from push_recovery.envs.snapshot.rows import arrays_of, take_rows
+from push_recovery.controllers.array_table import Floats1, Floats2, Ints1
+from push_recovery.envs.snapshot import arrays_of, take_rows
 
 
 class Walk(NamedTuple):

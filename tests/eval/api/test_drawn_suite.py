@@ -2,9 +2,8 @@ import json
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.eval.api.drawn_suite import KINDS, new_suite
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.score.suites import HARD_SEED, get_suite, hard_suite, load_suite
+from push_recovery.eval.score.suites import HARD_SEED, KINDS, get_suite, hard_suite, load_suite, new_suite
 
 
 @pytest.mark.parametrize("like", KINDS)

@@ -6,11 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.eval.bench import bipeds as bench_batch
-from push_recovery.eval.bench.bipeds import (
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.eval.bench import closed_loop as bench_batch
+from push_recovery.eval.bench.closed_loop import (
     PERIODS,
     WARM_UP,
     BatchTiming,
@@ -69,7 +68,7 @@ def test_resident_memory_grows_with_what_is_used():
     if resident_mib() is None:
         pytest.skip("the system does not tell")
     code = (
-        "import numpy as np; from push_recovery.eval.bench.bipeds import resident_mib; "
+        "import numpy as np; from push_recovery.eval.bench.closed_loop import resident_mib; "
         "before = resident_mib(); block = np.ones(64 * 2**17); print(resident_mib() - before)"
     )  # in a process of its own: what other tests freed may go back to the system at any time
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -84,7 +83,7 @@ def test_control_is_what_the_core_adds_to_bare_physics(monkeypatch):
 
 
 def test_humanoid_runs_in_turn_with_the_bipeds(monkeypatch):
-    from push_recovery.eval.bench import humanoid as bench_humanoid
+    from push_recovery.eval.bench import closed_loop as bench_humanoid
 
     rates = iter([(10.0, 30.0), (30.0, 60.0), (20.0, 90.0)])
     turn = [rate for pair in rates for rate in pair]

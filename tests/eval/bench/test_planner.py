@@ -5,10 +5,22 @@ import time
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.stage_1.step_problem import solve_step
-from push_recovery.eval.bench import solvers as bench_solvers
-from push_recovery.eval.bench.planner import BATCH, WARM_UP, Stage2, pushed_observations, summary, time_calls
-from push_recovery.eval.bench.solvers import MODULES, SOLVERS, Dense, record, solver_timings, step_problem
+from push_recovery.controllers.stage_1 import solve_step
+from push_recovery.eval.bench import planner as bench_solvers
+from push_recovery.eval.bench.planner import (
+    BATCH,
+    MODULES,
+    SOLVERS,
+    WARM_UP,
+    Dense,
+    Stage2,
+    pushed_observations,
+    record,
+    solver_timings,
+    step_problem,
+    summary,
+    time_calls,
+)
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 
@@ -64,7 +76,7 @@ def test_stage_1_problems_are_those_behind_the_plans(met):
 
 def test_a_soft_row_costs_half_its_weight_times_its_slack_squared():
     """min 0.5 x^2 - 3 x with x <= 1 soft at weight 2: x = (3 + 2) / (1 + 2)."""
-    from push_recovery.controllers.solvers.general_qp import QuadraticProgram
+    from push_recovery.controllers.qp import QuadraticProgram
 
     one = np.ones((1, 1))
     program = QuadraticProgram(one, np.array([-3.0]), one, np.array([-9.0]), np.ones(1), np.array([2.0]))

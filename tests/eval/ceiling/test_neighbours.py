@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.ceiling.neighbours import NEIGHBOURS, neighbours
+from push_recovery.eval.hindsight import NEIGHBOURS, neighbours
 
 PUSH = polar_push(500.0, np.radians(170.0), 0.1, GaitEvent(4, "left", 0.3))
 SCENARIO = Scenario("s", (PUSH, Push((0.0, 100.0, -50.0), 0.2, 3.0, "trunk")), Command(0.2), noise_seed=3)

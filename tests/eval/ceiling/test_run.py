@@ -8,13 +8,19 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.ceiling import stored
-from push_recovery.eval.ceiling.answers import Answers, load_answers
-from push_recovery.eval.ceiling.report import ceiling_cells, search_lines, share_cells, write_ceiling_reports
-from push_recovery.eval.ceiling.run import Ceiling, ceiling
-from push_recovery.eval.ceiling.search import CEILING
-from push_recovery.eval.ceiling.settings import CeilingSettings
+from push_recovery.eval import ceiling as stored
+from push_recovery.eval.ceiling import (
+    Answers,
+    Ceiling,
+    ceiling,
+    ceiling_cells,
+    load_answers,
+    search_lines,
+    share_cells,
+    write_ceiling_reports,
+)
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.hindsight import CEILING, CeilingSettings
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.evaluate import Evaluation, evaluate
 from push_recovery.eval.score.suites import Suite

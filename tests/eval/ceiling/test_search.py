@@ -5,17 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.ceiling.attempts import RECOVERED, run_attempts
-from push_recovery.eval.ceiling.moment import moment_of_push
-from push_recovery.eval.ceiling.search import Searcher, generator_of
-from push_recovery.eval.ceiling.sequences import Sequence, SequencePolicy
-from push_recovery.eval.ceiling.settings import CeilingSettings
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.eval.hindsight import (
+    RECOVERED,
+    CeilingSettings,
+    Searcher,
+    Sequence,
+    SequencePolicy,
+    generator_of,
+    moment_of_push,
+    run_attempts,
+)
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.one import rollout
-from push_recovery.eval.sampling_mpc.forecast import LEAST, MOST
+from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.search import LEAST, MOST
 
 LIGHT = Scenario(
     "light", (polar_push(150.0, 1.0, 0.1, GaitEvent(1, "right", 0.4)),), Command(0.1), settle_time=2.0

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import ELAPSED
-from push_recovery.controllers.policies.arms import make_policy
 from push_recovery.controllers.policies.residual import default_residual_scale
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.ceiling.sequences import Sequence, SequencePolicy
-from push_recovery.eval.sampling_mpc.corrections import SequenceRule, begun
+from push_recovery.eval.hindsight import Sequence, SequencePolicy
+from push_recovery.eval.search import SequenceRule, begun
 
 PLANNER = "two-stage", BIPED, BIPED_LIMITS, "biped"
 POLICY = make_policy(*PLANNER)

@@ -10,7 +10,7 @@ import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.cli.tools.names import Names
+from push_recovery.eval.cli.tools import Names
 from push_recovery.eval.rollout.names import SUITE_NAMES
 from push_recovery.eval.score.suites import SUITES, Suite, quick_suite, standard_suite
 

@@ -3,7 +3,7 @@
 import pytest
 import toy_gait_env as toy
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.processes.writer import LOCK, Writer
+from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 TOY = ("--env", toy.ENV_ID, "--suite", "SUITE", "--workers", "1")

@@ -6,11 +6,11 @@ from dataclasses import fields
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.cli.commands.frontier import Frontier
+from push_recovery.eval.cli.main import COMMANDS, one_line, parse
 from push_recovery.eval.cli.options import VelocityOptions
-from push_recovery.eval.cli.parse import COMMANDS, one_line, parse
-from push_recovery.eval.cli.tools.tune import Tune
-from push_recovery.eval.tuning.settings import TuningSettings
+from push_recovery.eval.cli.studies import Frontier
+from push_recovery.eval.cli.tools import Tune
+from push_recovery.eval.tuning.study import TuningSettings
 
 
 def test_options_are_the_fields_of_a_dataclass():

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
-from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.learned.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import ACTIVATIONS, OUTPUTS, Mlp, Normalisation
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.export import write
-from push_recovery.eval.export.graph import metadata, onnx_model
-from push_recovery.eval.export.write import ExportError, export_onnx, met_inputs
+from push_recovery.eval.record import onnx_export as write
+from push_recovery.eval.record.onnx_export import ExportError, export_onnx, met_inputs, metadata, onnx_model
 from push_recovery.eval.rollout.environments import make_env
 
 onnx = pytest.importorskip("onnx")

@@ -7,13 +7,28 @@ import numpy as np
 import pytest
 from PIL import Image
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.film.camera import Camera
-from push_recovery.eval.film.captions import BAD, GOOD, HEAD, LEGEND, LINE, PANEL, Shot, compose
-from push_recovery.eval.film.discordant import disagreements, film_name
-from push_recovery.eval.film.encode import gif_bytes, mp4_bytes
-from push_recovery.eval.film.film import BEFORE, LINGER, LONGEST, side_by_side
-from push_recovery.eval.film.strip import PANEL as MOMENT
-from push_recovery.eval.film.strip import STRIP, strip
+from push_recovery.eval.record.film import (
+    BAD,
+    BEFORE,
+    GOOD,
+    HEAD,
+    LEGEND,
+    LINE,
+    LINGER,
+    LONGEST,
+    PANEL,
+    STRIP,
+    Camera,
+    Shot,
+    compose,
+    disagreements,
+    film_name,
+    gif_bytes,
+    mp4_bytes,
+    side_by_side,
+    strip,
+)
+from push_recovery.eval.record.film import STRIP_PANEL as MOMENT
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, standard_suite
 

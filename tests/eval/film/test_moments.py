@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
-from push_recovery.eval.film.moments import Moments, Row, sheet
-from push_recovery.eval.film.strip import STRIP
+from push_recovery.eval.record.film import STRIP, Moments, Row, sheet
 
 
 def watched(push_at: float, end: float, period: float = 0.01) -> Moments:

@@ -5,12 +5,11 @@ import math
 import pytest
 from push_recovery.controllers.model.capturability import recoverable_offset
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.scenario.scenario import Command
-from push_recovery.eval.frontier.closed_form import limit_force, own_limit_force
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.score.frontier import limit_force, own_limit_force
 
 PAPER, PAPER_LIMITS = RobotModel(), GaitLimits.of(RobotModel())
 DURATION = 0.1

@@ -3,7 +3,7 @@
 from itertools import count, islice
 
 import pytest
-from push_recovery.eval.frontier.grid import FORCE_CAP, Scanned, multiples, scan_upwards
+from push_recovery.eval.score.frontier import FORCE_CAP, Scanned, multiples, scan_upwards
 
 
 def test_the_largest_before_the_first_failure_and_at_all():

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
-from push_recovery.eval.frontier.closed_form import DirectionLimits
-from push_recovery.eval.frontier.report import frontier_cells, frontier_columns
-from push_recovery.eval.frontier.scan import Frontier, FrontierSettings
+from push_recovery.eval.score.frontier import (
+    DirectionLimits,
+    Frontier,
+    FrontierSettings,
+    frontier_cells,
+    frontier_columns,
+)
 
 
 def row(psi, survived, largest):

@@ -8,33 +8,31 @@ import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent
-from push_recovery.envs.scenario.scenario import Command
+from push_recovery.envs.scenario.scenario import HARDWARE, Command
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.frontier.closed_form import (
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.names import DEFAULT_ENV
+from push_recovery.eval.rollout.outcome import Outcome
+from push_recovery.eval.score.evaluate import fall_cell
+from push_recovery.eval.score.frontier import (
+    BEYOND,
     OWN,
     PAPER,
     POINT_FOOT,
     DirectionLimits,
-    direction_limits,
-    limit_curves,
-    limit_force,
-    own_limit_force,
-)
-from push_recovery.eval.frontier.grid import BEYOND, directions_deg
-from push_recovery.eval.frontier.scan import (
     FrontierSettings,
     ScanJob,
     default_grid,
+    direction_limits,
+    directions_deg,
     frontier,
+    limit_curves,
+    limit_force,
+    own_limit_force,
     scan,
 )
-from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.names import DEFAULT_ENV
-from push_recovery.eval.rollout.outcome import Outcome
-from push_recovery.eval.score.bounds_met import fall_cell
 
 
 class Holes:

@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import capture_margin
-from push_recovery.controllers.model.nominal_gait import nominal_gait
-from push_recovery.controllers.model.nominal_start import step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command
-from push_recovery.eval.frontier.closed_form import own_limit_force
-from push_recovery.eval.frontier.share import limit_share
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.score.frontier import limit_share, own_limit_force
 
 WALKS = [Command(), Command(0.3, 0.1), Command(-0.2, -0.15)]
 

@@ -6,14 +6,20 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.leaderboard.again import run_again, sample_of
-from push_recovery.eval.leaderboard.board import add_entry, board_page, entry_of, read_board
-from push_recovery.eval.leaderboard.submission import read_submission
-from push_recovery.eval.processes.writer import LOCK, Writer
+from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.score.evaluate import evaluate, write_reports
+from push_recovery.eval.score.leaderboard import (
+    add_entry,
+    board_page,
+    entry_of,
+    read_board,
+    read_submission,
+    run_again,
+    sample_of,
+)
 from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
 
 SUITE = Suite("head", "1", standard_suite().scenarios[:12])
@@ -162,7 +168,7 @@ def test_a_policy_file_that_is_another_one_now_is_refused(given):
 
 
 def test_a_built_in_suite_is_found_with_its_profile(tmp_path):
-    from push_recovery.eval.leaderboard.submission import _suite
+    from push_recovery.eval.score.leaderboard import _suite
     from push_recovery.eval.score.suites import get_suite
 
     assert _suite("quick-1+hardware", None, DEFAULT_ENV) == with_profile(get_suite("quick-1"), HARDWARE)

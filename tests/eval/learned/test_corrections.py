@@ -8,17 +8,17 @@ import sys
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.learned.corrections import PushCorrections, collect
-from push_recovery.eval.learned.corrections_plot import save_corrections
-from push_recovery.eval.learned.summary import (
+from push_recovery.eval.record.corrections import (
     SECTORS,
+    PushCorrections,
+    collect,
     correction_table,
     outcome_table,
+    save_corrections,
     summarise,
 )
 from push_recovery.eval.record.words import sector_of

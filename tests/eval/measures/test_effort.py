@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.variants.held_joints import ARMS_HELD
-from push_recovery.envs.residual.action_hold import ActionHold
+from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.measures import effort
-from push_recovery.eval.measures.effort import EffortMeter
+from push_recovery.envs.wrappers import ActionHold
 from push_recovery.eval.record.record import record_episode
+from push_recovery.eval.rollout import outcome as effort
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.rollout.outcome import EffortMeter
 
 PUSHED = Scenario("pushed", (polar_push(400.0, 1.0, 0.1, 0.3),), duration=1.2)
 

@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from push_recovery.eval.output.lines import Lines
+from push_recovery.eval.output.progress import Lines
 
 
 class Clock:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.output.logistic import fit_logistic
+from push_recovery.eval.output.statistics import fit_logistic
 
 # O-rings of 23 flights of the Space Shuttle by temperature [degrees F] (Dalal, Fowlkes and Hoadley 1989)
 TEMPERATURE = [66, 70, 69, 68, 67, 72, 73, 70, 57, 63, 70, 78, 67, 53, 67, 75, 70, 81, 76, 79, 75, 76, 58]

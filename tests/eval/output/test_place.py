@@ -3,8 +3,8 @@
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.output.place import require_place
-from push_recovery.eval.reproduction.report.run import reproduce
+from push_recovery.eval.output.rows import require_place
+from push_recovery.eval.reproduction.run import reproduce
 
 
 def test_a_folder_is_made_and_nothing_else(tmp_path):
@@ -24,8 +24,8 @@ def test_play_and_reproduce_ask_first(capsys, monkeypatch, tmp_path):
     def work(*arguments, **options):
         raise AssertionError("began to work")
 
-    monkeypatch.setattr("push_recovery.eval.cli.show.acting_in", work)
-    monkeypatch.setattr("push_recovery.eval.reproduction.report.run.open_store", work)
+    monkeypatch.setattr("push_recovery.eval.cli.play.acting_in", work)
+    monkeypatch.setattr("push_recovery.eval.reproduction.run.open_store", work)
     assert main(["play", "--out", "/dev/null/x.png"]) == 2
     assert capsys.readouterr().err.startswith("push-recovery: error: can't write to '/dev/null/x.png': ")
     (tmp_path / "file").touch()

@@ -5,8 +5,7 @@ import sys
 
 import pytest
 from push_recovery.eval.output import progress
-from push_recovery.eval.output.progress import INTERVAL, progress_bars, repeat
-from push_recovery.eval.output.work import Work
+from push_recovery.eval.output.progress import INTERVAL, Work, progress_bars, repeat
 
 WORK = Work("3 films", "about a minute")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from push_recovery.eval.output.provenance import machine_kind, source_commit, versions
+from push_recovery.eval.output.rows import machine_kind, source_commit, versions
 
 
 def test_versions_are_those_in_use():

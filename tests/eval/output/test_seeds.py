@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.output.seeds import (
+from push_recovery.eval.output.statistics import (
     bootstrap_band,
     bootstrap_interval,
     interquartile_mean,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.output.survival import kaplan_meier
+from push_recovery.eval.output.statistics import kaplan_meier
 
 # Remission of 21 patients on 6-mercaptopurine [weeks], Freireich et al. (1963); the estimate as tabled in
 # Kleinbaum and Klein, Survival Analysis.

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.output.work import Work, about, episode_seconds, robot_seconds
+from push_recovery.eval.output.progress import Work, about, episode_seconds, robot_seconds
 
 FORCE = (100.0, 0.0, 0.0)
 

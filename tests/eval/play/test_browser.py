@@ -15,17 +15,20 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser.app import (  # noqa: E402
+from push_recovery.eval.play.browser import (  # noqa: E402
     CAMERA,
     LOOK_AT,
     PHONE_CAMERA,
     PHONE_LOOK_AT,
     camera_axes,
+    open_app,
 )
-from push_recovery.eval.play.browser.gate import Gate  # noqa: E402
-from push_recovery.eval.play.browser.open import open_app  # noqa: E402
-from push_recovery.eval.play.drag import IMPULSE_PER_METRE, metres_per_pixel  # noqa: E402
-from push_recovery.eval.play.session import Session  # noqa: E402
+from push_recovery.eval.play.gate import Gate  # noqa: E402
+from push_recovery.eval.play.session import (  # noqa: E402
+    IMPULSE_PER_METRE,
+    Session,
+    metres_per_pixel,
+)
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [

@@ -1,9 +1,9 @@
 """`push-recovery play` up to the page: what it refuses, and the panel's actions without a browser."""
 
 import pytest
-from push_recovery.envs.scenario.command import Command
+from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.play.browser import open as opening
+from push_recovery.eval.play import browser as opening
 
 
 def test_a_missing_viewer_names_the_command_that_installs_it(monkeypatch, capsys):
@@ -35,7 +35,7 @@ def test_a_host_of_another_computer_is_refused(capsys):
 
 def test_refusals_and_replays_bring_the_fields_back_to_what_is_true():
     pytest.importorskip("mjviser", reason="needs the extra play")
-    from push_recovery.eval.play.browser.gate import Gate
+    from push_recovery.eval.play.gate import Gate
     from push_recovery.eval.play.session import Session
 
     session = Session("PushRecovery/Biped-v0", "two-stage")

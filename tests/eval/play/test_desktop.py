@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.envs.biped.scene import set_posture
-from push_recovery.envs.physics.offscreen import RenderError
+from push_recovery.envs.biped.view import set_posture
+from push_recovery.envs.rendering import RenderError
 from push_recovery.eval.play.desktop import Desktop, play_in_window
 from push_recovery.eval.play.session import Session
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.play.drag import (
+from push_recovery.eval.play.session import (
     LARGEST,
     dragged_impulse,
     limited,

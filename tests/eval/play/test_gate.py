@@ -2,7 +2,7 @@
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.play.browser.gate import Gate, is_loopback, require_own
+from push_recovery.eval.play.gate import Gate, is_loopback, require_own
 
 Headers = pytest.importorskip("websockets.datastructures", reason="needs the extra play").Headers
 HERE = "127.0.0.1:8080"

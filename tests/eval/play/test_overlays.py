@@ -5,9 +5,9 @@ import pytest
 from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.controllers.model.observation import DCM, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
 from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.envs.scenario.command import Command
-from push_recovery.eval.play.lane import Lane
-from push_recovery.eval.play.overlays import overlays_of
+from push_recovery.envs.scenario.scenario import Command
+from push_recovery.eval.play.scene import overlays_of
+from push_recovery.eval.play.session import Lane
 
 
 def area(polygon):

@@ -2,7 +2,7 @@
 
 from unittest.mock import MagicMock
 
-from push_recovery.eval.play.browser.panel import Panel
+from push_recovery.eval.play.browser import Panel
 
 CAMERA = set("WASDQE")  # viser's own keys: they move the camera
 

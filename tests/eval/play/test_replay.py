@@ -9,13 +9,13 @@ import pytest
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.policy_source import acting_in
 
 pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 
-from push_recovery.eval.play.browser.replay import Replay
+from push_recovery.eval.play.replay import Replay
 
 SCENARIO = Scenario("shove", (Push((0.0, -200.0, 0.0), 0.1, 0.2),), duration=0.5)
 

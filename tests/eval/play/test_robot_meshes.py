@@ -6,8 +6,8 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.envs.biped.scene import set_posture
-from push_recovery.eval.play.browser.robot_meshes import RobotMeshes, body_meshes, coarse
+from push_recovery.envs.biped.view import set_posture
+from push_recovery.eval.play.scene import RobotMeshes, body_meshes, coarse
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")

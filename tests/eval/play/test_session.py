@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.envs.scenario.command import Command
-from push_recovery.eval.play.session import MOST_PERIODS, Session
-from push_recovery.eval.play.status import limits_words, status_words
+from push_recovery.envs.scenario.scenario import Command
+from push_recovery.eval.play.session import MOST_PERIODS, Session, limits_words, status_words
 from push_recovery.eval.record.record import record
 from push_recovery.eval.record.words import FALLS
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
-from push_recovery.controllers.settings.presets import load_preset
-from push_recovery.eval.processes import cluster
-from push_recovery.eval.processes.cluster import RayPool, RayWorkers, jobs_a_task, ray_workers
-from push_recovery.eval.processes.pool import WorkerError
+from push_recovery.controllers.settings import load_preset
+from push_recovery.eval.output import cluster
+from push_recovery.eval.output.cluster import RayPool, RayWorkers, jobs_a_task, ray_workers
+from push_recovery.eval.output.processes import WorkerError
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import installation, named_files, same_installation, same_runner
 from push_recovery.eval.score.evaluate import evaluate

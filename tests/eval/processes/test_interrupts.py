@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from push_recovery.eval.processes.interrupts import INTERRUPTED, STOPPED, CtrlC, ctrl_c_held_back
+from push_recovery.eval.output.processes import INTERRUPTED, STOPPED, CtrlC, ctrl_c_held_back
 
 INT = signal.SIGINT
 
@@ -95,11 +95,11 @@ time.sleep(100)""",
 def test_a_process_that_does_not_end_by_itself_is_ended(name):
     code = (
         "import hashlib, os, signal, sys, threading, time\n"
-        "from push_recovery.eval.processes import interrupts\n"
+        "from push_recovery.eval.output import processes\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "interrupts.GRACE = 0.2\n"
+        "processes.GRACE = 0.2\n"
         "try:\n"
-        "    with interrupts.CtrlC(last=True):\n"
+        "    with processes.CtrlC(last=True):\n"
         + STUCK[name].replace("\n", "\n        ")
         + "\nexcept KeyboardInterrupt:\n    raise SystemExit(130)\n"
     )
@@ -111,7 +111,7 @@ def test_a_process_that_does_not_end_by_itself_is_ended(name):
 def test_after_the_last_block_it_has_no_effect():
     code = (
         "import os, signal\n"
-        "from push_recovery.eval.processes.interrupts import CtrlC\n"
+        "from push_recovery.eval.output.processes import CtrlC\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "with CtrlC(last=True): pass\n"
         "os.kill(os.getpid(), signal.SIGINT); print('done')"

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from push_recovery.eval.processes.pool import WorkerError, WorkerPool
+from push_recovery.eval.output.processes import WorkerError, WorkerPool
 
 
 def base(number):
@@ -95,7 +95,7 @@ PARENT = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import test_pool
-from push_recovery.eval.processes.pool import WorkerPool
+from push_recovery.eval.output.processes import WorkerPool
 if __name__ == "__main__":
     pool = WorkerPool(2, test_pool.base, 0)
     print(*pool.run(test_pool.rest, [0, 0]), flush=True)

@@ -8,10 +8,10 @@ import sys
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.processes.writer import LOCK, Writer
+from push_recovery.eval.output.rows import LOCK, Writer
 
 HOLD = (
-    "import sys, time; from pathlib import Path; from push_recovery.eval.processes.writer import Writer\n"
+    "import sys, time; from pathlib import Path; from push_recovery.eval.output.rows import Writer\n"
     "held = Writer(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
 )
 

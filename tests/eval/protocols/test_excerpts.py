@@ -5,14 +5,13 @@ from importlib.util import find_spec
 
 import pytest
 from push_recovery.controllers.errors import UnknownNameError
-from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.robots.compiled_robot import compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.robots.adapt import PACKAGES
+from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.robots.compiled_robot import compiled_robot
+from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.eval.protocols.excerpts import excerpt
 from push_recovery.eval.protocols.tour import tour_scenario
-from push_recovery.eval.score.tuning_pushes import punched_suite
+from push_recovery.eval.tuning.pushes import excerpt, punched_suite
 
 needs_robots = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"

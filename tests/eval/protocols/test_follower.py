@@ -1,8 +1,7 @@
 import math
 
 import pytest
-from push_recovery.eval.protocols.follower import Follower, Pose, in_frame, missing
-from push_recovery.eval.protocols.tour import Waypoint
+from push_recovery.eval.protocols.tour import Follower, Pose, Waypoint, in_frame, missing
 
 
 def test_what_is_missing_is_seen_from_the_robot():

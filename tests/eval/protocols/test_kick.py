@@ -2,8 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.eval.protocols.kick import BEYOND, FORCES, every_kick, jump_of, kick_scenarios
-from push_recovery.eval.protocols.kick_watcher import _Measured
+from push_recovery.eval.protocols.kick import BEYOND, FORCES, _Measured, every_kick, jump_of, kick_scenarios
 from push_recovery.eval.rollout.outcome import Ending
 from push_recovery.eval.score.suites import get_suite
 

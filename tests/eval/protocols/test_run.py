@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.biped.robots.biped.robot import biped
+from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.protocols import run as running

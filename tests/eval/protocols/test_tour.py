@@ -4,17 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot
-from push_recovery.envs.biped.robots.description import robot_description
-from push_recovery.eval.protocols.places import places_of
-from push_recovery.eval.protocols.tour import (
-    punches,
-    run_id_of,
-    tour_scenario,
-    waypoints,
-    wrapped,
-)
+from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.robots.compiled_robot import CompiledRobot
+from push_recovery.envs.robots.description import robot_description
+from push_recovery.eval.protocols.tour import places_of, punches, run_id_of, tour_scenario, waypoints, wrapped
 
 
 def test_waypoints_are_the_benchmarks():

@@ -11,9 +11,8 @@ from push_recovery.envs.pendulum import dynamics
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.record.files import LOG_FORMATS, log_bytes
 from push_recovery.eval.record.plot import write_plot
-from push_recovery.eval.record.record import record
+from push_recovery.eval.record.record import LOG_FORMATS, log_bytes, record
 from push_recovery.eval.record.words import (
     FALLS,
     describe,

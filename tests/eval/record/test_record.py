@@ -7,9 +7,8 @@ from push_recovery.controllers.whole_body.kinematics import TRUNK, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.api.rollout import rollout
-from push_recovery.eval.record.record import record
-from push_recovery.eval.record.sampler import LIMIT, TORQUE, Sampler
+from push_recovery.eval.api import rollout
+from push_recovery.eval.record.record import LIMIT, TORQUE, Sampler, record
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 

@@ -2,10 +2,9 @@
 
 import shlex
 
-from push_recovery.eval.cli.commands.compare import Compare
-from push_recovery.eval.cli.commands.evaluate import Evaluate
-from push_recovery.eval.cli.parse import parse
-from push_recovery.eval.report.replay import command_of
+from push_recovery.eval.cli.main import parse
+from push_recovery.eval.cli.score import Compare, Evaluate
+from push_recovery.eval.report.page import command_of
 
 
 def test_a_command_says_what_decides_outcomes_and_is_no_default():

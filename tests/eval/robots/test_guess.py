@@ -6,14 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
-from push_recovery.envs.biped.robots.adapted.robot_file import read_robot_file
-from push_recovery.envs.biped.robots.adapted.shipped import FOLDER
-from push_recovery.envs.biped.robots.biped.robot import PLAN, spec
-from push_recovery.envs.biped.robots.variants.held_joints import ARM, arms_over_a_waist_of_three, no_waist
-from push_recovery.eval.robots.guess_plan import guess_plan
-from push_recovery.eval.robots.guess_sole import guess_soles
-from push_recovery.eval.robots.skeleton import read_skeleton
+from push_recovery.envs.robots.adapt import FOLDER, PACKAGES
+from push_recovery.envs.robots.biped import PLAN, spec
+from push_recovery.envs.robots.robot_file import read_robot_file
+from push_recovery.envs.robots.variants import ARM, arms_over_a_waist_of_three, no_waist
+from push_recovery.eval.robot_tools.guess import guess_plan, guess_soles, read_skeleton
 
 ANKLES = "left_ankle_roll", "right_ankle_roll"
 NEEDS = pytest.mark.skipif(

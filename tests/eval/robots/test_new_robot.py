@@ -6,14 +6,13 @@ from dataclasses import replace
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.capturability import max_recoverable_force
-from push_recovery.controllers.settings.presets import load_preset
-from push_recovery.envs.biped.robots.adapted.adapt import load_robot
-from push_recovery.envs.biped.robots.biped.robot import BIPED, ROBOT, spec
-from push_recovery.envs.biped.robots.compiled_robot import compiled_robot
-from push_recovery.envs.biped.settings import biped_settings
+from push_recovery.controllers.settings import load_preset
+from push_recovery.envs.biped.core import biped_settings
+from push_recovery.envs.robots.adapt import load_robot
+from push_recovery.envs.robots.biped import BIPED, ROBOT, spec
+from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.robots.new_robot import new_robot
-from push_recovery.eval.robots.reach import reachable_steps, standing_height
+from push_recovery.eval.robot_tools.new_robot import new_robot, reachable_steps, standing_height
 from push_recovery.eval.rollout.environments import EnvName, make_env, preset_digest
 
 LEG, HIP, ANKLE = (

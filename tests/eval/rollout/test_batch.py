@@ -3,25 +3,28 @@ import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.description import PolicyDescription, ResidualBase
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.pendulum.env import PendulumEnv
-from push_recovery.envs.residual.action_hold import ActionHold
-from push_recovery.envs.residual.wrapper import ResidualAction
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.cli.commands.evaluate import Evaluate
-from push_recovery.eval.rollout import loop
-from push_recovery.eval.rollout.batch import batch_episodes, plans_batches, rollout_all, rollout_batch
+from push_recovery.envs.wrappers import ActionHold, ResidualAction
+from push_recovery.eval.cli.score import Evaluate
+from push_recovery.eval.rollout import episodes as loop
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import (
+    action_rule,
+    batch_episodes,
+    plans_batches,
+    rollout,
+    rollout_all,
+    rollout_batch,
+)
 from push_recovery.eval.rollout.load_policy import load_policy, policy_names
 from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.workers import SLOTS, Runner
-from push_recovery.eval.rollout.wrapped_action import action_rule
 from push_recovery.eval.score.suites import standard_suite
 
 PENDULUM, BIPED, RESIDUAL = (f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual"))

@@ -4,10 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.learned.description import PolicyDescription
-from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-from push_recovery.controllers.learned.network import NetworkPolicy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+from push_recovery.controllers.policies.mlp import Mlp, Normalisation
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.environments import make_env, own_form

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout import loop
+from push_recovery.eval.rollout import episodes as loop
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout, run_episodes
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.loop import run_episodes
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.outcome import Ending
 
 

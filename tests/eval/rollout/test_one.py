@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.one import planning_period, rollout
+from push_recovery.eval.rollout.episodes import planning_period, rollout
 
 
 class Scripted(gym.Env):

@@ -1,16 +1,10 @@
 """What counts as recovered and why an episode does not, on rows written by hand."""
 
 import pytest
-from push_recovery.envs.biped.bounds_record import BoundsReport
+from push_recovery.envs.biped.limits_record import BoundsReport
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.outcome import (
-    NOT_SETTLED,
-    Ending,
-    Outcome,
-    Score,
-    failure_label,
-)
+from push_recovery.eval.rollout.outcome import NOT_SETTLED, Ending, Outcome, Score, failure_label
 
 
 def row(recovered: bool, survived: bool, reason: str | None = None, impulse: float = 10.0) -> dict:

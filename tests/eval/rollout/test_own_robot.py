@@ -3,14 +3,14 @@
 from dataclasses import replace
 
 import pytest
-from push_recovery.controllers.settings.presets import PresetFile
+from push_recovery.controllers.settings import PresetFile
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.api.rollout import rollout as named_rollout
+from push_recovery.eval.api import rollout as named_rollout
 from push_recovery.eval.rollout.environments import has_own_robot, make_env
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import Runner
 

@@ -1,9 +1,8 @@
 """What wrappers make of an action."""
 
-from push_recovery.envs.residual.action_hold import ActionHold
-from push_recovery.envs.residual.wrapper import ResidualAction
+from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.wrapped_action import action_rule
+from push_recovery.eval.rollout.episodes import action_rule
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 

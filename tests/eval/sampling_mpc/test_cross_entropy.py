@@ -1,5 +1,5 @@
 import numpy as np
-from push_recovery.eval.sampling_mpc.cross_entropy import CrossEntropy, as_text
+from push_recovery.eval.search import CrossEntropy, as_text
 
 
 def method(seed: int = 0, population: int = 40, elites: int = 5, least: float = 0.05) -> CrossEntropy:

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.scenario.command import Command, CommandChange
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import Kick, Push
-from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.sampling_mpc.corrections import SequenceRule, begun
-from push_recovery.eval.sampling_mpc.forecast import Forecast, state_of, worth
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
+from push_recovery.eval.search import Forecast, SequenceRule, begun, state_of, worth
 
 RULE = SequenceRule("two-stage", BIPED, BIPED_LIMITS, "biped", 1.0)
 PERIODS = 60

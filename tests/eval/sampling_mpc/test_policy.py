@@ -6,20 +6,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.episode.profile import HARDWARE
-from push_recovery.envs.residual.action_hold import ActionHold
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
-from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.output.work import episode_seconds
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.envs.wrappers import ActionHold
+from push_recovery.eval import sampling_mpc as source
+from push_recovery.eval.output.progress import episode_seconds
 from push_recovery.eval.play.session import Session
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy, make_policy, policy_names
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.policy_source import PolicySource, guessed_seconds, policy_sources
-from push_recovery.eval.sampling_mpc import source
-from push_recovery.eval.sampling_mpc.policy import Memory, SamplingMpcPolicy
-from push_recovery.eval.sampling_mpc.settings import SamplingMpcSettings
+from push_recovery.eval.sampling_mpc import Memory, SamplingMpcPolicy, SamplingMpcSettings
 
 FEW = SamplingMpcSettings(population=16, elites=4)
 HARD = Scenario("hard", (polar_push(2000.0, 0.0, 0.1, 0.4),), settle_time=3.0)
@@ -118,8 +116,9 @@ def test_it_acts_by_name_and_its_rows_hang_on_its_source(env, monkeypatch, tmp_p
     digest = PolicySource("a label", "sampling-mpc").digest()
     assert digest is not None
     assert len(digest) == 64
-    monkeypatch.setattr(source, "__file__", str(tmp_path / "source.py"))
-    (tmp_path / "policy.py").write_text("changed")
+    monkeypatch.setattr(source, "__file__", str(tmp_path / "sampling_mpc.py"))
+    for name in ("search.py", "sampling_mpc.py"):
+        (tmp_path / name).write_text("changed")
     assert PolicySource("a label", "sampling-mpc").digest() != digest
 
 

@@ -8,11 +8,10 @@ import pytest
 from push_recovery.envs.scenario.push import Kick
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
-from push_recovery.eval.sampling_mpc.forecast import Future
-from push_recovery.eval.sampling_mpc.policy import NEVER, Memory, SamplingMpcPolicy
-from push_recovery.eval.sampling_mpc.settings import SamplingMpcSettings
+from push_recovery.eval.sampling_mpc import NEVER, Memory, SamplingMpcPolicy, SamplingMpcSettings
+from push_recovery.eval.search import Future
 
 FEW = SamplingMpcSettings(population=16, elites=4, steps=2)
 SHAPE = (1, 2, 7)

@@ -1,15 +1,14 @@
 """The bounds that bipeds meet, from rollouts to tables."""
 
 import pytest
-from push_recovery.controllers.whole_body.bounds_met import BOUNDS
+from push_recovery.controllers.whole_body.limits import BOUNDS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_batch
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout, rollout_batch
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
-from push_recovery.eval.score.bounds_met import COLUMNS, bound_cells, bound_summary, fall_cell, first_bounds
+from push_recovery.eval.score.evaluate import COLUMNS, bound_cells, bound_summary, fall_cell, first_bounds
 
 
 def row(survived, first, **shares):

@@ -4,8 +4,7 @@ import json
 
 import pytest
 import toy_gait_env as toy
-from push_recovery.eval.score.compare import compare
-from push_recovery.eval.score.evaluate import evaluate
+from push_recovery.eval.score.evaluate import compare, evaluate
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 SUITE = Suite("ten", "1", standard_suite().scenarios[:10])

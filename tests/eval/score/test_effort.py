@@ -4,9 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from push_recovery.eval.score.effort import effort_cells, effort_summary, recovered_after
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import effort_markdown
+from push_recovery.eval.score.report import effort_cells, effort_markdown, effort_summary, recovered_after
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 SCENARIOS = standard_suite().scenarios[:3]

@@ -8,12 +8,11 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.one import rollout
 from push_recovery.eval.rollout.outcome import Score, failure_label
 from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, make_chunks
-from push_recovery.eval.score.compare import compare
-from push_recovery.eval.score.evaluate import evaluate
+from push_recovery.eval.score.evaluate import compare, evaluate
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 SUITE = Suite("head", "1", standard_suite().scenarios[:24])

@@ -2,7 +2,7 @@
 
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score.kinds import groups_of, kind_cells
+from push_recovery.eval.score.report import groups_of, kind_cells
 from push_recovery.eval.score.suites import standard_suite
 
 FORCE = (100.0, 0.0, 0.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.frontier.scan import FrontierSettings, ScanJob, scan
 from push_recovery.eval.rollout.workers import Runner
+from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, scan
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 ENV_ID = "PushRecovery/Pendulum-v0"

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.settings.presets import PresetFile
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import PresetFile
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy

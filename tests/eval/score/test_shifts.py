@@ -8,7 +8,7 @@ import pytest
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score.shifts import (
+from push_recovery.eval.score.draw import (
     SHIFTS,
     another_floor,
     another_robot,

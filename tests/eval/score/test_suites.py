@@ -7,10 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.episode.profile import EXACT, HARDWARE
 from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
 from push_recovery.eval.score import suites
-from push_recovery.eval.score.stratified import gf16_multiply, orthogonal_array, stratified_uniforms
+from push_recovery.eval.score.draw import (
+    count_of,
+    gf16_multiply,
+    orthogonal_array,
+    stratified_uniforms,
+    walk_of,
+)
 from push_recovery.eval.score.suites import (
     SUITES,
     Suite,
@@ -25,7 +31,6 @@ from push_recovery.eval.score.suites import (
     with_errors,
     with_profile,
 )
-from push_recovery.eval.score.varied import count_of, walk_of
 
 QUICK_SHA256 = "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286"
 QUICK_1_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"

@@ -6,20 +6,11 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.episode.profile import HARDWARE
-from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from push_recovery.envs.scenario.physics_options import PLAIN_PHYSICS, PhysicsOptions
-from push_recovery.eval.score.kinds import groups_of
+from push_recovery.envs.scenario.model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
+from push_recovery.envs.scenario.scenario import HARDWARE
+from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
-from push_recovery.eval.score.tuning_pushes import (
-    MOST,
-    SEEDS,
-    SHARE,
-    TUNING,
-    VARIED,
-    held_out_of,
-    tuning_suite,
-)
+from push_recovery.eval.tuning.pushes import MOST, SEEDS, SHARE, TUNING, VARIED, held_out_of, tuning_suite
 
 HELD_OUT = held_out_of(TUNING)
 SCORED = ("standard", "hard", "varied", "varied-sealed")

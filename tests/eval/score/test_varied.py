@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score.varied import (
-    FACTORS,
-    Point,
-    count_of,
-    varied_scenario,
-    varied_scenarios,
-    walk_of,
-)
+from push_recovery.eval.score.draw import FACTORS, Point, count_of, varied_scenario, varied_scenarios, walk_of
 
 MIDDLE = Point(*[0.5] * FACTORS)
 

@@ -7,15 +7,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.envs.episode.profile import EXACT, HARDWARE
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.score.sensitivity import (
+    BODIES,
+    COLUMNS,
+    NUMERICS,
+    VARIATIONS,
+    Sensitivity,
+    sample_of,
+    sensitivity,
+    sensitivity_cells,
+    varied_by,
+    write_sensitivity_reports,
+)
 from push_recovery.eval.score.suites import Suite, hard_suite
-from push_recovery.eval.sensitivity.report import COLUMNS, sensitivity_cells, write_sensitivity_reports
-from push_recovery.eval.sensitivity.run import Sensitivity, sample_of, sensitivity, varied_by
-from push_recovery.eval.sensitivity.variations import BODIES, NUMERICS, VARIATIONS
 
 CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2),)) for i in range(5)))
 

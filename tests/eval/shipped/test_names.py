@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.learned.policy_file import policy_paths
+from push_recovery.controllers.policies.learned import policy_paths
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import Runner
 from push_recovery.eval.score.suites import Suite, standard_suite
-from push_recovery.eval.shipped import names
 
 from push_recovery import compare, evaluate, frontier, load_policy, make_policy, rollout
 
@@ -140,9 +140,8 @@ def test_a_named_policy_on_joints_acts_in_its_own_form_of_the_biped(tmp_path, mo
 
 def save_zero(path, env_id, env):
     import numpy as np
-    from push_recovery.controllers.learned.description import PolicyDescription
-    from push_recovery.controllers.learned.mlp import Mlp, Normalisation
-    from push_recovery.controllers.learned.network import NetworkPolicy
+    from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+    from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 
     inputs, outputs = env.observation_space.shape[0], env.action_space.shape[0]
     network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
@@ -155,7 +154,7 @@ def test_a_wheel_carries_both_files_of_every_policy():
     folder = names.FOLDER.relative_to(names.FOLDER.parent)
     for name in names.NAMES:
         for path in policy_paths(folder / name):
-            assert any(fnmatch.fnmatch(str(path), each) for each in patterns["push_recovery.eval.shipped"])
+            assert any(fnmatch.fnmatch(str(path), each) for each in patterns["push_recovery.eval.rollout"])
 
 
 def test_the_folder_holds_policies_of_these_names_only():

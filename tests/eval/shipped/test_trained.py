@@ -5,13 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from push_recovery.envs.scenario.command import Command
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.record.record import record
-from push_recovery.eval.rollout.batch import rollout_all
 from push_recovery.eval.rollout.environments import robot_of
+from push_recovery.eval.rollout.episodes import rollout_all
+from push_recovery.eval.rollout.load_policy import FOLDER, NAMES, shipped_names
 from push_recovery.eval.rollout.policy_source import acting_in
-from push_recovery.eval.shipped.names import FOLDER, NAMES, shipped_names
 from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.recipes import RECIPES, difference, file_settings
 

@@ -2,10 +2,9 @@
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings.presets import load_preset
-from push_recovery.eval.tuning.arms import tune_arms
-from push_recovery.eval.tuning.settings import TuningSettings
-from push_recovery.eval.tuning.study import tune
+from push_recovery.controllers.settings import load_preset
+from push_recovery.eval.tuning.study import TuningSettings, tune
+from push_recovery.eval.tuning.variants import tune_arms
 
 SETTINGS = TuningSettings("PushRecovery/Pendulum-v0", "stage-1", scenarios=8, held_out=8)
 ARMS = ["stage-1", "fixed-time"]

@@ -1,8 +1,7 @@
 """A point's settings as a preset, and the space that a preset starts."""
 
-from push_recovery.controllers.settings.presets import PresetFile, named_preset
-from push_recovery.eval.tuning.candidate import preset_of, space_of
-from push_recovery.eval.tuning.settings import TuningSettings
+from push_recovery.controllers.settings import PresetFile, named_preset
+from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
 
 SETTINGS = TuningSettings("PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8)
 

@@ -1,7 +1,7 @@
 """What a preset file says of its search, from rows written by hand."""
 
 import pytest
-from push_recovery.eval.tuning.findings import comparison, findings
+from push_recovery.eval.tuning.study import comparison, findings
 
 
 def row(number, values, stopped=False):

@@ -6,15 +6,14 @@ from importlib.util import find_spec
 import gymnasium as gym
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings.presets import PresetFile, load_preset
-from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
+from push_recovery.controllers.settings import PresetFile, load_preset
+from push_recovery.envs.robots.adapt import PACKAGES
 from push_recovery.eval.protocols.watched import biped_of
 from push_recovery.eval.rollout.environments import robot_of
-from push_recovery.eval.score.tuning_pushes import punched_suite, tuning_suite
-from push_recovery.eval.tuning.arms import tune_arms
-from push_recovery.eval.tuning.candidate import preset_of, space_of
+from push_recovery.eval.tuning.pushes import punched_suite, tuning_suite
 from push_recovery.eval.tuning.scorer import check_env
-from push_recovery.eval.tuning.settings import TuningSettings
+from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
+from push_recovery.eval.tuning.variants import tune_arms
 
 pytestmark = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"

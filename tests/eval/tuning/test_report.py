@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from push_recovery.eval.tuning.report import field_cells, score_cells
 from push_recovery.eval.tuning.space import Dimension, Space
+from push_recovery.eval.tuning.variants import field_cells, score_cells
 
 ENTRY = {
     "start": {"score": 0.25, "recovered": 2}, "best": {"score": 0.75, "recovered": 6}, "scenarios": 8,

@@ -3,9 +3,8 @@ import sys
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
-from push_recovery.eval.tuning.racing import Z, clearly_worse, estimate, race, rungs
-from push_recovery.eval.tuning.search import Search
 from push_recovery.eval.tuning.space import Dimension, Space
+from push_recovery.eval.tuning.study import Search, Z, clearly_worse, estimate, race, rungs
 
 BOX = Space(tuple(Dimension("g", f"x{i}", -4.0, 4.0, 1.0) for i in range(4)), (0.0,) * 4)
 TARGET = np.array([2.0, -1.0, 0.5, 6.0])  # the last one outside the box

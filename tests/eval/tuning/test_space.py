@@ -3,16 +3,23 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings.planner_config import PlannerConfig
-from push_recovery.controllers.settings.presets import preset_config
-from push_recovery.envs.biped.settings import SECTIONS, BipedSettings
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.settings import PlannerConfig, preset_config
+from push_recovery.envs.biped.core import SECTIONS, BipedSettings
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.tuning.dimensions import ARMS, ROBOT, TRUNK, UPRIGHT, planner_dimensions
-from push_recovery.eval.tuning.space import Dimension, Space, make_space, select
+from push_recovery.eval.tuning.space import (
+    ARMS,
+    ROBOT,
+    TRUNK,
+    UPRIGHT,
+    Dimension,
+    Space,
+    make_space,
+    planner_dimensions,
+    select,
+)
 
 LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")

@@ -3,17 +3,15 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings.presets import load_preset
+from push_recovery.controllers.settings import load_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.processes.writer import Writer
-from push_recovery.eval.rollout.batch import rollout_batch
-from push_recovery.eval.score.tuning_pushes import TUNING, tuning_suite
-from push_recovery.eval.tuning.arms import tune_arms
+from push_recovery.eval.output.rows import Writer
+from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
 from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
-from push_recovery.eval.tuning.settings import TuningSettings
-from push_recovery.eval.tuning.study import tune
-from push_recovery.eval.tuning.trials import CANDIDATE
+from push_recovery.eval.tuning.study import CANDIDATE, TuningSettings, tune
+from push_recovery.eval.tuning.variants import tune_arms
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 SETTINGS = TuningSettings(

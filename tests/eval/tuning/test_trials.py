@@ -1,6 +1,6 @@
 """Which trial counts as the best one."""
 
-from push_recovery.eval.tuning.trials import best_of
+from push_recovery.eval.tuning.study import best_of
 
 
 def trial(number, score, stopped=False):

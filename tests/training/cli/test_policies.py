@@ -5,14 +5,14 @@ import json
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.eval.cli.parse import parse
+from push_recovery.eval.cli.main import parse
+from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.shipped import names
+from push_recovery.training import cli as policies
 from push_recovery.training import ppo
 from push_recovery.training.checkpoint import load_checkpoint
-from push_recovery.training.cli import policies
-from push_recovery.training.cli.policies import is_complete, train_recipe
+from push_recovery.training.cli import is_complete, train_recipe
 from push_recovery.training.recipes import RECIPES, difference
 from push_recovery.training.settings import TrainingSettings
 

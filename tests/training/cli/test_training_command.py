@@ -4,15 +4,13 @@ import json
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from push_recovery.controllers.learned.network import NetworkPolicy
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
-from push_recovery.envs.scenario.error_ranges import ErrorRanges
-from push_recovery.envs.scenario.push_distribution import PushDistribution
-from push_recovery.eval.cli.main import main
-from push_recovery.eval.cli.parse import parse
+from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
+from push_recovery.eval.cli.main import main, parse
+from push_recovery.training import cli as extras
 from push_recovery.training.checkpoint import load_checkpoint
-from push_recovery.training.cli import extras
 from push_recovery.training.settings import TrainingSettings
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.joint.taught import TaughtEpisodes
-from push_recovery.training.imitation.collector import Collector
-from push_recovery.training.imitation.dagger import Round, imitate, imitate_once
-from push_recovery.training.imitation.settings import ImitationSettings
+from push_recovery.training.imitation import Collector, ImitationSettings, Round, imitate, imitate_once
 
 SMALL = ImitationSettings(
     robots=4, rounds=4, periods=25, batches=5, batch_size=64, layers=(16,), shown_rounds=2, last_batches=5

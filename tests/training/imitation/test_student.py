@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.joints.observation import PREVIOUS_ACTION
-from push_recovery.training.imitation.settings import ImitationSettings
-from push_recovery.training.imitation.student import HIDDEN, Student, normalisation_of
+from push_recovery.controllers.joint_control import PREVIOUS_ACTION
+from push_recovery.training.imitation import HIDDEN, ImitationSettings, Student, normalisation_of
 
 
 def linear_task(n: int) -> tuple[np.ndarray, np.ndarray]:

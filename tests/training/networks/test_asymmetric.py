@@ -2,10 +2,10 @@
 
 import numpy as np
 import torch
-from push_recovery.controllers.learned.network import NetworkPolicy
+from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.training.builders import completed, make_env, make_ppo, make_vec_env
-from push_recovery.training.export import export_policy
-from push_recovery.training.networks.asymmetric import AsymmetricPolicy
+from push_recovery.training.from_sb3 import export_policy
+from push_recovery.training.networks import AsymmetricPolicy
 from push_recovery.training.settings import TrainingSettings
 
 SETTINGS = TrainingSettings(n_envs=2, walks=2, critic=("push", "sensing"), policy_layers=(8,), n_steps=8)

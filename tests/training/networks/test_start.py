@@ -4,9 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.training.imitation.dagger import imitate
-from push_recovery.training.imitation.settings import ImitationSettings
-from push_recovery.training.networks.start import ValueFirst, start_from
+from push_recovery.training.imitation import ImitationSettings, imitate
+from push_recovery.training.networks import ValueFirst, start_from
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn

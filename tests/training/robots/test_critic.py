@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.scenario.command import Command
 from push_recovery.envs.scenario.push import polar_push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.training.actor import check_critic, impulse_to_come, sensing_error
 from push_recovery.training.builders import completed, make_env, make_robots
-from push_recovery.training.robots.critic import check_critic, impulse_to_come, sensing_error
 from push_recovery.training.settings import TrainingSettings
 
 NOTHING = np.zeros((1, 7), np.float32)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.training.robots.reward import EnvironmentReward, RecoveryReward
+from push_recovery.training.reward import EnvironmentReward, RecoveryReward
 
 GAMMA = 0.9
 

@@ -6,12 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.joint.episodes import JointResidualEpisodes
-from push_recovery.envs.scenario.push_distribution import PushDistribution
-from push_recovery.training.robots.starts import PushStarts, ResetStarts, relative
-from push_recovery.training.robots.walks import EARLIEST, LATEST, Uncorrected, take_walks
+from push_recovery.envs.joint.env import JointResidualEpisodes
+from push_recovery.envs.scenario.distribution import PushDistribution
+from push_recovery.training.starts import (
+    EARLIEST,
+    LATEST,
+    PushStarts,
+    ResetStarts,
+    Uncorrected,
+    relative,
+    take_walks,
+)
 
 HARD = PushDistribution(impulse_min=100.0, impulse_max=110.0, settle_time=1.5)
 EASY = PushDistribution(impulse_min=5.0, impulse_max=6.0, push_duration=0.2, settle_time=1.0)

@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from push_recovery.training.robots.success_table import DIRECTIONS, SuccessTable
+from push_recovery.training.starts import DIRECTIONS, SuccessTable
 
 
 def test_pushes_of_even_odds_are_all_taken_and_sure_ones_by_the_floor():

@@ -5,12 +5,11 @@ import copy
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.plant.altered_model import altered_model
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
-from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from push_recovery.envs.scenario.physics_options import PhysicsOptions
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 

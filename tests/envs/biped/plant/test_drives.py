@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.envs.biped.plant import drives
-from push_recovery.envs.biped.plant.drives import HEATING, given_torque
+from push_recovery.envs.biped import actuators as drives
+from push_recovery.envs.biped.actuators import HEATING, given_torque
 
 TOP, FREE, INERTIA = 90.0, 10.0, 0.02  # the line falls by 90 / 3 = 30 N m s/rad from 7 rad/s on
 MOTOR = np.array([TOP, FREE, INERTIA])

@@ -3,11 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.plant.altered_model import altered_model
-from push_recovery.envs.biped.plant.floor import AROUND, DEPTH, TILE, floor_height
-from push_recovery.envs.biped.robots.biped.robot import PLAN, biped, biped_model
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.floor import AROUND, DEPTH, TILE, floor_height
+from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.noise import uniform
 from push_recovery.envs.scenario.push import GaitEvent, Push

@@ -6,17 +6,17 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.envs.biped.env import BIPED, BIPED_LIMITS, BipedEpisodes
-from push_recovery.envs.biped.plant.kicks import Kicks
-from push_recovery.envs.episode.profile import HARDWARE
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.pushes import Kicks
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Kick, Push
-from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.batch import rollout_all
+from push_recovery.envs.scenario.scenario import HARDWARE, Scenario
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.envs.biped.plant.power import limit_power
+from push_recovery.envs.biped.actuators import limit_power
 
 FREE = np.inf
 

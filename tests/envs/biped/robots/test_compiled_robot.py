@@ -6,25 +6,22 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.model.body_plan import BodyPlan
-from push_recovery.controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES
-from push_recovery.controllers.whole_body.mass_matrix import ROW, columns
+from push_recovery.controllers.model.robot import BodyPlan
+from push_recovery.controllers.whole_body.kinematics import ANY_AXES, MEETING_AXES, ROW, columns
+from push_recovery.envs.biped.core import BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.leg_kinematics import leg_geometry
-from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.biped.robots.biped.robot import PLAN, ROBOT, biped, spec
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
-from push_recovery.envs.biped.robots.indices import MISSING
-from push_recovery.envs.biped.robots.robot_model import robot_model
-from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
-from push_recovery.envs.biped.robots.variants.robots import (
+from push_recovery.envs.biped.posture import leg_geometry, posture
+from push_recovery.envs.robots.biped import PLAN, ROBOT, biped, spec
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot, robot_model
+from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.indices import MISSING
+from push_recovery.envs.robots.variants import (
     ANKLE_ROLL_FIRST,
+    HELD_VARIANTS,
     HIPS_PITCH_ROLL_YAW,
     NO_WAIST_ROLL,
     VARIANTS,
 )
-from push_recovery.envs.biped.settings import BIPED_LIMITS
 from push_recovery.envs.scenario.scenario import Scenario
 
 SOLES = np.array([[0.05, 0.11, 0.0], [-0.03, -0.09, 0.0]])
@@ -181,7 +178,7 @@ def test_a_motor_that_does_not_give_the_torque_it_is_told_is_refused():
 
 def test_a_robot_is_loaded_by_name_or_place():
     assert robot_description("biped") is ROBOT
-    place = "push_recovery.envs.biped.robots.variants.robots:NO_WAIST_ROLL"
+    place = "push_recovery.envs.robots.variants:NO_WAIST_ROLL"
     assert robot_description(place) is NO_WAIST_ROLL
     with pytest.raises(UnknownNameError, match="biped"):
         robot_description("bipde")

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.indices import MISSING
-from push_recovery.envs.biped.robots.variants.held_joints import ARMS_HELD, LEGS_BELOW_A_YAW
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.indices import MISSING
+from push_recovery.envs.robots.variants import ARMS_HELD, LEGS_BELOW_A_YAW
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario

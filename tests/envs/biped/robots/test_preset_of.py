@@ -5,10 +5,10 @@ from dataclasses import asdict, replace
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.settings.presets import PresetFile
+from push_recovery.controllers.settings import PresetFile
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.preset_of import check_preset
-from push_recovery.envs.biped.settings import BIPED, BIPED_LIMITS
+from push_recovery.envs.robots.description import check_preset
 
 
 def test_a_preset_that_says_whose_it_is_is_that_robots_alone(tmp_path):

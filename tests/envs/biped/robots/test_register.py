@@ -4,9 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.envs.biped.robots.register import register_robot
+from push_recovery.envs.robots.description import register_robot
 
-PLACE = "push_recovery.envs.biped.robots.variants.robots:NO_WAIST_ROLL"
+PLACE = "push_recovery.envs.robots.variants:NO_WAIST_ROLL"
 
 
 @pytest.fixture

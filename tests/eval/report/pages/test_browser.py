@@ -3,8 +3,8 @@
 import shutil
 
 import pytest
-from push_recovery.eval.report.pages.evaluation import write_evaluation_page
-from push_recovery.eval.report.replay import Command
+from push_recovery.eval.report.evaluation import write_evaluation_page
+from push_recovery.eval.report.page import Command
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")

@@ -4,10 +4,10 @@ import re
 
 import pytest
 from push_recovery.controllers.errors import MissingExtraError
-from push_recovery.eval.cli.page import print_page, write_or_say
+from push_recovery.eval.cli.options import print_page, write_or_say
 from push_recovery.eval.report import page
-from push_recovery.eval.report.pages.evaluation import write_evaluation_page
-from push_recovery.eval.report.replay import Command
+from push_recovery.eval.report.evaluation import write_evaluation_page
+from push_recovery.eval.report.page import Command
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 COMMAND = Command(("evaluate",), (("--suite", ("quick",)),))

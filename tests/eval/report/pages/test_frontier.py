@@ -3,18 +3,17 @@
 import shlex
 
 import pytest
-from push_recovery.eval.cli.commands.frontier import Frontier as FrontierOptions
-from push_recovery.eval.cli.parse import parse
-from push_recovery.eval.frontier.closed_form import DirectionLimits
-from push_recovery.eval.frontier.scan import Frontier, FrontierSettings
-from push_recovery.eval.report.pages.frontier import (
+from push_recovery.eval.cli.main import parse
+from push_recovery.eval.cli.studies import Frontier as FrontierOptions
+from push_recovery.eval.report.frontier import (
     fall_lines,
     force_cells,
     mean_share,
     verdict,
     write_frontier_page,
 )
-from push_recovery.eval.report.replay import Command, command_of
+from push_recovery.eval.report.page import Command, command_of
+from push_recovery.eval.score.frontier import DirectionLimits, Frontier, FrontierSettings
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 LABELS = {"p": "P", "q": "Q"}

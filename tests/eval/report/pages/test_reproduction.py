@@ -3,8 +3,8 @@ import re
 
 import pytest
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.report.pages.reproduction import pictures, verdict
-from push_recovery.eval.reproduction.report.claims import DIFFERS, REPRODUCED, UNTOLD, Claim
+from push_recovery.eval.report.reproduction import pictures, verdict
+from push_recovery.eval.reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 

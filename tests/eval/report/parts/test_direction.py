@@ -5,15 +5,10 @@ import math
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.frontier.share import limit_share
 from push_recovery.eval.record.words import sector_of
-from push_recovery.eval.report.parts.direction import (
-    MappedPush,
-    direction_figure,
-    mapped_pushes,
-    stance_direction,
-)
+from push_recovery.eval.report.pushes import MappedPush, direction_figure, mapped_pushes, stance_direction
 from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.score.frontier import limit_share
 
 
 def event(side):

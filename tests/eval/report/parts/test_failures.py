@@ -1,14 +1,8 @@
 """What became of pushes, and limits met, on rows that are known."""
 
-from push_recovery.controllers.whole_body.bounds_met import BOUNDS
-from push_recovery.eval.report.labels import LIMITS, REASONS
-from push_recovery.eval.report.parts.failures import (
-    ending_figure,
-    explained,
-    limit_cells,
-    reason_cells,
-    reasons_of,
-)
+from push_recovery.controllers.whole_body.limits import BOUNDS
+from push_recovery.eval.report.episodes import ending_figure, explained, limit_cells, reason_cells, reasons_of
+from push_recovery.eval.report.page import LIMITS, REASONS
 
 LABELS = {"p": "P", "q": "Q"}
 

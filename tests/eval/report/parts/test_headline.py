@@ -2,7 +2,7 @@
 
 import pytest
 from push_recovery.eval.output.statistics import PairedCounts
-from push_recovery.eval.report.parts.headline import p_words, points, ranked, rate_cells, sureness, verdict
+from push_recovery.eval.report.headline import p_words, points, ranked, rate_cells, sureness, verdict
 
 LABELS = {"p": "P", "q": "Q", "t": "T"}
 

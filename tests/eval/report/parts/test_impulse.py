@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from push_recovery.eval.output.logistic import LogisticFit, fit_logistic
-from push_recovery.eval.report.parts.impulse import Curve, binned, curve_cells, curve_figure, curves_of
+from push_recovery.eval.output.statistics import LogisticFit, fit_logistic
+from push_recovery.eval.report.pushes import Curve, binned, curve_cells, curve_figure, curves_of
 from push_recovery.eval.score.suites import quick_suite
 
 IMPULSE = np.linspace(50.0, 200.0, 40)

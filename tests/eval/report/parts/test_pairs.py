@@ -1,9 +1,8 @@
 """Pairs and the pushes that set them apart, on rows whose tables are known."""
 
-from push_recovery.eval.report.labels import outcome_words, scenario_words, short_labels
-from push_recovery.eval.report.parts.pairs import pair_cells, pairs_with_best
-from push_recovery.eval.report.parts.scenarios import SIGNS, scenario_lines
-from push_recovery.eval.report.replay import Command
+from push_recovery.eval.report.episodes import SIGNS, scenario_lines
+from push_recovery.eval.report.headline import pair_cells, pairs_with_best
+from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
 from push_recovery.eval.score.suites import quick_suite
 
 LABELS = {"p": "P", "q": "Q", "t": "T"}

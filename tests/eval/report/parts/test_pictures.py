@@ -4,9 +4,9 @@ import io
 import numpy as np
 from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.film.moments import Moments
-from push_recovery.eval.report.parts import pictures
-from push_recovery.eval.report.parts.pictures import PicturePart, opponents, picture_part, telling_pushes
+from push_recovery.eval.record.film import Moments
+from push_recovery.eval.report import episodes as pictures
+from push_recovery.eval.report.episodes import PicturePart, opponents, picture_part, telling_pushes
 
 LABELS = {name: name for name in ("residual", "residual-seed1", "two-stage")}
 

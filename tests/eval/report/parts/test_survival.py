@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from push_recovery.eval.output.survival import kaplan_meier
-from push_recovery.eval.report.parts.survival import share_at, survival_part
+from push_recovery.eval.output.statistics import kaplan_meier
+from push_recovery.eval.report.pushes import share_at, survival_part
 
 
 def test_only_scenarios_with_several_pushes_count(evaluation):

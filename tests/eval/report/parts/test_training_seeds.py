@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 import pytest
-from push_recovery.eval.report.parts.training_seeds import profile_figure, recipes_of, seed_part, strata_of
+from push_recovery.eval.report.headline import profile_figure, recipes_of, seed_part, strata_of
 from scipy import stats
 
 LETTERS = "rrfsrrrfrrsf" * 8  # 96 pushes

@@ -9,14 +9,13 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE, TRUNK_ANGLE
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.pendulum.env import PendulumEnv
+from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
-from push_recovery.envs.scenario.push_distribution import PushDistribution
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.reproduction.pendulum.batch import Plant, run_batch
-from push_recovery.eval.reproduction.pendulum.sensor import Measurement, PendulumSensor
-from push_recovery.eval.rollout.one import rollout
+from push_recovery.eval.reproduction.pendulum import Measurement, PendulumSensor, Plant, run_batch
+from push_recovery.eval.rollout.episodes import rollout
 
 
 def pushes(vx=0.0, count=12, seed=0):

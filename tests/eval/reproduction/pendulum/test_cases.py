@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from push_recovery.eval.reproduction.pendulum.cases import CaseJob, case_numbers
-from push_recovery.eval.reproduction.pendulum.recording import record
-from push_recovery.eval.reproduction.pendulum.variants import Variant
-from push_recovery.eval.reproduction.sections.scenario_1 import FORCE, PUSH
+from push_recovery.eval.reproduction.pendulum import Variant
+from push_recovery.eval.reproduction.recording import CaseJob, case_numbers, record
+from push_recovery.eval.reproduction.scenario_1 import FORCE, PUSH
 
 
 @pytest.fixture(scope="module", params=["stage-1-paper", "two-stage"])

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.eval.reproduction.pendulum.recording import record
-from push_recovery.eval.reproduction.pendulum.scan import PushKind
-from push_recovery.eval.reproduction.pendulum.variants import Variant
+from push_recovery.eval.reproduction.pendulum import PushKind, Variant
+from push_recovery.eval.reproduction.recording import record
 
 ROBOT = RobotModel()
 PUSH = PushKind(-90.0, vx=0.5)

@@ -5,15 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.eval.frontier.grid import FORCE_CAP
-from push_recovery.eval.frontier.scan import FrontierSettings
-from push_recovery.eval.frontier.scan import ScanJob as FrontierJob
-from push_recovery.eval.frontier.scan import scan as frontier_scan
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.eval.reproduction.jobs import key
-from push_recovery.eval.reproduction.pendulum.scan import EpisodeJob, PushKind, ScanJob, scan
-from push_recovery.eval.reproduction.pendulum.variants import Variant, built, pairs
+from push_recovery.eval.reproduction.pendulum import (
+    EpisodeJob,
+    PushKind,
+    ScanJob,
+    Variant,
+    built,
+    pairs,
+    scan,
+)
 from push_recovery.eval.rollout.workers import Runner
+from push_recovery.eval.score.frontier import FORCE_CAP, FrontierSettings
+from push_recovery.eval.score.frontier import ScanJob as FrontierJob
+from push_recovery.eval.score.frontier import scan as frontier_scan
 
 
 class Holes:

@@ -5,13 +5,11 @@ import json
 import pytest
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import print_table
-from push_recovery.eval.reproduction.jobs import key
-from push_recovery.eval.reproduction.pendulum.cases import CaseJob
-from push_recovery.eval.reproduction.pendulum.scan import EpisodeJob, ScanJob
-from push_recovery.eval.reproduction.pendulum.variants import Variant
-from push_recovery.eval.reproduction.report.run import SECTION_NAMES, SECTIONS, reproduce
-from push_recovery.eval.reproduction.sections import ablations, limits, scenario_1, scenario_2
-from push_recovery.eval.reproduction.tables import markdown
+from push_recovery.eval.reproduction import ablations, limits, scenario_1, scenario_2
+from push_recovery.eval.reproduction.jobs import key, markdown
+from push_recovery.eval.reproduction.pendulum import EpisodeJob, ScanJob, Variant
+from push_recovery.eval.reproduction.recording import CaseJob
+from push_recovery.eval.reproduction.run import SECTION_NAMES, SECTIONS, reproduce
 
 
 def rows_of(jobs, value):

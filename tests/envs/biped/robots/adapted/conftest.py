@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import mujoco
 import pytest
-from push_recovery.envs.biped.robots.adapted.robot_file import Motor, RobotFile, Sole, make_plan
-from push_recovery.envs.biped.robots.biped.robot import PLAN, spec
+from push_recovery.envs.robots.biped import PLAN, spec
+from push_recovery.envs.robots.robot_file import Motor, RobotFile, Sole, make_plan
 
 MOTORS = (
     ("*_hip_yaw", Motor(100.0, 23.0, 0.01)),

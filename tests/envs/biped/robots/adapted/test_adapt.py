@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.envs.biped.robots.adapted.adapt import description_of
-from push_recovery.envs.biped.robots.adapted.robot_file import Sole
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot
+from push_recovery.envs.robots.adapt import description_of
+from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.robots.compiled_robot import CompiledRobot
+from push_recovery.envs.robots.robot_file import Sole
 
 
 @pytest.fixture

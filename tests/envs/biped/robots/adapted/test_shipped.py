@@ -7,13 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from push_recovery.controllers.policies.arms import make_policy
-from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.controllers.whole_body.leg_inverse import KNEE
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.kinematics import KNEE, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
-from push_recovery.envs.biped.robots.compiled_robot import compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.robots.adapt import PACKAGES
+from push_recovery.envs.robots.compiled_robot import compiled_robot
+from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

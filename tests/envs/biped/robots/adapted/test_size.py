@@ -1,11 +1,11 @@
 """What a robot's legs and motors let its steps be, by the inertias of the bodies themselves."""
 
 import pytest
-from push_recovery.controllers.settings.presets import named_preset
-from push_recovery.envs.biped.robots.adapted.size import scale_of, scaled_settings, sole_acceleration
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.description import RobotDescription, robot_description
+from push_recovery.controllers.settings import named_preset
+from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.description import RobotDescription, robot_description
+from push_recovery.eval.robot_tools.new_robot import scale_of, scaled_settings, sole_acceleration
 
 ROLL, PITCH = 1, 2  # of the biped's hip, which turns first
 LEG = "left_thigh", "left_shank", "left_foot"

@@ -5,12 +5,11 @@ from importlib.util import find_spec
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.envs.biped.plant.altered_model import altered_model
-from push_recovery.envs.biped.robots.adapted.adapt import description_of
-from push_recovery.envs.biped.robots.adapted.model_place import PACKAGES
-from push_recovery.envs.biped.robots.biped.robot import biped
-from push_recovery.envs.biped.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.biped.robots.description import robot_description
+from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.robots.adapt import PACKAGES, description_of
+from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.model_errors import ModelErrors
 
 COLLIDING = ModelErrors(collisions=True)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.arms import make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.robots.variants.held_joints import HELD_VARIANTS
-from push_recovery.envs.biped.robots.variants.robots import VARIANTS
+from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

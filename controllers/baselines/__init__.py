@@ -1,1 +1,0 @@
-"""Planners of the field that are no parts of the two-stage planner."""

@@ -1,1 +1,0 @@
-"""What compiled loops need: threads, tables of arrays, arrays on the stack, vectors."""

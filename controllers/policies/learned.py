@@ -1,0 +1,420 @@
+"""Learned policies: what they were made for, their files, and how they act.
+
+What a learned policy was made for, and what a residual corrects.
+
+Learned policies on disk: NAME.safetensors holds the weights, NAME.json says what they are.
+
+Neither can run code. The JSON carries the SHA-256 of the weights, so that two halves of different policies
+are never taken for one.
+
+A learned policy run by numpy: a network alone, or a network's residual on a planner.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidValueError
+from ..files import read_file, write_atomically
+from ..model.gait_box import GAIT_SIZE, GaitLimits
+from ..model.observation import as_doubles
+from ..model.robot import RobotModel
+from ..settings import PlannerConfig
+from ..validation import differences, parse_json
+from .interface import Policy
+from .mlp import OBSERVATION, Mlp, NetworkInputs, Normalisation, check_inputs, input_size
+from .residual import Below, ResidualRule, check_gate, check_residual_scale
+from .two_stage import TwoStagePolicy, make_policy
+
+
+@dataclass(frozen=True)
+class ResidualBase:
+    """What a residual policy corrects."""
+
+    policy: str  # name for make_policy
+    preset: str  # planner preset
+    scale: tuple[float, ...]  # (7,) in action units
+    config: PlannerConfig | None = None  # the planner's weights in training, whatever the preset says today
+    gate: tuple[float, float] | None = None  # (shut, open) of `ResidualGate` [m]; None: always open
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.policy, str) and isinstance(self.preset, str)):
+            raise InvalidValueError(
+                f"a residual's policy and preset must be names, got {self.policy!r}, {self.preset!r}"
+            )
+        object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
+        object.__setattr__(self, "gate", None if self.gate is None else check_gate(self.gate))
+
+    def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
+        """The policy below, with the weights that it had in training."""
+        policy = make_policy(self.policy, robot, limits, self.preset)
+        if isinstance(policy, TwoStagePolicy) and self.config is not None:
+            return TwoStagePolicy(
+                robot, limits, self.config, adapt=self.policy != "passive", name=self.policy
+            )
+        return policy
+
+
+@dataclass(frozen=True)
+class PolicyDescription:
+    """What a policy was made for; stored beside its weights."""
+
+    env_id: str
+    robot: RobotModel
+    limits: GaitLimits
+    residual: ResidualBase | None = None  # None: the network's output is the action
+    hold: int = 1  # planning periods for which a learned action is held
+    inputs: tuple[str, ...] = (OBSERVATION,)  # of the network, see `NetworkInputs`
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.env_id, str):
+            raise InvalidValueError(f"env_id must be a name, got {self.env_id!r}")
+        if isinstance(self.hold, bool) or not isinstance(self.hold, int) or self.hold < 1:
+            raise InvalidValueError(
+                f"hold must be a whole number of planning periods >= 1, got {self.hold!r}"
+            )
+        object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual is not None))
+
+
+FORMAT = "push-recovery policy"
+FORMAT_VERSION = 3
+# What the files of earlier versions mean by keys that they lack
+EARLIER = {1: {"inputs": [OBSERVATION], "output": "linear"}, 2: {"output": "linear"}, FORMAT_VERSION: {}}
+KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "inputs",
+        "limits", "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
+        "observation_variance", "output", "residual", "robot", "training", "weights_sha256")  # fmt: skip
+
+T = TypeVar("T")
+
+
+def policy_paths(path: str | Path) -> tuple[Path, Path]:
+    """The weights' and the description's path of a policy named by either or by their common stem."""
+    path = Path(path)
+    stem = path.with_suffix("") if path.suffix in {".safetensors", ".json"} else path
+    return stem.with_name(stem.name + ".safetensors"), stem.with_name(stem.name + ".json")
+
+
+def write_policy(
+    network: Mlp,
+    normalisation: Normalisation,
+    about: PolicyDescription,
+    path: str | Path,
+    training: dict[str, Any] | None = None,
+) -> Path:
+    """Write a policy; returns the path of its weights.
+
+    Args:
+        network: Normalised observation -> action mean.
+        normalisation: Of the observation.
+        about: What the policy was made for.
+        path: Either file of the pair, or their common stem.
+        training: How it came about (steps, seed, ...), kept as a note.
+    """
+    from safetensors.numpy import save
+
+    weights_path, description_path = policy_paths(path)
+    tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
+    tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
+    weights = save(tensors)
+    description = _description(network, normalisation, about)
+    description |= {"weights_sha256": hashlib.sha256(weights).hexdigest(), "training": training or {}}
+    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
+    write_atomically(weights_path, weights)
+    write_atomically(description_path, text)
+    return weights_path
+
+
+def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescription) -> dict[str, Any]:
+    """What the file beside the weights says of them, all but their digest and how they came about."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "env_id": about.env_id,
+        "inputs": list(about.inputs),
+        "observation_size": network.sizes[0] - input_size(about.inputs, 0),
+        "action_size": network.sizes[-1],
+        "hidden_sizes": list(network.sizes[1:-1]),
+        "activation": network.activation,
+        "output": network.output,
+        "observation_mean": normalisation.mean.tolist(),
+        "observation_variance": normalisation.variance.tolist(),
+        "observation_clip": normalisation.clip,
+        "observation_epsilon": normalisation.epsilon,
+        "hold": about.hold,
+        "residual": None if about.residual is None else asdict(about.residual),
+        "robot": asdict(about.robot),
+        "limits": asdict(about.limits),
+    }
+
+
+def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription]:
+    """Read what `write_policy` wrote.
+
+    Args:
+        path: Either file of the pair, or their common stem.
+
+    Raises:
+        InvalidValueError: A file is missing, damaged, of another version, or the two do not belong together.
+    """
+    weights_path, description_path = policy_paths(path)
+    about = _read_description(description_path)
+    network = _read_network(weights_path, about)
+    try:
+        normalisation = Normalisation(
+            np.asarray(about["observation_mean"], dtype=np.float64),
+            np.asarray(about["observation_variance"], dtype=np.float64),
+            float(about["observation_clip"]),
+            float(about["observation_epsilon"]),
+        )
+        residual = about["residual"]
+        description = PolicyDescription(
+            env_id=about["env_id"],
+            robot=_record(RobotModel, about["robot"], "robot"),
+            limits=_record(GaitLimits, about["limits"], "limits"),
+            residual=None if residual is None else _residual(residual),
+            hold=about["hold"],
+            inputs=tuple(about["inputs"]),
+        )
+    except (InvalidValueError, TypeError, ValueError) as error:
+        raise InvalidValueError(f"policy description {description_path}: {error}") from error
+    return network, normalisation, description
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    try:
+        text = read_file(path)
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    about = parse_json(f"the policy description {path}", text)
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise InvalidValueError(f"{path} is not a policy description (its format must be {FORMAT!r})")
+    version = about.get("format_version")
+    if version not in tuple(EARLIER):
+        raise InvalidValueError(
+            f"{path} has format version {version!r}, this version reads {', '.join(map(str, EARLIER))}"
+        )
+    about |= EARLIER[version]
+    missing = [key for key in KEYS if key not in about]
+    if missing:
+        raise InvalidValueError(f"the policy description {path} lacks {', '.join(missing)}")
+    return about
+
+
+def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
+    """The network, its shapes as the description states them."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        content = read_file(path)
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy weights {path}: {error.strerror}") from error
+    if hashlib.sha256(content).hexdigest() != about["weights_sha256"]:
+        raise InvalidValueError(
+            f"the weights {path} are not those of their JSON (SHA-256 differs): copy both anew"
+        )
+    try:
+        tensors = load(content)
+        inputs = about["observation_size"] + input_size(about["inputs"], 0)
+        sizes = [inputs, *about["hidden_sizes"], about["action_size"]]
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise InvalidValueError(f"the policy weights {path} are damaged: {error}") from error
+    if not all(isinstance(size, int) and not isinstance(size, bool) and size > 0 for size in sizes):
+        raise InvalidValueError(f"the sizes of a policy must be whole numbers > 0, got {sizes}")
+    expected: dict[str, tuple[int, ...]] = {}
+    for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+        expected |= {f"layers.{i}.weight": (outputs, inputs), f"layers.{i}.bias": (outputs,)}
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found != expected or any(tensor.dtype != np.float32 for tensor in tensors.values()):
+        raise InvalidValueError(f"the policy weights {path} must be float32 {expected}, got {found}")
+    layers = range(len(sizes) - 1)
+    try:
+        return Mlp(
+            tuple(tensors[f"layers.{i}.weight"] for i in layers),
+            tuple(tensors[f"layers.{i}.bias"] for i in layers),
+            about["activation"],
+            about["output"],
+        )
+    except ValueError as error:
+        raise InvalidValueError(f"the policy weights {path}: {error}") from error
+
+
+def _residual(values: Any) -> ResidualBase:
+    residual = _record(ResidualBase, values, "residual")
+    if residual.config is None:
+        return residual
+    return replace(residual, config=_record(PlannerConfig, residual.config, "planner config"))
+
+
+def _record(kind: type[T], values: Any, name: str) -> T:
+    """A frozen dataclass from a JSON object with exactly its fields."""
+    names = {field.name for field in fields(kind)}  # pyright: ignore[reportArgumentType]
+    if not isinstance(values, dict) or set(values) != names:
+        raise InvalidValueError(
+            f"{name} must be an object with the keys {', '.join(sorted(names))}, got {values!r}"
+        )
+    return kind(**values)
+
+
+PolicyState = tuple[NDArray[Any], ...] | None
+
+
+class NetworkPolicy:
+    """A learned policy with the signature of Stable-Baselines3's predict.
+
+    With `hold` k > 1 the learned action is renewed every k calls while the planner below replans in each; the
+    count travels in `state`, which the caller hands back, and starts anew where `episode_start` is True.
+
+    Args:
+        network: Normalised observation -> action mean.
+        normalisation: Of the observation.
+        description: What the policy was made for.
+        base: The policy that a residual corrects; by default made from the description.
+    """
+
+    def __init__(
+        self,
+        network: Mlp,
+        normalisation: Normalisation,
+        description: PolicyDescription,
+        base: Policy | None = None,
+    ):
+        inputs, actions = network.sizes[0], network.sizes[-1]
+        if normalisation.mean.size != inputs:
+            raise InvalidValueError(
+                f"the network takes {inputs} inputs, the normalisation {normalisation.mean.size}"
+            )
+        residual = description.residual
+        if residual is not None and actions != GAIT_SIZE:
+            raise InvalidValueError(f"a gait residual has {GAIT_SIZE} actions, this network {actions}")
+        self.network = network
+        self.normalisation = normalisation
+        self.description = description
+        if residual is not None and base is None:
+            base = residual.make(description.robot, description.limits)
+        self.rule: ResidualRule | None = None  # by which a residual is added
+        if residual is not None and base is not None:
+            scale = np.asarray(residual.scale, dtype=np.float32)
+            self.rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
+        self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
+
+    @property
+    def observation_size(self) -> int:
+        """Length of the observation."""
+        return self.network.sizes[0] - input_size(self.description.inputs, 0)
+
+    @property
+    def action_size(self) -> int:
+        """Length of the action."""
+        return self.network.sizes[-1]
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: PolicyState = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], PolicyState]:
+        """Actions in [-1, 1], (action_size,) or (n, action_size), float32, for one observation or a batch.
+
+        Args:
+            observation: (observation_size,) or (n, observation_size).
+            state: What the last call returned; None where a run begins.
+            episode_start: Where an episode begins, one flag or (n,).
+            deterministic: The mean action is returned either way.
+
+        Raises:
+            InvalidValueError: The observation has another shape, or is no array of finite real numbers.
+        """
+        rows, single = self._rows(observation)
+        below = None if self.rule is None else self.rule.below(rows)
+        action, state = self._held(rows, below, state, episode_start)
+        if self.rule is not None and below is not None:
+            action = self.rule.total(below, action).total
+        return (action[0] if single else action), state
+
+    def learned_action(self, observation: ArrayLike) -> NDArray[np.float32]:
+        """The network's own output clipped to [-1, 1], without base or hold: what SB3's predict returns."""
+        rows, single = self._rows(observation)
+        learned = self._learned(rows, None if self.rule is None else self.rule.below(rows))
+        return learned[0] if single else learned
+
+    def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
+        """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
+        rows, _ = self._rows(observation)
+        return self._inputs.rows(rows, None if self.rule is None else self.rule.below(rows))
+
+    def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
+        """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
+        for name, mine, theirs in (
+            ("another robot", self.description.robot, robot),
+            ("other limits", self.description.limits, limits),
+        ):
+            if mine != theirs:
+                raise InvalidValueError(
+                    f"the policy was made for {name} than the environment's ({self.description.env_id}): "
+                    f"{differences(asdict(mine), asdict(theirs))}"
+                )
+
+    def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
+        """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""
+        return write_policy(self.network, self.normalisation, self.description, path, training)
+
+    @classmethod
+    def load(cls, path: str | Path, base: Policy | None = None) -> NetworkPolicy:
+        """Read a policy from PATH.safetensors and PATH.json; nothing in them can run code."""
+        parts = read_policy(path)
+        try:
+            return cls(*parts, base)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"policy description {policy_paths(path)[1]}: {error}") from error
+
+    def _rows(self, observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+        values = as_doubles(observation)
+        if values.ndim not in {1, 2} or values.shape[-1] != self.observation_size:
+            raise InvalidValueError(
+                f"this policy takes observations ({self.observation_size},) or (n, {self.observation_size}), "
+                f"got shape {values.shape}: it was made for {self.description.env_id}"
+            )
+        if not np.all(np.isfinite(values)):
+            raise InvalidValueError(f"the observation is not finite: {values}")
+        return np.atleast_2d(values), values.ndim == 1
+
+    def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
+        inputs = self.normalisation.apply(self._inputs.rows(rows, below))
+        return np.clip(self.network.forward(inputs), np.float32(-1), np.float32(1))
+
+    def _held(
+        self,
+        rows: NDArray[np.float64],
+        below: Below | None,
+        state: PolicyState,
+        episode_start: ArrayLike | None,
+    ) -> tuple[NDArray[np.float32], PolicyState]:
+        """Learned actions (n, actions), renewed where due, and the state (periods since, actions)."""
+        if self.description.hold == 1:
+            return self._learned(rows, below), None
+        if state is None:
+            periods = np.zeros(len(rows), dtype=np.int64)
+            held = np.zeros((len(rows), self.action_size), dtype=np.float32)
+        else:
+            periods, held = state[0].copy(), state[1].copy()
+            if held.shape != (len(rows), self.action_size):
+                raise InvalidValueError(
+                    f"the state is of {len(held)} episodes, the observation of {len(rows)}"
+                )
+        if episode_start is not None:
+            periods[np.broadcast_to(np.asarray(episode_start, dtype=bool), periods.shape)] = 0
+        due = periods == 0
+        if np.any(due):
+            those = None if below is None else Below(below.base[due], below.opening[due])
+            held[due] = self._learned(rows[due], those)
+        return held, ((periods + 1) % self.description.hold, held)

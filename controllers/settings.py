@@ -1,0 +1,468 @@
+"""Settings of the planner: weights, the variants by name, and presets as JSON files.
+
+All weights and margins of the two-stage planner.
+
+The arms of the planner: what each may use, by name.
+
+Presets: settings of the planner, of single arms and of a robot, as JSON files.
+
+    {"format": "push-recovery preset", "format_version": 1, "base": "biped",
+     "planner": {"touchdown_delay": 0.004},           fields of PlannerConfig, for every arm
+     "biped": {"gains": {"swing_kp": 350.0}},         limits, gait, gains, bounds of the MuJoCo biped
+     "arms": {"two-stage": {"beta_dcm": 900.0,        both for one arm
+                            "biped": {"gait": {"apex": 0.05}}}},
+     "found": {...}}                                  for the reader
+
+What a file leaves out is that of its base: a named preset, or "neutral", the defaults of `PlannerConfig`. The
+named presets are files, too, in the folder `presets/` beside this module: all tuned numbers stand there.
+
+A preset for a robot of another size: every number by its unit.
+
+Two robots of which one is the other made larger move alike where lengths go with the CoM's height h, times
+with sqrt(h / g) and forces with the mass m: then accelerations, friction and shares of the weight are the
+same (Froude's similarity; Hof 1996, Scaling gait data to body size). Other lengths are a robot's own, those
+of foot and leg. So is what leaning can do for it: to turn the trunk by 1 rad/s^2 moves the CoM by j / (m h)
+m/s^2, which differs by a factor of ten between robots of one height, and whole-body control prices a
+deviation by what the CoM is spared. And so is how soon a foot can be elsewhere: hips of the torque tau, whose
+leg of length l has the inertia i about them, give the sole tau l / i m/s^2 at most, and a step takes as long
+as the root of its length over that.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from .errors import InvalidValueError, UnknownNameError, is_finite_number
+from .files import read_file, write_atomically
+from .validation import parse_json
+
+CHOICES = {
+    "foothold": ("optimal", "capture_point", "linear_mpc"),
+    "form": ("zoh", "jerk"),
+    "solver": ("daqp", "osqp"),
+    "jerk_cost": ("literal", "repaired"),
+}
+SHORTEST_SAMPLING = 1e-3  # [s]; the horizon has a table for each number of intervals up to the longest step
+MOST_INTERVALS = 100  # of the braking tail
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """Weights and margins of both stages; immutable. Tuned values are in the presets."""
+
+    # Stage 1, eq. 3
+    alpha_step: float = 1.0  # alpha_1 [1/m^2]
+    alpha_duration: float = 1.0  # alpha_2 [-], on tau = exp(omega T)
+    alpha_offset: float = 1e6  # alpha_3 [1/m^2]
+    adapt_step: bool = True  # False keeps the nominal place
+    adapt_duration: bool = True  # False keeps the nominal time
+    foothold: Literal["optimal", "capture_point", "linear_mpc"] = (
+        "optimal"  # eq. 3, the rule of `stage_1/capture_step`, or `baselines/linear_mpc`
+    )
+    duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
+    swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
+    freeze: float = 0.0  # the plan of both stages is held when less than this remains [s]
+    touchdown_delay: float = 0.0  # the new foot carries load this long after T [s]
+    double_support: float = 0.0  # d: both feet stand for this long from touchdown on, part of T [s]
+
+    # Both stages
+    push_carry: float = 0.0  # the push of the last period is expected to last this much longer [s]
+    push_threshold: float = 0.0  # a smaller push estimate is taken for noise [m]
+    trunk_debt: bool = False  # what stopping the trunk will cost belongs to the DCM
+
+    # Stage 2, eq. 20
+    use_cop: bool = True
+    use_trunk: bool = True
+    form: Literal["zoh", "jerk"] = "zoh"
+    solver: Literal["daqp", "osqp"] = "daqp"
+    sampling_time: float = 0.05  # horizon grid [s]
+    tail_intervals: int = 6  # braking tail of the trunk after touchdown
+    tail_sampling_time: float = 0.06  # [s]
+    beta_cop: float = 1.0  # beta_1 [1/m^2]
+    beta_dcm_acceleration: float = 1.0  # beta_2 [s^4/m^2], jerk form only
+    beta_trunk: float = 1e-4  # beta_3: trunk acceleration (zoh) [s^4/rad^2] or jerk (jerk form) [s^6/rad^2]
+    beta_trunk_rate: float = 1e-2  # beta_4 [s^2/rad^2]
+    beta_dcm: float = 1e5  # beta_5 [1/m^2]
+    beta_trunk_angle: float = 1.0  # [1/rad^2]
+    cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
+    cop_margin_y: float = 0.0  # [m]
+    trunk_gravity: float = (
+        0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
+    )
+    beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
+    first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
+    jerk_cost: Literal["literal", "repaired"] = (
+        "repaired"  # jerk form: eq. 20 as written, or about the free motion
+    )
+
+    # Linear MPC, against |CoP - sole's centre|^2; all are deviations from the nominal gait
+    mpc_velocity: float = 0.1  # of the CoM [s^2]
+    mpc_jerk: float = 1e-8  # of the CoM [s^6]
+    mpc_step: float = 1e-3  # of the footsteps, against the integral over the horizon [s]
+
+    # Trunk law of the arms without momentum regulation
+    upright_stiffness: float = 20.0  # [1/s^2]
+    upright_damping: float = 9.0  # [1/s]
+
+    def __post_init__(self) -> None:
+        for name, valid in CHOICES.items():
+            if getattr(self, name) not in valid:
+                raise UnknownNameError(f"PlannerConfig.{name}", getattr(self, name), valid)
+        for own in fields(self):
+            value = getattr(self, own.name)
+            if isinstance(own.default, bool) and not isinstance(value, bool):
+                raise InvalidValueError(f"PlannerConfig.{own.name} must be True or False, got {value!r}")
+            if isinstance(own.default, float) and not (is_finite_number(value) and value >= 0):
+                raise InvalidValueError(f"PlannerConfig.{own.name} must be finite and >= 0, got {value!r}")
+        tail = self.tail_intervals
+        if isinstance(tail, bool) or not isinstance(tail, int) or not 0 <= tail <= MOST_INTERVALS:
+            raise InvalidValueError(
+                f"PlannerConfig.tail_intervals must be an integer from 0 to {MOST_INTERVALS}, got {tail!r}"
+            )
+        for name in ("sampling_time", "tail_sampling_time"):
+            if not getattr(self, name) >= SHORTEST_SAMPLING:
+                raise InvalidValueError(
+                    f"PlannerConfig.{name} must be at least {SHORTEST_SAMPLING} s, got {getattr(self, name)}"
+                )
+        if self.double_support > 0 and self.touchdown_delay > 0:
+            raise InvalidValueError(
+                "PlannerConfig.double_support and touchdown_delay exclude each other, "
+                f"got {self.double_support} s and {self.touchdown_delay} s: set one of them to 0"
+            )
+
+    def replace(self, **changes: Any) -> PlannerConfig:
+        """These settings with some fields changed.
+
+        Raises:
+            UnknownNameError: a field that does not exist; names the nearest one.
+            InvalidValueError: an impossible value.
+        """
+        valid = [field.name for field in fields(self)]
+        for name in changes:
+            if name not in valid:
+                raise UnknownNameError("field of PlannerConfig", name, valid)
+        return replace(self, **changes)
+
+
+class Stages(NamedTuple):
+    """What an arm may adapt, and by which rule."""
+
+    use_cop: bool
+    use_trunk: bool
+    fixed_time: bool = False  # T stays nominal
+    foothold: str = "optimal"  # of `PlannerConfig`; another one than this leaves T nominal
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The fields of `PlannerConfig` that make a configuration that of the arm."""
+        values: dict[str, Any] = {"use_cop": self.use_cop, "use_trunk": self.use_trunk}
+        if self.fixed_time:
+            values["adapt_duration"] = False
+        if self.foothold != "optimal":
+            values["foothold"] = self.foothold
+        return values
+
+
+ARMS: dict[str, Stages] = {
+    "passive": Stages(False, False),  # walks the nominal gait, without reaction
+    "raibert": Stages(False, False, foothold="capture_point"),
+    "herdt": Stages(False, False, foothold="linear_mpc"),
+    "fixed-time": Stages(False, False, fixed_time=True),
+    "stage-1-paper": Stages(False, False),
+    "stage-1": Stages(False, False),
+    "stage-1+cop": Stages(True, False),
+    "stage-1+momentum": Stages(False, True),
+    "two-stage-paper": Stages(True, True),
+    "two-stage": Stages(True, True),
+}
+PAPER_SUFFIX = "-paper"  # of arms with the paper's Table II
+# Not in tables unless asked for: no parts of the planner
+ON_REQUEST = ("passive", "raibert", "herdt", "fixed-time")
+
+
+FORMAT = "push-recovery preset"
+FORMAT_VERSION = 1
+SECTIONS = ("base", "planner", "arms", "biped", "found")
+NEUTRAL = "neutral"  # base of presets that stand on no other
+FOLDER = files("push_recovery.controllers") / "presets"
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class PresetFile:
+    """What a preset file says; checked where it concerns the planner."""
+
+    base: str = "default"
+    planner: Values = field(default_factory=dict)  # field of PlannerConfig -> value
+    arms: Mapping[str, Values] = field(default_factory=dict)  # policy -> the same, and its own `biped`
+    biped: Mapping[str, Values] = field(default_factory=dict)  # section -> field -> value
+    found: Values = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        valid = (*preset_names(), NEUTRAL)
+        if self.base not in valid:
+            raise UnknownNameError("base of a preset file", self.base, valid)
+        sections = {"planner": self.planner, "arms": self.arms, "biped": self.biped, "found": self.found}
+        groups = {f"arms.{name}": part for name, part in _items(self.arms)}
+        robots = {"biped": self.biped}
+        for name, part in groups.items():
+            robots[f"{name}.biped"] = dict(_items(part)).get("biped", {})
+        for name, robot in robots.items():
+            groups |= {name: robot, **{f"{name}.{section}": part for section, part in _items(robot)}}
+        for name, section in {**sections, **groups}.items():
+            if not isinstance(section, Mapping):
+                raise InvalidValueError(f"{name} of a preset file must be an object, got {section!r}")
+        for arm in self.arms:
+            if arm not in ARMS:
+                raise UnknownNameError("arm of a preset file", arm, ARMS)
+        for arm in ("", *self.arms):
+            self.config(arm)
+
+    def config(self, arm: str = "") -> PlannerConfig:
+        """The planner's settings of an arm; of those without settings of their own for the empty name.
+
+        Raises:
+            UnknownNameError: a field that PlannerConfig does not have.
+            InvalidValueError: a value that it refuses.
+        """
+        own = {name: value for name, value in self.arms.get(arm, {}).items() if name != "biped"}
+        values = {**self.planner, **own}
+        valid = [entry.name for entry in fields(PlannerConfig)]
+        for name in values:
+            if name not in valid:
+                raise UnknownNameError("planner field of a preset file", name, valid)
+        base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(arm)
+        return base.replace(**values)
+
+    def robot(self, arm: str = "") -> dict[str, dict[str, Any]]:
+        """Section -> field -> value of the robot that an arm walks: the base's, with this file's put in.
+
+        For the empty name, and for arms that have none of their own, it is the robot common to all.
+        """
+        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot(arm)
+        for part in (self.biped, self.arms.get(arm, {}).get("biped", {})):
+            for name, values in part.items():
+                sections[name] = {**sections.get(name, {}), **values}
+        return sections
+
+    @property
+    def made_for(self) -> Values | None:
+        """Field of `RobotModel` -> value of the robot that it is for, by it or its base; None: for any."""
+        if "robot" in self.found or self.base == NEUTRAL:
+            return self.found.get("robot")
+        return named_preset(self.base).made_for
+
+    def has_own_robot(self, arm: str) -> bool:
+        """Whether an arm walks another robot, or another timing of its touchdown, than the common one."""
+        delays = self.config(arm).touchdown_delay, self.config().touchdown_delay
+        return self.robot(arm) != self.robot() or delays[0] != delays[1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self)}
+
+    def save(self, path: Path) -> None:
+        """Write the file whole or not at all."""
+        write_atomically(path, (json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n").encode())
+
+
+@cache
+def preset_names() -> tuple[str, ...]:
+    """Names of the presets that come with the package."""
+    return tuple(sorted(entry.name.removesuffix(".json") for entry in FOLDER.iterdir()))
+
+
+@cache
+def named_preset(name: str) -> PresetFile:
+    """The file of a named preset.
+
+    Raises:
+        UnknownNameError: listing the valid names.
+    """
+    if name not in preset_names():
+        raise UnknownNameError("preset", name, preset_names())
+    return _parse((FOLDER / f"{name}.json").read_text(encoding="utf-8"), name)
+
+
+def is_preset_file(preset: str) -> bool:
+    """Whether a preset is given by a file rather than by its name."""
+    return isinstance(preset, str) and preset.endswith(".json")
+
+
+def load_preset(preset: str) -> PresetFile:
+    """The preset of a file, or of a name as a file that changes nothing.
+
+    Raises:
+        UnknownNameError: no such name, section or field.
+        InvalidValueError: a file that cannot be read, of another format, or with an impossible value.
+    """
+    if not is_preset_file(preset):
+        if preset not in preset_names():
+            raise UnknownNameError("preset", preset, [*preset_names(), "FILE.json"])
+        return PresetFile(preset)
+    try:
+        text = read_file(preset)
+    except (OSError, ValueError) as error:
+        raise InvalidValueError(f"cannot read preset file {preset!r}: {error}") from error
+    return _parse(text, preset)
+
+
+def _parse(text: str | bytes, name: str) -> PresetFile:
+    """The preset file with a content; `name` is for errors."""
+    content = parse_json(f"preset file {name!r}", text)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InvalidValueError(f"{name!r} is no preset file: its 'format' is not {FORMAT!r}")
+    if content.get("format_version") != FORMAT_VERSION:
+        raise InvalidValueError(
+            f"preset file {name!r} has format_version {content.get('format_version')!r}; "
+            f"this version reads {FORMAT_VERSION}"
+        )
+    for section in content:
+        if section not in {"format", "format_version", *SECTIONS}:
+            raise UnknownNameError(f"section of preset file {name!r}", section, SECTIONS)
+    return PresetFile(**{section: content[section] for section in SECTIONS if section in content})
+
+
+def preset_config(preset: str, arm: str = "") -> PlannerConfig:
+    """The planner's settings of a preset, by name or file: of an arm, or what is common to all.
+
+    Raises:
+        UnknownNameError: listing the valid names.
+        InvalidValueError: a file that cannot be read or has an impossible value.
+    """
+    return load_preset(preset).config(arm) if is_preset_file(preset) else named_preset(preset).config(arm)
+
+
+def _items(section: Any) -> list[tuple[str, Any]]:
+    return list(section.items()) if isinstance(section, Mapping) else []
+
+
+Unit = tuple[tuple[str, float], ...]
+
+LENGTH, TIME, MASS = (("length", 1.0),), (("time", 1.0),), (("mass", 1.0),)
+FOOT_LENGTH, FOOT_WIDTH = (("foot_length", 1.0),), (("foot_width", 1.0),)
+SWING, SWING_TIME = (("swing", 1.0),), (("length", 0.5), ("swing", -0.5))
+PER_AREA, STIFFNESS, DAMPING = (("length", -2.0),), (("time", -2.0),), (("time", -1.0),)
+
+# Unit of each number as powers of the ratios in `Scale`; what is not here is a pure number or a switch
+UNITS: Mapping[str, Mapping[str, Unit]] = {
+    "planner": {
+        **dict.fromkeys(("alpha_step", "alpha_offset", "beta_cop", "beta_dcm"), PER_AREA),
+        **dict.fromkeys(
+            ("duration_margin", "freeze", "touchdown_delay", "double_support", "push_carry", "sampling_time",
+             "tail_sampling_time", "mpc_step"), TIME),
+        "push_threshold": LENGTH,
+        "swing_acceleration": SWING,
+        "beta_dcm_acceleration": (("length", -2.0), ("time", 4.0)),
+        "beta_trunk": (("trunk_acceleration", -2.0),),
+        "beta_trunk_rate": (("trunk_acceleration", -1.0), ("trunk_angle", -1.0)),
+        "beta_trunk_angle": (("trunk_angle", -2.0),),
+        "beta_trunk_limit": (("trunk_angle", -2.0),),
+        "trunk_gravity": (("mass", 1.0), ("length", 1.0)),
+        "cop_margin_x": FOOT_LENGTH,
+        "cop_margin_y": FOOT_WIDTH,
+        "mpc_velocity": (("time", 2.0),),
+        "mpc_jerk": (("time", 6.0),),
+        "upright_stiffness": STIFFNESS,
+        "upright_damping": DAMPING,
+    },
+    "limits": {
+        **dict.fromkeys(("length_min", "length_max", "width_max"), LENGTH),
+        **dict.fromkeys(("duration_min", "duration_max"), SWING_TIME),
+        "width_min": FOOT_WIDTH,
+        "cop_x_max": FOOT_LENGTH,
+        "cop_y_max": FOOT_WIDTH,
+        "trunk_acceleration_max": (("trunk_acceleration", 1.0),),
+    },
+    "gait": {
+        **dict.fromkeys(("apex", "height_drop"), LENGTH),
+        **dict.fromkeys(("landing_delay", "commit", "early", "settled", "height_lead", "height_time"), TIME),
+        **dict.fromkeys(("early_load", "forced_load"), MASS),
+        "descent": (("length", 1.0), ("time", -1.0)),
+        "reach": (("leg", 1.0),),
+    },
+    "gains": {
+        "swing_max": SWING,
+        **dict.fromkeys(("stance_kp", "swing_kp", "swing_turn_kp", "pelvis_kp", "heading_kp", "height_kp"),
+                        STIFFNESS),
+        **dict.fromkeys(("stance_kd", "swing_kd", "swing_turn_kd", "pelvis_kd", "heading_kd", "height_kd"),
+                        DAMPING),
+    },
+    "bounds": {
+        **dict.fromkeys(("cop_x_max", "yaw_friction"), FOOT_LENGTH),
+        "cop_y_max": FOOT_WIDTH,
+        "force_min": MASS,
+        "waist_price": (("waist", 2.0),),
+        "pelvis_price": (("lean", 2.0),),
+        **dict.fromkeys(("heading_price", "swing_turn_price"), (("time", 4.0),)),
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How many times as large a robot is as the one that a preset was made for."""
+
+    length: float  # CoM height
+    mass: float
+    foot_length: float
+    foot_width: float
+    leg: float  # straight, hip to ankle
+    trunk_acceleration: float = 1.0  # largest of the waist
+    trunk_angle: float = 1.0  # largest of the waist
+    waist: float = 1.0  # j / (m h) of all that the waist carries
+    lean: float = 1.0  # the same of all that lies above the hips
+    swing: float = 1.0  # acceleration that the hips can give a sole
+
+    @property
+    def time(self) -> float:
+        """Of sqrt(h / g)."""
+        return self.length**0.5
+
+    def factor(self, unit: Unit) -> float:
+        """What a number of a unit is multiplied by."""
+        factor = 1.0
+        for name, power in unit:
+            factor *= getattr(self, name) ** power
+        return factor
+
+
+def scaled_preset(preset: PresetFile, scale: Scale, own: Mapping[str, Mapping[str, Any]]) -> PresetFile:
+    """The preset of a robot that is larger or smaller; it stands on no other.
+
+    Args:
+        preset: of the robot that it was made for.
+        scale: of the other robot.
+        own: section -> field -> value of what is known of the other robot otherwise, which takes precedence.
+    """
+    config = preset.config()
+    values = {field.name: getattr(config, field.name) for field in fields(PlannerConfig)}
+    planner = {**_scaled(values, "planner", scale), **own.get("planner", {})}
+    plain = {name: value for name, value in planner.items() if value != getattr(PlannerConfig(), name)}
+    arms = {arm: _scaled_arm(values, scale) for arm, values in preset.arms.items()}
+    robot = {
+        name: {**_scaled(part, name, scale), **own.get(name, {})} for name, part in preset.robot().items()
+    }
+    return PresetFile(NEUTRAL, plain, arms, robot)
+
+
+def _scaled_arm(values: Mapping[str, Any], scale: Scale) -> dict[str, Any]:
+    """What is one arm's own, its robot's part included."""
+    planner = {name: value for name, value in values.items() if name != "biped"}
+    robot = {name: _scaled(part, name, scale) for name, part in values.get("biped", {}).items()}
+    return {**_scaled(planner, "planner", scale), **({"biped": robot} if robot else {})}
+
+
+def _scaled(values: Mapping[str, Any], section: str, scale: Scale) -> dict[str, Any]:
+    """The values of a section; floats rounded to six digits, others as they are."""
+    units = UNITS[section]
+    return {
+        name: float(f"{value * scale.factor(units[name]):.6g}") if name in units else value
+        for name, value in values.items()
+    }

@@ -1,1 +1,0 @@
-"""Weights and margins of the planner, and the presets that name them."""

@@ -1,1 +1,0 @@
-"""The robot and its floor as they are, where they are not what control takes them for."""

@@ -1,1 +1,0 @@
-"""The 60 kg biped after Table II of the paper."""

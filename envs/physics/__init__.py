@@ -1,1 +1,0 @@
-"""MuJoCo: n simulations stepped from compiled loops, pictures without a window."""

@@ -1,1 +1,0 @@
-"""Actions that correct a policy below."""

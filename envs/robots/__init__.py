@@ -1,0 +1,1 @@
+"""Robots: the biped of this package, and models of others made ready to walk here."""

@@ -1,0 +1,311 @@
+"""From the names of a body plan to the numbers of a compiled model, and the fields that control reads.
+
+From the names of a body plan to the numbers of a compiled model.
+
+Which entries of MuJoCo's fields control reads and writes, in the places where it expects them.
+
+Control knows a base, a waist of two axes and two legs of six joints (`controllers.whole_body.kinematics`).
+Each entry of a robot's own fields is copied to the place that its part has there. What a robot does not have,
+a waist axis, stays zero; its entry on the diagonal of the mass matrix is 1, so that it couples with nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.model.robot import BodyPlan, Pair
+from ...controllers.whole_body.kinematics import (
+    BODIES,
+    ENTRIES,
+    FOOT_BODY,
+    PELVIS,
+    PUSHED_BODY,
+    ROW,
+    TRUNK,
+    columns,
+)
+from ..simulation import ONE, Field, picked, rows
+
+MISSING = -1  # number of a joint that the robot does not have
+TILT = 1e-6  # largest component of an axis or a frame off where it has to point
+_KINDS = {"body": "nbody", "joint": "njnt", "site": "nsite", "geom": "ngeom", "sensor": "nsensor"}
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Numbers of a model's parts in the order of control: base, waist, left leg, right leg."""
+
+    pelvis: int
+    trunk: int
+    links: tuple[tuple[int, int, int], tuple[int, int, int]]  # thigh, shank and foot of each leg, bodies
+    joints: tuple[int, ...]  # (15,) free joint, waist, legs
+    qpos: tuple[int, ...]  # (21,) joint coordinates
+    dof: tuple[int, ...]  # (20,) degrees of freedom
+    motors: tuple[int, ...]  # (14,) actuators
+    soles: tuple[int, int]  # sites
+    loads: tuple[int, int]  # entries of sensordata
+    sole_boxes: tuple[int, int]  # geoms
+    held_qpos: tuple[int, ...] = ()  # coordinates of the joints that keep their angle
+    held_dof: tuple[int, ...] = ()  # and their degrees of freedom
+    held_links: tuple[int, ...] = ()  # and the bodies that they move
+
+    @property
+    def pushed(self) -> tuple[int, ...]:
+        """Bodies in the order of `push.BODIES`, then others that held joints move."""
+        parts = self.pelvis, self.trunk, *self.links[0], *self.links[1]
+        return *parts, *(body for body in dict.fromkeys(self.held_links) if body not in parts)
+
+    @property
+    def feet(self) -> tuple[int, int]:
+        """Bodies of the left and the right foot."""
+        return self.links[0][2], self.links[1][2]
+
+    @property
+    def legs(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Joints of the left and the right leg, from hip to sole."""
+        return self.joints[3:9], self.joints[9:]
+
+    @property
+    def legs_qpos(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Joint coordinates of the left and the right leg, from hip to sole."""
+        return self.qpos[9:15], self.qpos[15:]
+
+    @property
+    def moving_dof(self) -> list[int]:
+        """Degrees of freedom of a posture: translation of the pelvis, the legs."""
+        return [*self.dof[:3], *self.dof[8:]]
+
+
+def number_of(model: mujoco.MjModel, kind: str, name: str) -> int:
+    """Number of a model's part.
+
+    Raises:
+        UnknownNameError: there is none of that name; lists those there are.
+    """
+    try:
+        return getattr(model, kind)(name).id
+    except KeyError:
+        names = [getattr(model, kind)(i).name for i in range(getattr(model, _KINDS[kind]))]
+        raise UnknownNameError(f"{kind} of the robot's model", name, [*filter(None, names)]) from None
+
+
+def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
+    """All numbers that a plan's names stand for.
+
+    Raises:
+        UnknownNameError: a name that the model does not have.
+        InvalidValueError: a part that cannot play its role.
+    """
+    pelvis, trunk = number_of(model, "body", plan.pelvis), number_of(model, "body", plan.trunk)
+    free = int(model.body_jntadr[pelvis])
+    if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
+        raise InvalidValueError(f"pelvis {plan.pelvis!r} must have the robot's free joint")
+    waist = [MISSING if name is None else hinge(model, name) for name in plan.waist]
+    legs = [[hinge(model, name) for name in leg] for leg in plan.legs]
+    hinges = [*waist, *legs[0], *legs[1]]
+    held = [hinge(model, name) for name, _ in plan.held]
+    base_qpos, base_dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
+    found = Indices(
+        pelvis=pelvis,
+        trunk=trunk,
+        links=(_links(model, legs[0]), _links(model, legs[1])),
+        joints=(free, *hinges),
+        qpos=(*range(base_qpos, base_qpos + 7), *(_address(model.jnt_qposadr, joint) for joint in hinges)),
+        dof=(*range(base_dof, base_dof + 6), *(_address(model.jnt_dofadr, joint) for joint in hinges)),
+        motors=tuple(MISSING if joint == MISSING else motor_of(model, joint) for joint in hinges),
+        soles=_two(model, "site", plan.soles),
+        loads=(_load(model, plan.loads[0]), _load(model, plan.loads[1])),
+        sole_boxes=_boxes(model, plan.sole_boxes),
+        held_qpos=tuple(_address(model.jnt_qposadr, joint) for joint in held),
+        held_dof=tuple(_address(model.jnt_dofadr, joint) for joint in held),
+        held_links=tuple(int(model.jnt_bodyid[joint]) for joint in held),
+    )
+    check_roles(model, found)
+    check_tree(model, found)
+    check_waist(model, found)
+    return found
+
+
+def check_roles(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError for a joint of the robot that the plan gives no role."""
+    for dof in range(model.nv):
+        if dof not in {*found.dof, *found.held_dof}:
+            raise InvalidValueError(
+                f"joint {model.joint(model.dof_jntid[dof]).name!r} has no role in the BodyPlan; name it in "
+                "`held` with the angle that it shall keep"
+            )
+
+
+def check_tree(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError where base, waist and legs are no chains, but for held degrees of freedom.
+
+    The two axes of the waist may follow each other in either order.
+    """
+    waist = sorted(found.joints[1:3], key=lambda joint: model.jnt_dofadr[joint])
+    chains = {"waist": waist, "left leg": found.legs[0], "right leg": found.legs[1]}
+    for chain, joints in chains.items():
+        before = found.dof[5]
+        for joint in joints:
+            if joint == MISSING:
+                continue
+            own = int(model.jnt_dofadr[joint])
+            parent = int(model.dof_parentid[own])
+            while parent in found.held_dof:
+                parent = int(model.dof_parentid[parent])
+            if parent != before:
+                raise InvalidValueError(
+                    f"the {chain} must be a chain of joints from the pelvis outward, each in the BodyPlan "
+                    f"in this order or held; {model.joint(joint).name!r} does not follow the one before it"
+                )
+            before = own
+
+
+def check_waist(model: mujoco.MjModel, found: Indices) -> None:
+    """Raise InvalidValueError where the waist does not pitch about y and roll about x."""
+    data = mujoco.MjData(model)
+    data.qpos[list(found.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+    mujoco.mj_kinematics(model, data)
+    for joint, axis in zip(found.joints[1:3], ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), strict=True):
+        if joint != MISSING and np.abs(data.xaxis[joint] - axis).max() > TILT:
+            raise InvalidValueError(
+                f"waist joint {model.joint(joint).name!r} must turn about {axis} (pitch y, roll x), "
+                f"got {data.xaxis[joint].round(6).tolist()}"
+            )
+
+
+def _links(model: mujoco.MjModel, leg: list[int]) -> tuple[int, int, int]:
+    """Bodies that the hip's last axis, the knee and the ankle's last axis move."""
+    thigh, shank, foot = (int(model.jnt_bodyid[leg[joint]]) for joint in (2, 3, 5))
+    return thigh, shank, foot
+
+
+def _address(addresses: np.ndarray, joint: int) -> int:
+    return MISSING if joint == MISSING else int(addresses[joint])
+
+
+def hinge(model: mujoco.MjModel, name: str) -> int:
+    """Number of a hinge.
+
+    Raises:
+        UnknownNameError: no joint of that name.
+        InvalidValueError: one of another kind.
+    """
+    joint = number_of(model, "joint", name)
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+        raise InvalidValueError(f"joint {name!r} must be a hinge")
+    return joint
+
+
+def motor_of(model: mujoco.MjModel, joint: int) -> int:
+    """Number of the torque motor that drives a joint.
+
+    Raises:
+        InvalidValueError: none, more than one, or one that does not give the torque that it is told.
+    """
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    motors = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
+    name = model.joint(joint).name
+    if len(motors) != 1:
+        raise InvalidValueError(f"joint {name!r} must have one motor, got {len(motors)}")
+    motor = int(motors[0])
+    gear, gain = model.actuator_gear[motor, 0], model.actuator_gainprm[motor, 0]
+    if gear != 1.0 or gain != 1.0 or model.actuator_biasprm[motor].any():
+        raise InvalidValueError(
+            f"the motor of joint {name!r} must give the torque that it is told: gear 1, gain 1, no bias, "
+            f"got gear {gear:g}, gain {gain:g}, bias {model.actuator_biasprm[motor, :3].tolist()}"
+        )
+    return motor
+
+
+def _two(model: mujoco.MjModel, kind: str, names: Pair) -> tuple[int, int]:
+    return number_of(model, kind, names[0]), number_of(model, kind, names[1])
+
+
+def _boxes(model: mujoco.MjModel, names: Pair) -> tuple[int, int]:
+    """Numbers of the boxes under the feet, whose sizes are those of the soles."""
+    found = _two(model, "geom", names)
+    for geom, name in zip(found, names, strict=True):
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
+            kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
+            raise InvalidValueError(
+                f"sole {name!r} must be a box, got a {kind}; `spec` may put one under each foot in its place"
+            )
+    return found
+
+
+def _load(model: mujoco.MjModel, name: str) -> int:
+    return int(model.sensor_adr[number_of(model, "sensor", name)])
+
+
+Pairs = list[tuple[int, int]]
+
+
+def inputs(indices: Indices) -> tuple[Field, ...]:
+    """Torques, and forces on the bodies that pushes act on."""
+    pushed = pushed_rows(indices)
+    count = 1 + max(row for row, _ in pushed)
+    if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
+        pushed.remove((TRUNK, indices.trunk))
+    return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
+        "xfrc_applied", count, 6, pushed
+    )
+
+
+def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
+    """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
+    bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
+    turned = pushed_rows(indices)
+    count = 1 + max(row for row, _ in turned)
+    joints = known(indices.joints)
+    return (
+        _with_held("qpos", indices.qpos, indices.held_qpos),
+        _with_held("qvel", indices.dof, indices.held_dof),
+        rows("xpos", BODIES, 3, bodies),
+        rows("xmat", count, 9, turned),
+        rows("xanchor", len(indices.joints), 3, joints),
+        rows("xaxis", len(indices.joints), 3, joints),
+        rows("subtree_com", BODIES, 3, [(0, 0)]),
+        picked("M", (ENTRIES,), mass_matrix_pairs(model, indices)),
+        picked("qfrc_bias", (len(indices.dof),), known(indices.dof)),
+        picked("sensordata", (len(indices.loads),), known(indices.loads)),
+        picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
+    )
+
+
+def pushed_rows(indices: Indices) -> Pairs:
+    """(row, body) of every body that is pushed: links of held joints after the rows that any robot has."""
+    places = *PUSHED_BODY, *range(BODIES, BODIES + len(indices.pushed) - len(PUSHED_BODY))
+    return [*zip(places, indices.pushed, strict=True)]
+
+
+def _with_held(name: str, own: tuple[int, ...], held: tuple[int, ...]) -> Field:
+    """A field of the state: what control knows, then the held joints, whose place `believe` needs."""
+    return picked(name, (len(own) + len(held),), known((*own, *held)))
+
+
+def known(numbers: tuple[int, ...]) -> Pairs:
+    """(place, number) of every part that the robot has."""
+    return [(place, number) for place, number in enumerate(numbers) if number != MISSING]
+
+
+def mass_matrix_pairs(model: mujoco.MjModel, indices: Indices) -> Iterator[tuple[int, int]]:
+    """(entry as control has it, entry of MuJoCo's sparse M) by rows, from the model's own structure."""
+    for j, own in enumerate(indices.dof):
+        if own == MISSING:
+            yield int(ROW[j]) + len(columns(j)) - 1, ONE
+            continue
+        for place, i in enumerate(columns(j)):
+            if indices.dof[i] != MISSING:
+                yield int(ROW[j]) + place, entry(model, own, indices.dof[i])
+
+
+def entry(model: mujoco.MjModel, i: int, j: int) -> int:
+    """Entry of MuJoCo's sparse M for two degrees of freedom on one chain, in the outer one's row."""
+    outer, inner = max(i, j), min(i, j)
+    first = int(model.M_rowadr[outer])
+    return first + model.M_colind[first : first + int(model.M_rownnz[outer])].tolist().index(inner)

@@ -1,0 +1,151 @@
+"""Robot files: what a model of somebody else's needs said of it before it can walk here.
+
+    {"format": "push-recovery robot", "format_version": 1,
+     "name": "g1",
+     "model": "PACKAGE/PATH/g1.xml",                       in a Python package, or a path from this file
+     "pelvis": "pelvis", "trunk": "torso_link",            bodies
+     "legs": [["left_hip_pitch_joint", ...], [...]],       from hip to sole, the fourth is the knee
+     "bend": [-0.3, 0, 0, 0.6, -0.3, 0],                   of the left leg, near which postures lie [rad]
+     "waist": ["waist_pitch_joint", "waist_roll_joint"],   or null
+     "held": {"waist_yaw_joint": 0.0},                     servos keep these angles [rad]
+     "fixed": {"left_wrist_roll_joint": 0.0},              these are no joints here at all
+     "soles": [{"centre": [0.04, 0, -0.03], "size": [0.17, 0.06], "turn": [1, 0, 0, 0]}, {...}],
+     "motors": {"*_hip_pitch_joint": {"torque": 88, "speed": 32, "armature": 0.01}},
+     "com_height": 0.6, "preset": "g1", "about": "where the motors' numbers come from"}
+
+A sole lies in the body of its leg's last joint: its centre there [m], its length and width [m] and, where its
+axes (x forward, z up) are not the body's, the quaternion that turns them. Names of motors may have wildcards;
+the first that fits counts, and what it leaves out is the model's.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.files import read_file, write_text
+from ...controllers.model.robot import BodyPlan
+from ...controllers.validation import parse_json
+
+FORMAT, FORMAT_VERSION = "push-recovery robot", 1
+SIDES = ("left", "right")
+KEYS = ("format", "format_version", "name", "model", "pelvis", "trunk", "legs", "bend", "waist", "held",
+        "fixed", "soles", "motors", "com_height", "preset", "about")  # fmt: skip
+Angles = tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Sole:
+    """Rectangle under a foot, in the axes of the foot's body."""
+
+    centre: tuple[float, ...]  # (3,) [m]
+    size: tuple[float, ...]  # length, width [m]
+    turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)  # quaternion of the sole's axes: x forward, z up
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A joint's motor; what is None is taken from the model."""
+
+    torque: float | None = None  # largest, both ways [N m]
+    speed: float | None = None  # without load [rad/s]; without a number the motor has no such limit
+    armature: float | None = None  # [kg m^2]
+
+
+@dataclass(frozen=True)
+class RobotFile:
+    """What a robot file says."""
+
+    name: str
+    model: str  # in a package or, from a file of one's own, an absolute path
+    plan: BodyPlan
+    soles: tuple[Sole, Sole]
+    motors: tuple[tuple[str, Motor], ...]
+    fixed: Angles
+    com_height: float  # at which it walks [m]
+    preset: str
+    about: str = ""
+
+
+def make_plan(
+    pelvis: str, trunk: str, legs: Any, waist: Any = (None, None), bend: Any = (0.0,) * 6, held: Any = ()
+) -> BodyPlan:
+    """The body plan of an adapted robot, whose soles have this package's names."""
+    return BodyPlan(
+        pelvis, trunk, (tuple(legs[0]), tuple(legs[1])), soles=("left_sole", "right_sole"),
+        loads=("left_load", "right_load"), sole_boxes=("left_foot_sole", "right_foot_sole"),
+        waist=(waist[0], waist[1]), bend=tuple(float(angle) for angle in bend), held=tuple(held),
+    )  # fmt: skip
+
+
+def read_robot_file(path: str | Path) -> RobotFile:
+    """The robot of a file.
+
+    Raises:
+        InvalidValueError: a file that cannot be read, of another format, or with an impossible value.
+        UnknownNameError: a key that robot files do not have.
+    """
+    what = f"robot file {str(path)!r}"
+    try:
+        content = parse_json(what, read_file(path))
+    except OSError as error:
+        raise InvalidValueError(f"cannot read {what}: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InvalidValueError(f"{what} is none: its 'format' is not {FORMAT!r}")
+    if content.get("format_version") != FORMAT_VERSION:
+        raise InvalidValueError(
+            f"{what} has format_version {content.get('format_version')!r}; this version reads "
+            f"{FORMAT_VERSION}"
+        )
+    for key in content:
+        if key not in KEYS:
+            raise UnknownNameError(f"key of {what}", key, KEYS)
+    try:
+        return _parsed(content, Path(path).parent)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise InvalidValueError(
+            f"{what} is not complete or has a value of another kind: {error!r}"
+        ) from error
+
+
+def _parsed(content: dict[str, Any], folder: Path) -> RobotFile:
+    left, right = (Sole(*(tuple(map(float, part)) for part in sole.values())) for sole in content["soles"])
+    held = tuple((name, float(angle)) for name, angle in content.get("held", {}).items())
+    preset = content["preset"]
+    return RobotFile(
+        name=str(content["name"]),
+        model=_beside(folder, content["model"]),
+        plan=make_plan(
+            content["pelvis"], content["trunk"], content["legs"], content["waist"], content["bend"], held
+        ),
+        soles=(left, right),
+        motors=tuple((name, Motor(**motor)) for name, motor in content["motors"].items()),
+        fixed=tuple((name, float(angle)) for name, angle in content.get("fixed", {}).items()),
+        com_height=float(content["com_height"]),
+        preset=_beside(folder, preset) if preset.endswith(".json") else str(preset),
+        about=str(content.get("about", "")),
+    )
+
+
+def _beside(folder: Path, name: str) -> str:
+    """The path of a file that lies beside the robot file, or the name itself where none does."""
+    beside = folder / name
+    return str(beside.resolve()) if beside.is_file() else name
+
+
+def write_robot_file(path: Path, robot: RobotFile, preset: str) -> None:
+    """Write the robot whole or not at all; `preset` is what the file calls its preset."""
+    plan = robot.plan
+    content = {
+        "format": FORMAT, "format_version": FORMAT_VERSION, "name": robot.name, "model": robot.model,
+        "pelvis": plan.pelvis, "trunk": plan.trunk, "legs": plan.legs, "bend": plan.bend,
+        "waist": plan.waist, "held": dict(plan.held), "fixed": dict(robot.fixed),
+        "soles": [asdict(sole) for sole in robot.soles],
+        "motors": {name: {key: value for key, value in asdict(motor).items() if value is not None}
+                   for name, motor in robot.motors},
+        "com_height": robot.com_height, "preset": preset, "about": robot.about,
+    }  # fmt: skip
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

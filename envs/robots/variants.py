@@ -1,0 +1,194 @@
+"""Variants of the biped, each at odds with an assumption that a closed form makes.
+
+Three variants of the biped, each at odds with an assumption that a closed form makes.
+
+They share the biped's preset. `robot="push_recovery.envs.robots.variants:ANKLE_ROLL_FIRST"` puts
+one into an environment.
+
+Variants of the biped with held joints, with one body for pelvis and trunk, and without a waist.
+
+Their trees are those of robots that exist: arms over a waist of yaw, roll and pitch; legs below a waist that
+only yaws. They share the biped's preset.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+
+from .biped import BIPED, PLAN, mjcf, spec
+from .description import RobotDescription
+
+SIDES = ("left", "right")
+HIP_PLACES = {
+    "hip_pitch": (0.0, 0.0, 0.03),
+    "hip_roll": (-0.02, 0.0, 0.0),
+    "hip_yaw": (0.015, 0.0, -0.05),
+}  # [m]
+
+
+def exchange(first: mujoco.MjsJoint, second: mujoco.MjsJoint) -> None:
+    """Let two joints of a body change places in its chain, with their names, axes and ranges."""
+    first_has = first.name, first.axis.copy(), first.range.copy()
+    second_has = second.name, second.axis.copy(), second.range.copy()
+    second.name = ""
+    first.name, first.axis, first.range = second_has
+    second.name, second.axis, second.range = first_has
+
+
+def exchange_in_legs(model: mujoco.MjSpec, first: str, second: str) -> None:
+    """`exchange` in both legs, and the largest torques and speeds with them, which motors have by joint."""
+    for side in SIDES:
+        exchange(model.joint(f"{side}_{first}"), model.joint(f"{side}_{second}"))
+
+
+def pitch_roll_yaw_hips() -> mujoco.MjSpec:
+    """Hips that pitch first and yaw last, about axes that do not meet."""
+    model = spec()
+    exchange_in_legs(model, "hip_yaw", "hip_pitch")
+    for side in SIDES:
+        for joint, place in HIP_PLACES.items():
+            model.joint(f"{side}_{joint}").pos = place
+    return model
+
+
+def ankle_roll_first() -> mujoco.MjSpec:
+    """Ankles that roll before they pitch."""
+    model = spec()
+    exchange_in_legs(model, "ankle_pitch", "ankle_roll")
+    return model
+
+
+def no_waist_roll() -> mujoco.MjSpec:
+    """A waist that only pitches."""
+    model = spec()
+    model.delete(model.actuator("waist_roll"))
+    model.delete(model.joint("waist_roll"))
+    return model
+
+
+def legs(joints: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of both legs' joints."""
+    return tuple(f"left_{joint}" for joint in joints), tuple(f"right_{joint}" for joint in joints)
+
+
+HIPS_PITCH_ROLL_YAW = RobotDescription(
+    "hips pitch-roll-yaw, axes apart",
+    pitch_roll_yaw_hips,
+    replace(
+        PLAN,
+        legs=legs(("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")),
+        bend=(-0.3, 0.0, 0.0, 0.6, -0.3, 0.0),
+    ),
+    BIPED.com_height,
+)
+ANKLE_ROLL_FIRST = RobotDescription(
+    "ankle roll before pitch",
+    ankle_roll_first,
+    replace(
+        PLAN,
+        legs=legs(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_roll", "ankle_pitch")),
+        bend=(0.0, 0.0, -0.3, 0.6, 0.0, -0.3),
+    ),
+    BIPED.com_height,
+)
+NO_WAIST_ROLL = RobotDescription(
+    "no waist roll", no_waist_roll, replace(PLAN, waist=("waist_pitch", None)), BIPED.com_height
+)
+VARIANTS = (HIPS_PITCH_ROLL_YAW, ANKLE_ROLL_FIRST, NO_WAIST_ROLL)
+
+
+ARM = {"shoulder_pitch": 0.3, "shoulder_roll": 0.1, "elbow": -1.2}  # of the left arm [rad]
+MIRRORED = {"shoulder_roll"}  # its angle changes sign on the right
+ARM_TORQUE, YAW_TORQUE = 40.0, 100.0  # [N m]
+
+
+def add_hinge(
+    model: mujoco.MjSpec, body: mujoco.MjsBody, name: str, axis: Sequence[float], torque: float
+) -> mujoco.MjsJoint:
+    """A hinge with a torque motor of the same name."""
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
+    joint.limited, joint.range, joint.armature = True, [-150.0, 150.0], 0.01  # degrees, as in the file
+    motor = model.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.forcelimited, motor.forcerange = True, [-torque, torque]
+    return joint
+
+
+def add_arm(model: mujoco.MjSpec, side: str) -> None:
+    """An arm of 3 kg with two joints in the shoulder and one in the elbow."""
+    left = 1.0 if side == "left" else -1.0
+    upper = model.body("trunk").add_body(name=f"{side}_upper_arm", pos=[0.0, 0.24 * left, 0.40])
+    upper.mass, upper.ipos, upper.inertia = 1.8, [0.0, 0.0, -0.13], [0.015, 0.015, 0.003]
+    upper.explicitinertial = True
+    add_hinge(model, upper, f"{side}_shoulder_pitch", [0.0, 1.0, 0.0], ARM_TORQUE)
+    add_hinge(model, upper, f"{side}_shoulder_roll", [1.0, 0.0, 0.0], ARM_TORQUE)
+    fore = upper.add_body(name=f"{side}_forearm", pos=[0.0, 0.0, -0.27])
+    fore.mass, fore.ipos, fore.inertia = 1.2, [0.0, 0.0, -0.12], [0.008, 0.008, 0.001]
+    fore.explicitinertial = True
+    add_hinge(model, fore, f"{side}_elbow", [0.0, 1.0, 0.0], ARM_TORQUE)
+
+
+def arms_over_a_waist_of_three() -> mujoco.MjSpec:
+    """A waist that yaws, rolls, then pitches, and two arms, whose mass the trunk no longer has."""
+    model = spec()
+    trunk = model.body("trunk")
+    trunk.mass = trunk.mass - 6.0
+    yaw = add_hinge(model, trunk, "waist_yaw", [0.0, 0.0, 1.0], YAW_TORQUE)
+    exchange(model.joint("waist_pitch"), yaw)  # yaw, roll, pitch
+    for side in SIDES:
+        add_arm(model, side)
+    return model
+
+
+def without_waist(model: mujoco.MjSpec) -> mujoco.MjSpec:
+    """The model with its trunk fixed to the pelvis."""
+    for joint in ("waist_pitch", "waist_roll"):
+        model.delete(model.actuator(joint))
+        model.delete(model.joint(joint))
+    return model
+
+
+def no_waist() -> mujoco.MjSpec:
+    """A trunk that is fixed to the pelvis."""
+    return without_waist(spec())
+
+
+def legs_below_a_yaw() -> mujoco.MjSpec:
+    """Hips that yaw together below the body with the free joint, which is pelvis and trunk in one."""
+    tree = ET.fromstring(mjcf())  # noqa: S314 - the package's own file
+    pelvis = next(body for body in tree.iter("body") if body.get("name") == "pelvis")
+    hips = ET.SubElement(pelvis, "body", name="hips")
+    ET.SubElement(hips, "inertial", pos="0 0 0", mass="3", diaginertia="0.03 0.02 0.03")
+    for thigh in [body for body in pelvis if str(body.get("name")).endswith("thigh")]:
+        pelvis.remove(thigh)
+        hips.append(thigh)
+    model = without_waist(mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode")))
+    model.body("pelvis").mass -= 3.0
+    add_hinge(model, model.body("hips"), "waist_yaw", [0.0, 0.0, 1.0], YAW_TORQUE)
+    return model
+
+
+def held_arms() -> tuple[tuple[str, float], ...]:
+    """Names of all joints of the arms and their angles."""
+    right = {name: -angle if name in MIRRORED else angle for name, angle in ARM.items()}
+    angles = zip(SIDES, (ARM, right), strict=True)
+    return tuple((f"{side}_{name}", angle) for side, arm in angles for name, angle in arm.items())
+
+
+ARMS_HELD = RobotDescription(
+    "arms and waist yaw held",
+    arms_over_a_waist_of_three,
+    replace(PLAN, held=(("waist_yaw", 0.0), *held_arms())),
+    BIPED.com_height,
+)
+NO_WAIST = RobotDescription("no waist", no_waist, replace(PLAN, waist=(None, None)), BIPED.com_height)
+LEGS_BELOW_A_YAW = RobotDescription(
+    "legs below a held yaw",
+    legs_below_a_yaw,
+    replace(PLAN, trunk="pelvis", waist=(None, None), held=(("waist_yaw", 0.0),)),
+    BIPED.com_height,
+)
+HELD_VARIANTS = (ARMS_HELD, NO_WAIST, LEGS_BELOW_A_YAW)

@@ -1,0 +1,396 @@
+"""Sensors of n robots, and the state that control acts on: the true one or the estimated one.
+
+Figures of the sensors that a robot carries; docs/hardware.md says where they come from.
+
+Sensors of n robots: gyro, accelerometer, joint encoders, force sensors in the feet; compiled.
+
+Every reading is made of the true state of this moment and of numbers that count the physics steps
+(`scenario.noise`), so it depends on no other robot and on no order. What is noise of the left side, or about
+an axis that a mirror turns round, is mirrored with the stance side of step 0.
+
+Which state control acts on: the true one, or what the robot's own sensors and its estimator tell.
+
+Where it is "onboard" the physics writes into arrays of its own, those that episodes are judged by. Sensors
+read them once in a physics step; gait machine, whole-body control, observation and policies see the arrays
+that the estimate is written into, and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from ..controllers.array_table import Floats1, Floats2, Ints1
+from ..controllers.estimation.base_estimate import (
+    TILT_AT_FIRST,
+    VELOCITY_AT_FIRST,
+    BaseEstimate,
+    Inertial,
+    begin_estimate,
+    empty_base_estimate,
+    navigate,
+)
+from ..controllers.estimation.observe import Contacts, count_contacts
+from ..controllers.jit import njit
+from ..controllers.math3 import (
+    Quaternion,
+    Vector,
+    add,
+    conjugate,
+    cross,
+    of_rotation,
+    product,
+    rotated,
+    rotation_of,
+    scaled,
+    subtract,
+    vector_in,
+    vector_of,
+)
+from ..controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
+from ..controllers.model.robot import GRAVITY
+from ..controllers.whole_body.kinematics import NU, Array, Physics
+from .scenario.noise import normal_pair
+from .simulation import Handles, Simulations
+
+_DEGREE, _G = math.pi / 180.0, 9.81
+BANDWIDTH = 250.0  # of white noise in samples 2 ms apart [Hz]
+
+
+class SensorSettings(NamedTuple):
+    """Standard deviations unless said otherwise; noise is white, of one sample every 2 ms."""
+
+    rate_noise: float = 0.007 * _DEGREE * math.sqrt(BANDWIDTH)  # of the gyro [rad/s]
+    rate_bias: float = 0.05 * _DEGREE  # left after calibration at rest [rad/s]
+    rate_walk: float = 2e-5  # of that bias [rad/s / sqrt(s)]
+    rate_scale: float = 0.001  # error over the rate
+    rate_range: float = 2000.0 * _DEGREE  # largest rate told [rad/s]
+    force_noise: float = 120e-6 * _G * math.sqrt(BANDWIDTH)  # of the accelerometer [m/s^2]
+    force_bias: float = 3e-3 * _G  # left after calibration [m/s^2]
+    force_walk: float = 1e-4  # of that bias [m/s^2 / sqrt(s)]
+    force_scale: float = 0.005  # error over the specific force
+    force_range: float = 16.0 * _G  # largest specific force told [m/s^2]
+    angle_resolution: float = 2.0 * math.pi / 2**17  # step of an encoder at the joint [rad]
+    angle_noise: float = 2e-5  # [rad]
+    angle_offset: float = 5e-4  # of its zero [rad]
+    load_noise: float = 2.0  # of a force sensor in a foot, each axis [N]
+    load_lag: float = 0.001  # time constant of its filter [s]
+    load_least: float = 8.0  # a smaller load is told as none [N]
+
+
+SETTINGS = len(SensorSettings._fields)
+
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+
+# Channels of noise; those below belong to the model errors
+GUESS_CHANNEL, BIAS_CHANNEL, SCALE_CHANNEL, OFFSET_CHANNEL = 100, 104, 108, 111  # once, at the reset
+GYRO_CHANNEL, FORCE_CHANNEL, WALK_CHANNEL, LOAD_CHANNEL, ENCODER_CHANNEL = 120, 122, 124, 128, 131
+AT_BEGIN = -1  # step of what is drawn once, at the reset
+WALK_EVERY = 50  # physics steps in which a bias stays
+JOINT = 7  # first joint coordinate; a base has seven
+BASE = 6  # and six degrees of freedom
+
+
+class Sensors(NamedTuple):
+    """Settings and state of the sensors of n robots."""
+
+    settings: Floats1  # (SETTINGS,) a `SensorSettings`
+    present: Floats1  # (14,) 1 for a joint that the robot has, otherwise 0
+    seed: Ints1  # (n,)
+    side: Ints1  # (n,) stance side of step 0
+    gravity: Floats2  # (n, 3) in the world's axes, tilted on a slope [m/s^2]
+    before: Floats2  # (n, 3) true velocity of the base at the last reading, world axes [m/s]
+    faced: Floats2  # (n, 4) true attitude of the base then
+    rate_bias: Floats2  # (n, 3) [rad/s]
+    rate_scale: Floats2  # (n, 3) reading over rate
+    force_bias: Floats2  # (n, 3) [m/s^2]
+    force_scale: Floats2  # (n, 3) reading over specific force
+    offset: Floats2  # (n, 14) of the encoders' zeros [rad]
+    angle: Floats2  # (n, 14) that they told last [rad]
+    load: Floats2  # (n, 2) filtered normal force under each sole [N]
+    floor: Floats2  # (n, 3) filtered sum of the floor's forces, in the axes of the base [N]
+
+
+def sensors_of(n: int, settings: SensorSettings, present: Array) -> Sensors:
+    """Arrays of n robots; `present` (14,) is 1 for the joints that they have."""
+    three = [np.zeros((n, 3)) for _ in range(7)]
+    return Sensors(
+        np.array(settings), present, np.zeros(n, np.int64), np.zeros(n, np.int64), *three[:2],
+        np.zeros((n, 4)), *three[2:6], np.zeros((n, NU)), np.zeros((n, NU)), np.zeros((n, 2)), three[6],
+    )  # fmt: skip
+
+
+def seed_sensors(sensors: Sensors, k: int, seed: int, side: int) -> None:
+    """Name the noise of robot k, which stands on side `side` at first."""
+    sensors.seed[k], sensors.side[k] = seed, side
+
+
+@njit(cache=True)
+def settings_of(sensors: Sensors) -> SensorSettings:
+    """The settings."""
+    return SensorSettings(*to_fixed_tuple(sensors.settings, SETTINGS))
+
+
+@njit(cache=True)
+def axial_noise(seed: int, step: int, channel: int, side: int) -> Vector:
+    """Three normal numbers about the axes; a mirror turns x and z round. Takes two channels."""
+    (x, y), (z, _) = normal_pair(seed, step, channel), normal_pair(seed, step, channel + 1)
+    sign = 1.0 - 2.0 * side
+    return sign * x, y, sign * z
+
+
+@njit(cache=True)
+def polar_noise(seed: int, step: int, channel: int, side: int) -> Vector:
+    """Three normal numbers along the axes; a mirror turns y round. Takes two channels."""
+    (x, y), (z, _) = normal_pair(seed, step, channel), normal_pair(seed, step, channel + 1)
+    return x, (1.0 - 2.0 * side) * y, z
+
+
+@njit(cache=True)
+def joint_noise(sensors: Sensors, phys: Physics, k: int, step: int, first: int, out: Array) -> None:
+    """Write normal numbers of the 14 joints, (14,): waist, stance leg of step 0, the other leg."""
+    seed, side = sensors.seed[k], sensors.side[k]
+    for pair in range(NU // 2):
+        a, b = normal_pair(seed, step, first + pair)
+        for i in range(2):
+            own = 2 * pair + i
+            if own >= 2 and side == 1:  # the legs change places
+                own = own + 6 if own < 8 else own - 6
+            sign = phys.mirror[own] if side == 1 else 1.0
+            out[own] = sensors.present[own] * sign * (a if i == 0 else b)
+
+
+@njit(cache=True)
+def begin_sensing(sensors: Sensors, k: int, true: Physics, contacts: Contacts) -> None:
+    """Draw what stays of the sensors' errors for robot k, whose true state is given, and read them once."""
+    s, seed, side = settings_of(sensors), sensors.seed[k], sensors.side[k]
+    rate = axial_noise(seed, AT_BEGIN, BIAS_CHANNEL, side)
+    force = polar_noise(seed, AT_BEGIN, BIAS_CHANNEL + 2, side)
+    (a, b), (c, d) = (
+        normal_pair(seed, AT_BEGIN, SCALE_CHANNEL),
+        normal_pair(seed, AT_BEGIN, SCALE_CHANNEL + 1),
+    )
+    e, f = normal_pair(seed, AT_BEGIN, SCALE_CHANNEL + 2)
+    rate_scale, force_scale = (a, b, c), (d, e, f)
+    for i in range(3):
+        sensors.rate_bias[k, i], sensors.force_bias[k, i] = s.rate_bias * rate[i], s.force_bias * force[i]
+        sensors.rate_scale[k, i] = 1.0 + s.rate_scale * rate_scale[i]
+        sensors.force_scale[k, i] = 1.0 + s.force_scale * force_scale[i]
+        sensors.before[k, i] = true.qvel[k, i]
+    joint_noise(sensors, true, k, AT_BEGIN, OFFSET_CHANNEL, sensors.offset[k])
+    for i in range(NU):
+        sensors.offset[k, i] *= s.angle_offset
+        sensors.angle[k, i] = round_to(true.qpos[k, JOINT + i] + sensors.offset[k, i], s.angle_resolution)
+    keep_attitude(sensors, k, attitude(true, k))
+    down = rotated(conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
+    for i in range(3):
+        sensors.floor[k, i] = down[i]
+    for leg in range(2):
+        sensors.load[k, leg] = true.load[k, leg]
+
+
+@njit(cache=True, forceinline=True)
+def attitude(phys: Physics, k: int) -> Quaternion:
+    """Quaternion of a base."""
+    return phys.qpos[k, 3], phys.qpos[k, 4], phys.qpos[k, 5], phys.qpos[k, 6]
+
+
+@njit(cache=True, forceinline=True)
+def keep_attitude(sensors: Sensors, k: int, q: Quaternion) -> None:
+    """Remember the attitude that the gyro counts from."""
+    for i in range(4):
+        sensors.faced[k, i] = q[i]
+
+
+@njit(cache=True, forceinline=True)
+def round_to(value: float, resolution: float) -> float:
+    """The nearest whole number of steps."""
+    return resolution * math.floor(value / resolution + 0.5)
+
+
+@njit(cache=True)
+def read_inertial(sensors: Sensors, k: int, step: int, true: Physics, dt: float) -> Inertial:
+    """Gyro and accelerometer at the base's origin over the physics step that robot k has just made."""
+    s, seed, side = settings_of(sensors), sensors.seed[k], sensors.side[k]
+    rate_noise = axial_noise(seed, step, GYRO_CHANNEL, side)
+    force_noise = polar_noise(seed, step, FORCE_CHANNEL, side)
+    if step % WALK_EVERY == 0:
+        walk = math.sqrt(WALK_EVERY * dt)
+        rate_walk = axial_noise(seed, step, WALK_CHANNEL, side)
+        force_walk = polar_noise(seed, step, WALK_CHANNEL + 2, side)
+        for i in range(3):
+            sensors.rate_bias[k, i] += s.rate_walk * walk * rate_walk[i]
+            sensors.force_bias[k, i] += s.force_walk * walk * force_walk[i]
+    velocity, before = vector_in(true.qvel, k, 0), vector_in(sensors.before, k, 0)
+    felt = subtract(scaled(subtract(velocity, before), 1.0 / dt), vector_in(sensors.gravity, k, 0))
+    now, faced = attitude(true, k), sensors.faced[k]
+    turned = product(conjugate((faced[0], faced[1], faced[2], faced[3])), now)
+    force, rate = rotated(conjugate(now), felt), scaled(rotation_of(turned), 1.0 / dt)
+    keep_attitude(sensors, k, now)
+    told = np.empty(6)
+    for i in range(3):
+        sensors.before[k, i] = velocity[i]
+        value = sensors.rate_scale[k, i] * rate[i] + sensors.rate_bias[k, i] + s.rate_noise * rate_noise[i]
+        told[i] = min(max(value, -s.rate_range), s.rate_range)
+        value = sensors.force_scale[k, i] * force[i] + sensors.force_bias[k, i]
+        value += s.force_noise * force_noise[i]
+        told[3 + i] = dt * min(max(value, -s.force_range), s.force_range)
+    return Inertial(vector_of(told, 0), vector_of(told, 3))
+
+
+@njit(cache=True)
+def read_joints(sensors: Sensors, k: int, step: int, true: Physics, out: Physics, dt: float) -> None:
+    """Write what the encoders tell of the joints, and their difference quotient, into another state."""
+    s, noise = settings_of(sensors), np.empty(NU)
+    joint_noise(sensors, true, k, step, ENCODER_CHANNEL, noise)
+    for i in range(NU):
+        value = true.qpos[k, JOINT + i] + sensors.offset[k, i] + s.angle_noise * noise[i]
+        value = round_to(value, s.angle_resolution)
+        out.qpos[k, JOINT + i], out.qvel[k, BASE + i] = value, (value - sensors.angle[k, i]) / dt
+        sensors.angle[k, i] = value
+    for i in range(JOINT + NU, true.qpos.shape[1]):  # joints that are held
+        out.qpos[k, i], out.qvel[k, i - 1] = true.qpos[k, i], true.qvel[k, i - 1]
+
+
+@njit(cache=True)
+def read_feet(
+    sensors: Sensors, k: int, step: int, true: Physics, contacts: Contacts, out: Physics, dt: float
+) -> Vector:
+    """Write the loads of the soles into another state; returns the floor's force in the base's axes [N].
+
+    Filtered by load_lag y' = x - y, with the force of the whole step.
+    """
+    s, seed, side = settings_of(sensors), sensors.seed[k], sensors.side[k]
+    share = 1.0 - math.exp(-dt / s.load_lag)
+    first, second = normal_pair(seed, step, LOAD_CHANNEL)
+    for leg in range(2):
+        sensors.load[k, leg] += share * (true.load[k, leg] - sensors.load[k, leg])
+        value = sensors.load[k, leg] + s.load_noise * (first if leg == side else second)
+        out.load[k, leg] = value if value >= s.load_least else 0.0
+    noise = polar_noise(seed, step, LOAD_CHANNEL + 1, side)
+    force = rotated(conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
+    for i in range(3):
+        sensors.floor[k, i] += share * (force[i] - sensors.floor[k, i])
+    return (
+        sensors.floor[k, 0] + s.load_noise * noise[0],
+        sensors.floor[k, 1] + s.load_noise * noise[1],
+        sensors.floor[k, 2] + s.load_noise * noise[2],
+    )
+
+
+class Shown(NamedTuple):
+    """What control's state looks like, where it is not the true one."""
+
+    onboard: Ints1  # (1,) 1 where robots act on their own sensors
+    observation: Floats2  # (n, 36) before the noise of model errors
+    world: Floats2  # (n, 6) DCM, CoP and CMP [m]
+
+
+class OnboardArrays(NamedTuple):
+    """The parts of `Sensing`, and control's contacts, as a compiled loop has them."""
+
+    contacts: Contacts
+    sensors: Sensors
+    estimate: BaseEstimate
+    judged: Physics
+    judged_contacts: Contacts
+    handles: Handles
+
+
+class Sensing(NamedTuple):
+    """The arrays of n robots' sensing; with exact sensing the judged ones are those of control."""
+
+    shown: Shown
+    sensors: Sensors
+    estimate: BaseEstimate
+    judged: Physics  # true state
+    judged_contacts: Contacts
+    handles: Handles  # that write it
+
+
+def exact_sensing(physics: Physics, contacts: Contacts, handles: Handles, truth: Array) -> Sensing:
+    """Control acts on the true state."""
+    none = sensors_of(0, SensorSettings(), np.ones(NU))
+    shown = Shown(np.zeros(1, np.int64), truth, np.zeros((0, WORLD_SIZE)))
+    return Sensing(shown, none, empty_base_estimate(0), physics, contacts, handles)
+
+
+def onboard_sensing(
+    simulations: Simulations, physics: Physics, contacts: Contacts, present: Array
+) -> Sensing:
+    """Control acts on what it senses, in the arrays `physics` and `contacts`.
+
+    Args:
+        simulations: of the robots.
+        physics: arrays of control.
+        contacts: of control.
+        present: (14,) 1 for a joint that the robot has, otherwise 0.
+    """
+    n, (arrays, handles) = len(physics.qpos), simulations.outputs_beside()
+    beside = {id(own): arrays[name] for name, own in simulations.arrays.items()}
+    judged = Physics._make(beside.get(id(field), field) for field in physics)
+    true_contacts = Contacts(beside[id(contacts.force)], np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
+    shown = Shown(np.ones(1, np.int64), np.zeros((n, OBSERVATION_SIZE)), np.zeros((n, WORLD_SIZE)))
+    sensors = sensors_of(n, SensorSettings(), present)
+    return Sensing(shown, sensors, empty_base_estimate(n), judged, true_contacts, handles)
+
+
+def begin_onboard(sensing: Sensing, k: int, physics: Physics, contacts: Contacts, gravity: Array) -> None:
+    """Let robot k, put into a state in the arrays of control, sense from now on.
+
+    Its estimate begins off the true state by a tilt and a velocity drawn with the deviations that it states.
+    On a slope it is that of a robot which takes the direction of gravity for the vertical.
+
+    Args:
+        sensing: of all robots; the robot's seed and stance side are in its sensors.
+        k: the robot.
+        physics: arrays of control, with the true state.
+        contacts: of control.
+        gravity: in the world, (3,) [m/s^2].
+    """
+    for seen, true in zip(physics, sensing.judged, strict=True):
+        if seen is not true:
+            true[k] = seen[k]
+    sensing.judged_contacts.force[k] = contacts.force[k]
+    sensing.judged_contacts.time[k] = sensing.judged_contacts.impulse[k] = 0.0
+    sensing.shown.observation[k] = 0.0  # a period of no length keeps the push estimate that it finds
+    sensors, true = sensing.sensors, sensing.judged
+    seed, side = sensors.seed.item(k), sensors.side.item(k)
+    sensors.gravity[k] = gravity
+    begin_sensing(sensors, k, true, sensing.judged_contacts)
+    x, y, _ = axial_noise(seed, AT_BEGIN, GUESS_CHANNEL, side)
+    level = of_rotation(cross(tuple(gravity / GRAVITY), (0.0, 0.0, -1.0)))
+    tilt = product(of_rotation((TILT_AT_FIRST * x, TILT_AT_FIRST * y, 0.0)), level)
+    off = scaled(polar_noise(seed, AT_BEGIN, GUESS_CHANNEL + 2, side), VELOCITY_AT_FIRST)
+    velocity = add(rotated(level, vector_in(true.qvel, k, 0)), off)
+    begin_estimate(
+        sensing.estimate, k, true.qpos[k, :3], np.array(product(tilt, attitude(true, k))), np.array(velocity)
+    )
+    physics.qpos[k, 3:7], physics.qvel[k, :3] = sensing.estimate.attitude[k], velocity
+
+
+@njit(cache=True)
+def sense(phys: Physics, arrays: OnboardArrays, k: int, step: int, dt: float) -> None:
+    """Read the sensors of robot k after a control step, and write where these say that it is.
+
+    What else control reads has to be believed next: kinematics, M and bias of that state.
+    """
+    contacts, sensors, estimate, judged, judged_contacts, _ = arrays
+    count_contacts(judged_contacts, k, dt)
+    rate = navigate(estimate, k, read_inertial(sensors, k, step, judged, dt), dt)
+    read_joints(sensors, k, step, judged, phys, dt)
+    for i in range(3):
+        phys.qpos[k, i] = estimate.place[k, i]
+        phys.qvel[k, i], phys.qvel[k, 3 + i] = estimate.velocity[k, i], rate[i]
+    for i in range(4):
+        phys.qpos[k, 3 + i] = estimate.attitude[k, i]
+    force, q = read_feet(sensors, k, step, judged, judged_contacts, phys, dt), estimate.attitude[k]
+    force = rotated((q[0], q[1], q[2], q[3]), force)
+    for i in range(3):
+        contacts.force[k, i] = force[i]

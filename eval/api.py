@@ -1,0 +1,179 @@
+"""The functions that users call: `evaluate`, `compare`, `frontier` and `rollout`.
+
+Score policies on a suite, and compare two of them.
+
+The largest recoverable push by direction.
+
+One episode.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ..envs.scenario.push import Body
+from ..envs.scenario.scenario import Command, Scenario, get_profile
+from .ceiling import with_ceiling
+from .rollout.environments import size_of
+from .rollout.episodes import rollout as run_episode
+from .rollout.names import DEFAULT_ENV, TABLE_ARMS
+from .rollout.outcome import Outcome
+from .rollout.policy_source import acting_in
+from .score.evaluate import Comparison, Evaluation, write_reports
+from .score.evaluate import compare as compare_sources
+from .score.evaluate import evaluate as evaluate_sources
+from .score.frontier import Frontier, FrontierSettings, default_grid
+from .score.frontier import frontier as scan_directions
+from .score.report import evaluation_markdown
+from .score.suites import Suite, on_robots, pushes_on
+
+
+def evaluate(
+    policies: Any = TABLE_ARMS,
+    suite: Suite | str | PathLike[str] | None = None,
+    env: str = DEFAULT_ENV,
+    *,
+    errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
+    workers: int = 1,
+    out: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Evaluation:
+    """Score policies on a suite, and write rows and reports; a run that was stopped goes on where it was.
+
+        evaluation = evaluate(policies={"mine": my_policy, "two-stage": "two-stage"}, suite="hard")
+        evaluation.score("mine").rate
+
+    Args:
+        policies: one or several, or a mapping of labels to them: a name, a file, "MODULE:ATTRIBUTE", or an
+            object with `predict(observation)`. State, episode_start and deterministic are handed over where
+            the signature takes them; (action, state) or the action alone may be returned.
+        suite: a suite, its name, or its file; by default `quick`, and `quick-1` on the pendulum.
+        env: id of a gait environment.
+        errors: what robot and floor are off from what the planner believes, in every scenario.
+        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
+        workers: processes, which change no result. More than one start this script anew, so that it needs
+            `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
+            cluster.
+        out: directory of the results; by default one under runs/ named after the configuration.
+        overwrite: start over where the directory holds results.
+
+    Returns:
+        Rows by policy, scores, and the directory that the reports are in.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
+    """
+    evaluation = evaluate_sources(
+        _suite(suite, env, errors, profile), env, policies, workers, _directory(out), overwrite
+    )
+    write_reports(evaluation, evaluation_markdown(with_ceiling(evaluation, workers, overwrite)))
+    return evaluation
+
+
+def compare(
+    a: Any,
+    b: Any,
+    suite: Suite | str | PathLike[str] | None = None,
+    env: str = DEFAULT_ENV,
+    *,
+    errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
+    workers: int = 1,
+    out: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Comparison:
+    """Two policies on the same pushes, paired by scenario; arguments as those of `evaluate`.
+
+    Policies of one class are told apart by labels: compare({"before": a}, {"after": b}).
+
+    Raises:
+        PushRecoveryError: as `evaluate`.
+    """
+    return compare_sources(
+        a, b, _suite(suite, env, errors, profile), env, workers, _directory(out), overwrite
+    )
+
+
+def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
+    if isinstance(suite, Suite):
+        return on_robots(suite, errors, profile, env)
+    return pushes_on(env, None if suite is None else str(suite), errors, profile)
+
+
+def _directory(out: str | PathLike[str] | None) -> Path | None:
+    return None if out is None else Path(out)
+
+
+IN_PLACE = Command()
+
+
+def frontier(
+    policies: Any = "two-stage",
+    directions: int = 16,
+    env: str = DEFAULT_ENV,
+    *,
+    grid: float | None = None,
+    duration: float = 0.1,
+    body: Body = "pelvis",
+    command: Command = IN_PLACE,
+    errors: ModelErrors = EXACT_MODEL,
+    profile: str = "exact",
+    workers: int = 1,
+    out: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Frontier:
+    """Scan the force of a push by direction, at the start of a left stance after four nominal steps.
+
+    Args:
+        policies: as those of `evaluate`.
+        directions: how many, counter-clockwise from forward.
+        env: id of a gait environment.
+        grid: step of the force [N]; by default 10 on the pendulum, 20 elsewhere.
+        duration: of the push [s].
+        body: that is pushed.
+        command: velocity that is walked at.
+        errors: what robot and floor are off from what the planner believes.
+        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
+        workers: processes, see `evaluate`.
+        out: directory of the results; by default one under runs/ named after the configuration.
+        overwrite: start over where the directory holds results.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
+    """
+    settings = FrontierSettings(
+        env, default_grid(env) if grid is None else grid, duration, body, command, errors, profile
+    )
+    directory = None if out is None else Path(out)
+    return scan_directions(settings, policies, directions, workers, directory, overwrite)
+
+
+def rollout(
+    env: gym.Env | str = DEFAULT_ENV,
+    policy: Any = "two-stage",
+    scenario: Scenario = Scenario("unpushed"),  # noqa: B008  # frozen
+    policy_name: str | None = None,
+    *,
+    profile: str = "exact",
+) -> Outcome:
+    """Run one scenario to its end: the row that an evaluation writes.
+
+    Args:
+        env: a gait environment, or its id.
+        policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
+        scenario: what happens.
+        policy_name: of the outcome; by default the name, or the object's class.
+        profile: of the robot, "exact" or "hardware"; what the scenario says itself stands.
+
+    Raises:
+        PushRecoveryError: unknown names, a policy that can't act.
+    """
+    with acting_in(env, policy, policy_name) as (made, acting, label):
+        scenario = get_profile(profile).scaled(size_of(made)).applied(scenario)
+        return run_episode(made, acting, scenario, label)

@@ -1,0 +1,394 @@
+"""What is possible at least: searches for answers to every push of a suite that all policies lose.
+
+The ceiling of a suite: every push that all policies lose is searched for an answer.
+
+Answers that searches have found, as a file and as a policy.
+
+The ceiling as a table and as a report: the policies, and what they and the searches recover together.
+
+Answers to the pushes of shipped suites: each report of such a suite gets the row `ceiling`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.files import read_file, write_text
+from ..controllers.validation import parse_json, require_keys
+from .hindsight import (
+    CEILING,
+    FORCES,
+    NEIGHBOURS,
+    TURNS,
+    CeilingSettings,
+    Row,
+    Sequence,
+    SequencePolicy,
+    require_bipeds,
+    search_row,
+)
+from .output.progress import Work, about, episode_seconds, progress_bars
+from .output.rows import RowFile
+from .output.statistics import PairedCounts
+from .output.tables import markdown_table
+from .rollout.environments import make_env
+from .rollout.episodes import action_rule
+from .rollout.names import DEFAULT_ENV
+from .rollout.outcome import Score
+from .rollout.workers import parallel
+from .score.evaluate import FORMAT as ROWS_FORMAT
+from .score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate
+from .score.report import COLUMNS, RECOVERED_NOTE, evaluation_cells, evaluation_title
+from .score.suites import Suite
+
+FORMAT = 1  # of the rows
+FOLDER = "ceiling"  # of the searches, in the directory of the evaluation
+KEY = ("scenario_id",)
+FIELDS = (*SCORED, "attempts", "period", "corrections", "neighbours")
+OnRow = Callable[[Row], None]
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """What policies and searches recover together."""
+
+    evaluation: Evaluation  # of the policies
+    settings: CeilingSettings
+    searched: list[Row]  # the pushes that all policies lose, in the suite's order
+    directory: Path  # of the searches
+
+    @property
+    def rows(self) -> Rows:
+        """The policies' rows, and last those of the ceiling: for each push the best that is known."""
+        return {**self.evaluation.rows, CEILING: best_rows(self.evaluation, self.searched)}
+
+    @property
+    def score(self) -> Score:
+        """Of the ceiling, over the whole suite."""
+        return Score.of(self.rows[CEILING])
+
+    @property
+    def answered(self) -> list[Row]:
+        """Searches that found an answer."""
+        return [row for row in self.searched if row["recovered"]]
+
+    @property
+    def robust(self) -> list[float]:
+        """Share of the neighbouring pushes that each answer recovers, too."""
+        return [row["neighbours"] / NEIGHBOURS for row in self.answered]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The evaluation's object, with the ceiling among the policies and what was searched."""
+        content = self.evaluation.to_dict()
+        attempts = [row["attempts"] for row in self.searched]
+        return {
+            **content,
+            "policies": {**content["policies"], CEILING: self.score.to_dict()},
+            "search": {
+                "searched": len(self.searched),
+                "answered": len(self.answered),
+                "attempts": sum(attempts),
+                "budget": self.settings.budget,
+                "neighbours": NEIGHBOURS,
+                "neighbours_recovered": self.robust,
+                "settings": self.settings.to_dict(),
+                "out": str(self.directory),
+            },
+        }
+
+
+def best_rows(evaluation: Evaluation, answers: list[Row]) -> list[Row]:
+    """For each push the best of the policies' rows and its answer, if it has one."""
+    found = {row["scenario_id"]: row for row in answers}
+    rows = []
+    for scenario, alike in evaluation.by_scenario():
+        rows.append(_best([*alike, found[scenario.id]] if scenario.id in found else alike))
+    return rows
+
+
+def _best(rows: list[Row]) -> Row:
+    """The first row that has recovered, otherwise the first that has survived, otherwise the last."""
+    for field in ("recovered", "survived"):
+        if kept := [row for row in rows if row[field]]:
+            return kept[0]
+    return rows[-1]
+
+
+def ceiling(
+    suite: Suite,
+    env_id: str,
+    policies: Any,
+    settings: CeilingSettings,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+    on_row: OnRow | None = None,
+) -> Ceiling:
+    """Evaluate policies, and search each push that all of them lose; a run that was stopped goes on.
+
+    Args:
+        suite: scenarios.
+        env_id: environment of bipeds under gait actions.
+        policies: as those of `evaluate`; rows that the directory holds are kept.
+        settings: of the searches.
+        workers: processes; they change no row.
+        directory: of the evaluation, by default its own under runs/; the searches lie in `ceiling` below it.
+        overwrite: start over where the directory holds rows.
+        on_row: called after each search is on disk.
+
+    Raises:
+        PushRecoveryError: as `evaluate`; another environment; searches of other settings in the directory.
+    """
+    _check_env(env_id)
+    evaluation = evaluate(suite, env_id, policies, workers, directory, overwrite)
+    config = {
+        **configuration(suite, env_id),
+        "rows": ROWS_FORMAT,
+        "format": FORMAT,
+        "ceiling": settings.to_dict(),
+    }
+    with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
+        searched = _search_missing(evaluation, settings, store, workers, on_row)
+    return Ceiling(evaluation, settings, searched, store.directory)
+
+
+def _search_missing(
+    evaluation: Evaluation, settings: CeilingSettings, store: RowFile, workers: int, on_row: OnRow | None
+) -> list[Row]:
+    """Rows of all pushes that are lost; those that the store lacks are searched for."""
+    lost = [
+        scenario for scenario, rows in evaluation.by_scenario() if not any(row["recovered"] for row in rows)
+    ]
+    jobs = [(settings, scenario) for scenario in lost if (scenario.id,) not in store.rows]
+    most = settings.budget * episode_seconds(evaluation.env_id, (scenario for _, scenario in jobs), workers)
+    pushes = "the push" if len(lost) == 1 else f"each of the {len(lost)} pushes"
+    what = f"up to {settings.budget} attempts at {pushes} that all policies lose"
+    done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
+    work = Work(what, about(most) + (" at most" if jobs else ""), store.directory)
+    with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:
+        for row in parallel(evaluation.env_id, search_row, jobs, workers):
+            store.append(row)
+            done.append(row)
+            bars.set(CEILING, len(done), f"answered {sum(one['recovered'] for one in done)}")
+            if on_row is not None:
+                on_row(row)
+    return [store.rows[scenario.id,] for scenario in lost]
+
+
+def _check_env(env_id: str) -> None:
+    """Raise InvalidValueError for robots that are not put back, or an action that is no gait."""
+    env = make_env(env_id)
+    try:
+        rule = action_rule(env)
+        if rule is None or rule.residual is not None or rule.hold != 1:
+            raise InvalidValueError(f"a ceiling needs plain gait actions, and {env_id} has others")
+        require_bipeds(getattr(env.unwrapped, "episodes", None))
+    finally:
+        env.close()
+
+
+FILE = "answers.json"
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Sequences by scenario id, for the pushes of one suite."""
+
+    suite: Mapping[str, Any]  # its summary
+    settings: CeilingSettings  # of the searches
+    sequences: Mapping[str, Sequence]
+
+    @classmethod
+    def of(cls, found: Ceiling) -> Answers:
+        """What has been answered."""
+        return cls(found.evaluation.suite.summary(), found.settings, _sequences(found.answered))
+
+    def policy(self, env: Any) -> SequencePolicy:
+        """They as a policy for the robot of an environment; where there is none, the planner."""
+        biped, s = getattr(env, "unwrapped", env), self.settings
+        return SequencePolicy(s.policy, biped.robot, biped.limits, biped.preset, s.scale, self.sequences)
+
+    def save(self, path: Path) -> None:
+        """Write them as JSON, an answer a line, whole or not at all."""
+        head = {"format": FORMAT, "suite": dict(self.suite), "settings": self.settings.to_dict()}
+        entries = {name: [one.period, one.corrections] for name, one in self.sequences.items()}
+        body = ",\n".join(f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in entries.items())
+        write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
+
+    @classmethod
+    def load(cls, path: Path) -> Answers:
+        """Read them from a file.
+
+        Raises:
+            InvalidValueError: it cannot be read, or holds no answers of this format.
+        """
+        what = f"file of answers {str(path)!r}"
+        try:
+            data = require_keys(
+                what, parse_json(what, read_file(path)), {"format", "suite", "settings", "answers"}, set()
+            )
+        except OSError as error:
+            raise InvalidValueError(f"cannot read {what}: {error}") from error
+        if data["format"] != FORMAT:
+            raise InvalidValueError(f"{what} has format {data['format']!r}, and {FORMAT} is read")
+        try:
+            sequences = {name: Sequence(*entry) for name, entry in data["answers"].items()}
+        except (AttributeError, TypeError, ValueError) as error:
+            raise InvalidValueError(f"{what}: {error}") from error
+        suite = require_keys(
+            f"suite of {what}", data["suite"], {"name", "version", "sha256", "scenarios"}, set()
+        )
+        return cls(suite, _settings(data["settings"]), sequences)
+
+    @classmethod
+    def of_searches(cls, directory: Path) -> Answers:
+        """The best attempt at each push in the rows of a directory, whether it has recovered or not.
+
+        Raises:
+            InvalidValueError: the directory holds no searches of this format.
+        """
+        path = directory / "config.json"
+        try:
+            config = parse_json(repr(str(path)), read_file(path))
+        except OSError as error:
+            raise InvalidValueError(f"{str(directory)!r} holds no searches: {error}") from error
+        known = config if isinstance(config, dict) else {}
+        if "ceiling" not in known or known.get("format") != FORMAT:
+            raise InvalidValueError(
+                f"{str(directory)!r} holds no searches of format {FORMAT}, see config.json"
+            )
+        rows = RowFile(directory, known, KEY, fields=FIELDS).rows.values()
+        tried = [row for row in rows if row["corrections"] is not None]
+        return cls(known["suite"], _settings(known["ceiling"]), _sequences(tried))
+
+
+def load_answers(path: str | Path, env: Any) -> SequencePolicy:
+    """The answers of a file or of a directory of searches, replayed by scenario id.
+
+    As a policy of the ordinary rollout and of `evaluate({"ceiling": load_answers(PATH, env)})` it gives the
+    outcomes of the searches where code and robot are the same. On a push without a sequence it is the
+    planner.
+
+    Args:
+        path: `answers.json`, or the directory that it lies in.
+        env: environment that it is to act in.
+
+    Raises:
+        InvalidValueError: there are no answers of this format.
+    """
+    place = Path(path)
+    return (Answers.of_searches(place) if place.is_dir() else Answers.load(place)).policy(env)
+
+
+def _sequences(rows: Iterable[Row]) -> dict[str, Sequence]:
+    return {row["scenario_id"]: Sequence(row["period"], row["corrections"]) for row in rows}
+
+
+def _settings(data: object) -> CeilingSettings:
+    names = {field.name for field in fields(CeilingSettings)}
+    return CeilingSettings(**require_keys("settings of a ceiling", data, names, set()))
+
+
+REPORT = "report.md"
+SHARE_COLUMNS = ("policy", "recovered", "share of the ceiling", "below it", "p")
+NOTE = (
+    f"`{CEILING}`: pushes that a policy recovers from, or for which a search with hindsight found an answer: "
+    "a lower bound on what is possible with these actions.\n"
+)
+
+
+def ceiling_cells(found: Ceiling) -> list[tuple[str, ...]]:
+    """One row of cells for each policy and the ceiling, in COLUMNS of an evaluation."""
+    return evaluation_cells(replace(found.evaluation, rows=found.rows))
+
+
+def share_cells(found: Ceiling) -> list[tuple[str, ...]]:
+    """How near each policy comes to the ceiling, in SHARE_COLUMNS."""
+    rows, most = found.rows, found.score.recovered
+    cells = []
+    for name in found.evaluation.rows:
+        pairs = PairedCounts.of_rows(rows[CEILING], rows[name])
+        recovered = pairs.both + pairs.only_b
+        share = f"{recovered / most:.3f}" if most else "-"
+        cells.append((name, str(recovered), share, str(pairs.only_a), f"{pairs.p_value:.2g}"))
+    return cells
+
+
+def search_lines(found: Ceiling) -> str:
+    """What was searched, at what cost, and how fragile the answers are."""
+    s, searched, answered = found.settings, len(found.searched), len(found.answered)
+    attempts = [row["attempts"] for row in found.answered]
+    pushes = "push" if searched == 1 else "pushes"
+    lines = (
+        f"{searched} {pushes} lost by all policies, {answered} of them answered. Each search: at most "
+        f"{s.budget} attempts ({s.generations} generations of {s.population}) at {s.size} numbers, "
+        f"{s.steps} steps of {s.policy} corrected by up to {s.scale:g} times the residual's scale; "
+        f"seed {s.seed}."
+    )
+    if not answered:
+        return lines + "\n"
+    robust = np.array(found.robust)
+    return (
+        f"{lines} Median {np.median(attempts):.0f} attempts for an answer. The same sequence also recovers "
+        f"{robust.mean():.0%} of the {NEIGHBOURS} pushes within {max(FORCES):.0%} of the force and "
+        f"{max(TURNS):g} degrees of the direction, in the mean of the answers, {np.median(robust):.0%} in "
+        f"the median; {(robust >= 0.5).sum()} of {answered} answers recover half of them or more.\n"
+    )
+
+
+def write_ceiling_reports(found: Ceiling) -> Path:
+    """Write report.json, report.md and answers.json beside the searches; returns the path of the report."""
+    Answers.of(found).save(found.directory / FILE)
+    write_text(found.directory / "report.json", json.dumps(found.to_dict(), indent=1) + "\n")
+    title = evaluation_title(found.evaluation)
+    table, shares = (
+        markdown_table(COLUMNS, ceiling_cells(found)),
+        markdown_table(SHARE_COLUMNS, share_cells(found)),
+    )
+    path = found.directory / REPORT
+    searches = f"## Searches\n\n{search_lines(found)}"
+    below = f"## Policies below it\n\n{shares}\np: exact McNemar.\n"
+    write_text(path, f"# Ceiling\n\n{title}\n\n{table}\n{RECOVERED_NOTE}{NOTE}\n{searches}\n{below}")
+    return path
+
+
+REPLAYED = "ceiling-replayed"  # folder of the rows, below the directory of the evaluation
+STORED = Path(__file__).parent / "answers"
+
+
+def stored_answers(suite: Suite) -> Answers | None:
+    """Those to the pushes of a suite; None where there are none to just these pushes."""
+    path = STORED / f"{suite.name}.json"
+    if not path.is_file():
+        return None
+    answers = Answers.load(path)
+    return answers if answers.suite["sha256"] == suite.sha256 else None
+
+
+def with_ceiling(evaluation: Evaluation, workers: int = 1, overwrite: bool = False) -> Evaluation:
+    """The evaluation with the ceiling among its policies, where answers to its suite are stored.
+
+    They are replayed on today's robot, so that only what they recover on it counts.
+    """
+    answers = stored_answers(evaluation.suite) if evaluation.env_id == DEFAULT_ENV else None
+    if answers is None or CEILING in evaluation.rows:
+        return evaluation
+    pushes = tuple(one for one in evaluation.suite.scenarios if one.id in answers.sequences)
+    if not pushes:
+        return evaluation
+    suite = Suite(f"{evaluation.suite.name}-answered", evaluation.suite.version, pushes)
+    env = make_env(evaluation.env_id)
+    policy = answers.policy(env)
+    env.close()
+    replayed = evaluate(
+        suite, evaluation.env_id, {CEILING: policy}, workers, evaluation.directory / REPLAYED, overwrite
+    )
+    rows = best_rows(evaluation, replayed.rows[CEILING])
+    return replace(evaluation, rows={**evaluation.rows, CEILING: rows})

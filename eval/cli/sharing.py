@@ -1,0 +1,252 @@
+"""`push-recovery protocol`, `submit`, `robot` and `suite`.
+
+`push-recovery protocol kick|tour`.
+
+`push-recovery submit`.
+
+`push-recovery robot new`.
+
+`push-recovery suite new`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional, arg
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.validation import parse_json
+from .options import Count, EnvOptions, JsonOption, RunningOptions, WorkerOptions, within
+
+if TYPE_CHECKING:
+    from ..protocols.run import Protocol
+
+FORM_TEXT = (
+    "Form of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or "
+    "force, the same impulse as a force of 0.1 s on the pelvis."
+)
+EPISODES_TEXT = (
+    "Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."
+)
+MOST = {"kick": 200, "tour": 5120}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProtocolCommand(EnvOptions, RunningOptions):
+    """Run policies under the push protocol of another group; its published rows stand beside them."""
+
+    protocol: Positional[Literal["kick", "tour"]]
+    """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
+    tour of 90 s."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
+    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    form: Annotated[
+        Literal["stated", "coded", "force"] | None,
+        arg(metavar="NAME", help=FORM_TEXT, help_behavior_hint="(default: stated)"),
+    ] = None
+    episodes: Annotated[
+        int | None, arg(metavar="N", help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
+    ] = field(default=None, metadata=within(1))
+    collisions: bool = False
+    """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
+    shanks alone)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.form is not None and self.protocol != "kick":
+            raise InvalidValueError(f"--form is for kick, not {self.protocol}")
+        if self.episodes is not None and self.episodes > MOST[self.protocol]:
+            raise InvalidValueError(
+                f"--episodes must be at most {MOST[self.protocol]} of {self.protocol}, got {self.episodes}"
+            )
+
+    @property
+    def asked(self) -> Protocol:
+        """The protocol with its scenarios."""
+        return self._plain.with_collisions() if self.collisions else self._plain
+
+    @property
+    def _plain(self) -> Protocol:
+        from ..protocols.kick import kick_scenarios
+        from ..protocols.run import Protocol
+        from ..protocols.tour import tour_scenario
+        from ..protocols.watched import biped_of
+
+        robot = biped_of(self.env_id)
+        if self.protocol == "tour":
+            ids = range(self.episodes or 64)
+            return Protocol("tour", "stated", robot.robot, tuple(tour_scenario(one, robot) for one in ids))
+        form = self.form or "stated"
+        levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
+        scenarios = tuple(scenario for level in levels for scenario in level)
+        return Protocol("kick", form, robot.robot, scenarios)
+
+    def run(self) -> None:
+        """Run it, print one table or object, write the reports."""
+        from ..output.tables import print_table
+        from ..protocols import report
+        from ..protocols.run import run_protocol
+
+        found = run_protocol(
+            self.asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
+        )
+        path = report.write_reports(found)
+        if self.json:
+            self.print_json(report.to_dict(found))
+        elif self.protocol == "kick":
+            title = f"{report.kick_title(found)}. {report.STOOD}"
+            print_table(title, report.kick_columns(found, "stood"), report.kick_cells(found, "stood"))
+        else:
+            print_table(report.tour_title(found), report.TOUR_COLUMNS, report.tour_cells(found))
+        if not self.json:
+            print(f"report: {path}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Submit(WorkerOptions):
+    """Check results by running a random sample of their rows again, and put them on a leaderboard."""
+
+    directory: Annotated[Positional[str], arg(metavar="DIR")]
+    """Directory that evaluate has written, with all rows of its suite."""
+    suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    """Suite of the results, if it is a file of your own; its hash has to be that of the results."""
+    board: Annotated[str, arg(metavar="DIR")] = "leaderboard"
+    """Folder of the leaderboard. It gets a file for each policy on each suite, and a page made of them."""
+    sample: Count = field(default=32, metadata=within(1))
+    """Number of rows of each policy that are run again."""
+    seed: Annotated[
+        int | None, arg(metavar="N", help_behavior_hint="(default: another sample every time)")
+    ] = field(default=None, metadata=within(0))
+    """Seed of the sample."""
+
+    def run(self) -> None:
+        """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""
+        from ..output.rows import Writer, require_place
+        from ..score.leaderboard import PAGE, add_entry, entry_of, read_submission, run_again, sample_of
+
+        board = Path(self.board)
+        submission = read_submission(Path(self.directory), self.suite)
+        require_place(board / PAGE)
+        with Writer(board):
+            samples = sample_of(submission, self.sample, self.seed)
+            run_again(submission, samples, self.processes)
+            entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
+            files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
+        if self.json:
+            self.print_json({"entries": entries, "files": files, "page": str(board / PAGE)})
+            return
+        for name, entry in entries.items():
+            score = entry["score"]
+            print(
+                f"{name}: {score['recovered']} of {score['episodes']} recovered, {entry['checked']} rows run "
+                f"again: {files[name]}"
+            )
+        print(f"page: {board / PAGE}")
+
+
+MODEL_TEXT = "MJCF or URDF of the robot: a file, or PACKAGE/PATH in a package of the extra robots."
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotCommand(JsonOption):
+    """Write a robot file and a preset from a model; --env NAME.robot.json of other commands takes it."""
+
+    action: Positional[Literal["new"]]
+    """new: guess the parts of a robot and derive its sizes."""
+    model: Annotated[Positional[str], arg(metavar="FILE.xml", help=MODEL_TEXT)]
+    name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: that of the model)")] = None
+    """Name of the robot and of its files."""
+    out: Annotated[str, arg(metavar="DIR")] = "."
+    """Folder that NAME.robot.json and NAME.preset.json are written to."""
+
+    def run(self) -> None:
+        """Guess, derive, write and tell."""
+        from ..robot_tools.new_robot import new_robot, save, summary
+
+        name = self.name or Path(self.model).stem
+        if not name.replace("-", "").replace("_", "").isalnum():
+            raise InvalidValueError(f"--name has letters, digits, - and _ only, got {name!r:.200}")
+        robot = new_robot(self.model, name)
+        paths = save(robot, Path(self.out))
+        about = summary(robot)
+        if self.json:
+            self.print_json({**about, "files": [str(path) for path in paths]})
+        else:
+            _tell(about)
+            print(f"\nRead {paths[0]} and change what is wrong; then")
+            print(f"  push-recovery evaluate --env {paths[0]} --policies two-stage --suite quick")
+
+
+def _tell(about: dict[str, Any]) -> None:
+    """Print what was guessed, for review."""
+    robot, limits = about["robot"], about["limits"]
+    rows = {
+        "pelvis, trunk": f"{about['pelvis']}, {about['trunk']}",
+        "left leg": ", ".join(about["left_leg"]),
+        "right leg": ", ".join(about["right_leg"]),
+        "waist pitch, roll": ", ".join(str(joint or "none") for joint in about["waist"]),
+        "held at [rad]": ", ".join(f"{joint} {angle:g}" for joint, angle in about["held"].items()) or "none",
+        "no joints here": ", ".join(about["fixed"]) or "none",
+        "soles [m]": " and ".join(
+            f"{size[0]:g} x {size[1]:g}" for size in (s["size"] for s in about["soles"])
+        ),
+        "mass [kg]": f"{robot['mass']:.1f}",
+        "CoM height [m]": f"{robot['com_height']:.3f}",
+        "trunk about the waist": f"{robot['trunk_inertia']:.2f} kg m^2, {robot['trunk_torque_max']:g} N m"
+        if any(about["waist"])
+        else "no flywheel",
+        "steps [m]": f"{limits['length_min']:.2f} to {limits['length_max']:.2f} long, "
+        f"{limits['width_min']:.2f} to {limits['width_max']:.2f} wide",
+        "F* [N], 0.1 s, every 45 degrees": ", ".join(f"{force:.0f}" for force in about["limit_N"]),
+    }
+    for name, text in rows.items():
+        print(f"{name:32}{text}")
+
+
+PUSHES_TEXT = (
+    "Ranges in place of those of standard or hard, by fields of PushDistribution, such as "
+    '\'{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}\'.'
+)
+LIKE_TEXT = (
+    "Kind of pushes that is drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuiteCommand(JsonOption):
+    """Write a suite of pushes that nobody has met; --suite FILE of other commands runs it."""
+
+    action: Positional[Literal["new"]]
+    """new: draw a suite."""
+    like: Annotated[str, arg(metavar="NAME", help=LIKE_TEXT)] = "varied"
+    seed: Count = field(metadata=within(0))
+    """Seed of the draw; the same seed gives the same suite on every machine."""
+    scenarios: Count = field(default=256, metadata=within(1, 65536))
+    """Number of scenarios; every whole 256 of them are stratified."""
+    name: Annotated[
+        str | None, arg(metavar="NAME", help_behavior_hint="(default: the kind and the seed)")
+    ] = None
+    """Name of the suite."""
+    pushes: Annotated[str, arg(metavar="JSON", help=PUSHES_TEXT)] = "{}"
+    out: Annotated[str, arg(metavar="FILE")]
+    """Suite file to write."""
+
+    def run(self) -> None:
+        """Draw and write the suite, and tell its hash."""
+        from ..output.rows import require_place
+        from ..score.suites import new_suite
+
+        pushes = parse_json("text of --pushes", self.pushes)
+        if not isinstance(pushes, dict):
+            raise InvalidValueError(f"--pushes must be a JSON object, got {self.pushes!r:.200}")
+        suite = new_suite(self.like, self.seed, self.scenarios, self.name, pushes)
+        path = Path(self.out)
+        require_place(path)
+        suite.save(path)
+        if self.json:
+            self.print_json({**suite.summary(), "out": str(path)})
+        else:
+            print(f"{path}: suite {suite.name}, {len(suite.scenarios)} pushes, sha256 {suite.sha256}")

@@ -1,1 +1,0 @@
-"""Commands for what goes from one group to another: suites, protocols of others, results."""

@@ -1,0 +1,295 @@
+"""`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`.
+
+`push-recovery frontier`.
+
+`push-recovery sensitivity`.
+
+`push-recovery ceiling`.
+
+`push-recovery corrections`.
+
+`push-recovery reproduce`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from ...controllers.errors import InvalidValueError, shown
+from ...envs.scenario.scenario import Command
+from ..rollout.names import TABLE_ARMS
+from .options import (
+    SUITES_TEXT,
+    Count,
+    Directory,
+    EnvOptions,
+    PushOptions,
+    Real,
+    RobotOptions,
+    RunningOptions,
+    print_page,
+    within,
+    write_or_say,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
+    """Scan the directions for the largest recoverable push."""
+
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
+    """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    directions: Count = field(default=16, metadata=within(1))
+    """Number of directions, evenly spread, counter-clockwise from forward."""
+    grid: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
+        default=None, metadata=within(1, 1000)
+    )
+    """Step between the forces that are tried [N] (by default 10 on the pendulum and 20 elsewhere)."""
+
+    def run(self) -> None:
+        """Write picture and frontier.json, print the table or the object."""
+        from ...controllers.files import write_text
+        from ..output.tables import print_table
+        from ..report.frontier import write_frontier_page
+        from ..report.page import command_of
+        from ..score.frontier import (
+            FrontierSettings,
+            default_grid,
+            frontier,
+            frontier_cells,
+            frontier_columns,
+            save_pictures,
+            write_frontier_reports,
+        )
+
+        env_id = self.env_id
+        settings = FrontierSettings(
+            env_id,
+            self.grid or default_grid(env_id),
+            self.duration,
+            self.body,
+            Command(self.vx, self.vy),
+            self.model_errors,
+            self.profile,
+        )
+        result = frontier(
+            settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
+        )
+        objects = {name: result.to_dict(name) for name in result.rows}
+        content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
+        write_text(result.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
+        pictures = save_pictures(result)
+        title = f"{env_id}: largest force before the first failure [N]"
+        report = write_frontier_reports(result, title)
+        page = write_or_say(lambda: write_frontier_page(result, command_of("frontier", self)))
+        if self.json:
+            self.print_json(content)
+            return
+        title = f"{title} (share of F* of its own box, of the paper's; largest survived)"
+        print_table(title, frontier_columns(result), frontier_cells(result))
+        print(f"report: {report}")
+        print("pictures: " + ", ".join(str(path) for path in pictures))
+        print_page(page)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity(EnvOptions, RunningOptions):
+    """What outcomes hang on."""
+
+    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    sample: Count = field(default=128, metadata=within(1))
+    """Number of pushes, evenly spread over the suite."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
+    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/sensitivity.md; by default
+    all of them)."""
+
+    def run(self) -> None:
+        """Run the variations, print a table for each policy or the object, write the reports."""
+        from ..output.tables import print_table
+        from ..score.sensitivity import (
+            COLUMNS,
+            VARIATIONS,
+            sensitivity,
+            sensitivity_cells,
+            sensitivity_title,
+            write_sensitivity_reports,
+        )
+        from ..score.suites import get_suite
+
+        result = sensitivity(
+            get_suite(self.suite, self.env_id), self.sample, self.env_id, self.policies,
+            tuple(VARIATIONS) if self.variations is None else self.variations,
+            self.processes, self.directory, self.overwrite,
+        )  # fmt: skip
+        report = write_sensitivity_reports(result)
+        if self.json:
+            self.print_json(result.to_dict())
+            return
+        for policy in result.evaluation.rows:
+            cells = sensitivity_cells(result.changes(policy))
+            print_table(sensitivity_title(result, policy), COLUMNS, cells)
+        print(f"report: {report}")
+
+
+POLICIES_TEXT = (
+    "Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
+    """What is possible at least; the searches are those of `ceiling.settings.CeilingSettings`."""
+
+    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    sample: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = field(
+        default=None, metadata=within(1)
+    )
+    """Number of pushes, evenly spread over the suite (by default all of them)."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)] = TABLE_ARMS
+    planner: Annotated[str, arg(metavar="NAME")] = "two-stage"
+    """The planner whose actions are corrected."""
+    steps: Count = field(default=4, metadata=within(1, 100))
+    """Number of steps that have a correction of their own, counted from the step in which the push comes."""
+    population: Count = field(default=64, metadata=within(2, 10_000))
+    """Number of attempts in a generation."""
+    generations: Count = field(default=20, metadata=within(1, 100_000))
+    """Largest number of generations; times the population it is the budget of a push."""
+    elites: Count = field(default=8, metadata=within(1, 10_000))
+    """Number of best attempts from which the next generation is drawn."""
+    spread: Real = field(default=0.8, metadata=within(0.01, 10))
+    """Standard deviation of the first generation, as a share of the largest correction."""
+    scale: Real = field(default=1.0, metadata=within(0.01, 10))
+    """Largest correction, as a multiple of the one of BipedResidual-v0."""
+    seed: Count = field(default=0, metadata=within(0))
+    """Seed of the searches."""
+
+    def run(self) -> None:
+        """Evaluate, search, print the table or the object, write the reports."""
+        from ..ceiling import ceiling, ceiling_cells, search_lines, write_ceiling_reports
+        from ..hindsight import CeilingSettings
+        from ..output.tables import print_table
+        from ..score.report import COLUMNS, evaluation_title
+        from ..score.sensitivity import sample_of
+        from ..score.suites import pushes_on
+
+        settings = CeilingSettings(
+            policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
+            generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
+        )  # fmt: skip
+        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
+        if self.sample is not None:
+            suite = sample_of(suite, self.sample)
+        found = ceiling(
+            suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
+        )
+        report = write_ceiling_reports(found)
+        if self.json:
+            self.print_json(found.to_dict())
+            return
+        print_table(evaluation_title(found.evaluation), COLUMNS, ceiling_cells(found))
+        print(search_lines(found), end="")
+        print(f"report: {report}")
+
+
+FOLDER = Path("runs/corrections")
+ALONE = 2.0  # what a robot costs alone, of its cost among others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrections(EnvOptions, RobotOptions):
+    """What a residual adds to the planner, by the direction of the push and by step."""
+
+    policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
+    """Name or file of a residual on gait actions, such as residual."""
+    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    sample: Annotated[int, arg(metavar="N")] = field(default=256, metadata=within(1))
+    """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
+    out: Directory = None
+    """Directory for report and figure (default: runs/corrections)."""
+
+    def run(self) -> None:
+        """Run the pushes, print the tables, write report.md and corrections.png."""
+        from ...controllers.files import write_text
+        from ..output.progress import Work, about, episode_seconds, progress_bars
+        from ..record.corrections import (
+            STEP_NAMES,
+            collect,
+            correction_table,
+            outcome_table,
+            save_corrections,
+            summarise,
+        )
+        from ..rollout.policy_source import acting_in
+        from ..score.sensitivity import sample_of
+        from ..score.suites import pushes_on
+
+        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
+        suite = sample_of(suite, self.sample)
+        directory, found = FOLDER if self.out is None else Path(self.out), []
+        what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
+        length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))
+        with (
+            acting_in(self.env_id, self.policy) as (env, policy, name),
+            progress_bars([name], self.sample, Work(what, length, directory)) as bars,
+        ):
+            for one in collect(env, policy, suite.scenarios):
+                found.append(one)
+                bars.set(name, len(found), "")
+        summary = summarise(found)
+        parts = [f"# What {name} adds, on {suite.name} ({self.profile})", outcome_table(summary)]
+        for step, title in enumerate(STEP_NAMES):
+            parts += [f"## During {title}: mean (standard deviation)", correction_table(summary, step)]
+        text = "\n\n".join(part.strip() for part in parts) + "\n"
+        directory.mkdir(parents=True, exist_ok=True)
+        write_text(directory / "report.md", text)
+        print(text)
+        for path in (directory / "report.md", *save_corrections(summary, directory)):
+            print(path)
+
+
+Section = Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduce(RunningOptions):
+    """Measure the paper's results again on the pendulum."""
+
+    section: Positional[Section] = "all"
+    """Part of the paper that is measured again."""
+    directions: Count = field(default=36, metadata=within(1))
+    """Number of directions of scenario 2, evenly spread, counter-clockwise from forward."""
+    page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    """Write a page that holds the paper's claims against the run, with its pictures beside it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.page is not None and Path(self.page).suffix != ".md":
+            raise InvalidValueError(f"--page must name a .md file, got {shown(self.page)}")
+
+    def run(self) -> None:
+        """Reproduce, write everything into the directory, print the tables or the object."""
+        from ..output.tables import print_table
+        from ..report.page import command_of
+        from ..report.reproduction import write_reproduction_page
+        from ..reproduction.run import RESULT, TABLES, reproduce
+
+        page = None if self.page is None else Path(self.page)
+        found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
+        report = write_or_say(
+            lambda: write_reproduction_page(found, command_of("reproduce", self, ("section",)))
+        )
+        if self.json:
+            self.print_json(found.content)
+            return
+        for table in found.tables:
+            print_table(*table)
+        for path in (found.directory / RESULT, found.directory / TABLES, *found.pictures):
+            print(path)
+        print_page(report)

@@ -1,0 +1,271 @@
+"""`push-recovery bench`, `list`, `warmup`, `curves`, `export` and `tune`.
+
+`push-recovery bench`.
+
+`push-recovery list`.
+
+`push-recovery warmup`.
+
+`push-recovery curves`.
+
+`push-recovery export`.
+
+`push-recovery tune`: run or resume a study, show how it goes, and say what it found.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, arg
+
+from ...controllers.errors import InvalidValueError
+from ..bench.run import EPILOG
+from .options import (
+    Count,
+    Directory,
+    EnvOptions,
+    ErrorOptions,
+    JsonOption,
+    Options,
+    Real,
+    RunningOptions,
+    within,
+)
+
+if TYPE_CHECKING:
+    from ..tuning.study import Row, TuningSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench(EnvOptions, JsonOption):
+    """Time the parts on this machine."""
+
+    EPILOG: ClassVar[str] = EPILOG  # below the help
+
+    seconds: Real = field(default=20.0, metadata=within(0.1, 600))
+    """Simulated time of one robot's closed loop [s]. With less than 5 only what is quick is measured: without
+    Humanoid-v5, other solvers, more than 64 robots, and the start of a process."""
+
+    def run(self) -> None:
+        """Measure and print."""
+        from ..bench.run import bench, print_tables
+
+        content = bench(self.env_id, self.seconds)
+        if self.json:
+            self.print_json(content)
+        else:
+            print_tables(content)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Names(JsonOption):
+    """Names that the other commands take."""
+
+    def run(self) -> None:
+        """Print the names."""
+        from ..rollout.environments import env_ids
+        from ..rollout.load_policy import FORMS, policy_names
+        from ..score.suites import SUITES
+
+        suites = {name: {**make().summary(), "name": name} for name, make in SUITES.items()}
+        if self.json:
+            self.print_json(
+                {"envs": env_ids(), "policies": list(policy_names()), "suites": list(suites.values())}
+            )
+            return
+        print("environments:", *env_ids(), sep="\n  ")
+        print("policies:", *policy_names(), *FORMS, sep="\n  ")
+        print("suites:")
+        for name, suite in suites.items():
+            print(f"  {name} v{suite['version']}: {suite['scenarios']} pushes, sha256 {suite['sha256']}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarmUp(JsonOption):
+    """Compile all kernels ahead of their first use."""
+
+    def run(self) -> None:
+        """Compile, with a bar over the environments that are run for it."""
+        from ...controllers.jit import cache_root
+        from ..bench.warmup import names, warm_up
+        from ..output.progress import Work, progress_bars
+
+        work = Work(
+            "all kernels", "about 2 minutes where they are to be compiled, else seconds", cache_root()
+        )
+        with progress_bars(("kernels",), len(names()), work) as bars:
+            for done, name in enumerate(warm_up()):
+                bars.set("kernels", done, name)
+            bars.set("kernels", len(names()))
+        if self.json:
+            self.print_json({"cache": str(cache_root())})
+        else:
+            print(f"kernels: {cache_root()}")
+
+
+FOLDER = Path("runs/curves")
+BASE = "residual"  # whose curve begins at the planner's own share
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves(Options):
+    """Learning curves of policies, as their files tell them."""
+
+    policies: Annotated[
+        Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]", help_behavior_hint="")
+    ] = ("",)
+    """Learned policies by name or file (by default all that come with the package)."""
+    ceiling: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
+        default=None, metadata=within(0, 1)
+    )
+    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/ceiling.md)."""
+    out: Directory = None
+    """Directory for curves.png and curves.svg (default: runs/curves)."""
+
+    def run(self) -> None:
+        """Draw, and print the last point of each.
+
+        Raises:
+            InvalidValueError: there is no policy, or a file tells of no training.
+        """
+        from ..record.learning_curve import learning_curve, save_learning_curves
+        from ..rollout.load_policy import shipped_names
+
+        names = shipped_names() if self.policies == ("",) else self.policies
+        if not names:
+            raise InvalidValueError("no trained policy comes with this version: name a policy file")
+        curves = [learning_curve(name) for name in names]
+        lines = [(f"two-stage, {c.profile}", c.recovered[0]) for c in curves if c.name == BASE]
+        if self.ceiling is not None:
+            lines.append(("ceiling", self.ceiling))
+        directory = FOLDER if self.out is None else Path(self.out)
+        directory.mkdir(parents=True, exist_ok=True)
+        for curve in curves:
+            first, last, steps = curve.recovered[0], curve.recovered[-1], curve.timesteps[-1]
+            print(f"{curve.name}, {curve.profile}: {first:.3f} -> {last:.3f} after {steps} actions")
+        for path in save_learning_curves(curves, lines, directory, "curves"):
+            print(path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(EnvOptions):
+    """Write a learned policy in the format of others."""
+
+    policy: Annotated[Positional[str], arg(metavar="POLICY")]
+    """Learned policy by name (see list) or file."""
+    onnx: Annotated[str, arg(metavar="FILE")]
+    """ONNX file to write. It holds normalisation and network as float32; its metadata say what a residual's
+    output means (docs/policies.md)."""
+
+    def run(self) -> None:
+        """Write the file, and say how well it agrees.
+
+        Raises:
+            MissingExtraError: onnx is not installed.
+            PushRecoveryError: no learned policy, one made for another environment, or a file that does not
+                compute the same, which is not written.
+        """
+        from ...controllers.policies.learned import NetworkPolicy
+        from ..record.onnx_export import export_onnx, require_onnx
+        from ..rollout.environments import make_env_for
+        from ..rollout.policy_source import policy_sources
+
+        require_onnx()
+        source = policy_sources(self.policy)[self.policy]
+        env = make_env_for(source.origin, self.env_id)
+        try:
+            policy = source.load(env)
+            if not isinstance(policy, NetworkPolicy):
+                raise InvalidValueError(f"policy {self.policy!r} has no network: name a learned one")
+            difference = export_onnx(policy, env, Path(self.onnx))
+        finally:
+            env.close()
+        print(f"{self.onnx}: agrees with numpy to {difference:.1e} in the action")
+
+
+EPISODE = 6.5  # [s]
+RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
+PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-punches"]
+ERRORS = (
+    "Model errors of every second robot; half of these robots have the mass error negated (docs/tuning.md)."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tune(EnvOptions, ErrorOptions, RunningOptions):
+    """Search settings; the defaults are those of `tuning.settings.TuningSettings`."""
+
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME")] = ("two-stage",)
+    """Planners that are tuned one after the other, each by a search of its own."""
+    space: Literal["planner", "robot", "both"] = "planner"
+    """What is searched: the planner's gains; the robot's gait box, gait machine and whole-body control; or
+    both."""
+    only: Annotated[tuple[str, ...] | None, arg(metavar="FIELD", help_behavior_hint="")] = None
+    """Groups or fields of the space, such as limits or gait.apex (by default all of it)."""
+    trials: Count = field(default=100, metadata=within(1))
+    """Number of trials of each planner."""
+    suite: Annotated[PushesToTuneOn | None, arg(help_behavior_hint="")] = None
+    """Pushes of the search: tuning has single pushes at the pelvis, tuning-varied has pushes of every kind
+    under both profiles, tuning-punches has punches of the tour (docs/protocols.md) all over the robot (by
+    default tuning-varied on robots)."""
+    scenarios: Count = field(default=256, metadata=within(8))
+    """Number of scenarios of a trial that is not stopped early."""
+    held_out: Count = field(default=256, metadata=within(8))
+    """Number of pushes that the search does not see; start and best meet them at its end."""
+    seed: Count = field(default=0, metadata=within(0))
+    """Seed of the search."""
+    errors: Annotated[str, arg(metavar="JSON", help=ERRORS)] = "{}"
+
+    @property
+    def settings(self) -> TuningSettings:
+        """What each study is, of the first arm, besides its number of trials."""
+        from ..tuning.study import TuningSettings
+
+        return TuningSettings(
+            self.env,
+            self.policies[0],
+            self.space,
+            self.only or (),
+            self.preset or "",
+            self.seed,
+            self.suite or "",
+            self.scenarios,
+            self.held_out,
+            self.model_errors,
+        )
+
+    def run(self) -> None:
+        """Run the studies, print the tables or the object."""
+        from ..output.progress import Bars, Work, about, progress_bars, robot_seconds
+        from ..tuning.variants import check_arms, place_of, print_arms, summary, tune_arms
+
+        each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
+        simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
+        what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
+        place = self.directory or place_of(self.settings, list(each))
+        work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), place)
+        bars: list[Bars] = []
+
+        def show(row: Row, best: Row, policy: str) -> None:
+            bars[0].set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
+
+        with ExitStack() as stack:
+            found = tune_arms(
+                self.settings,
+                self.policies,
+                self.trials,
+                self.processes,
+                place,
+                self.overwrite,
+                {name: partial(show, policy=name) for name in each},
+                lambda: bars.append(stack.enter_context(progress_bars(list(each), self.trials, work))),
+            )
+        if self.json:
+            self.print_json(summary(found))
+        else:
+            print_arms(found)

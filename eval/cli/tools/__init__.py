@@ -1,1 +1,0 @@
-"""Commands around the scores: names, compilation, timing, tuning, files, and a robot to push."""

@@ -1,1 +1,0 @@
-"""Learned policies in the formats of others."""

@@ -1,1 +1,0 @@
-"""The largest push by direction, beside its closed form."""

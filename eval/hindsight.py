@@ -1,0 +1,375 @@
+"""The search with hindsight for an answer to one push, on many copies side by side.
+
+What a search for the ceiling is, and its budget.
+
+The moment of a push: the last planning period that begins before it does.
+
+Pushes beside a push: a little harder or softer, and turned a little.
+
+Sequences of corrections that answer a push, replayed by scenario.
+
+Many attempts at one push, side by side from the same moment on, and what each was worth.
+
+The search for an answer to one push: the same row whoever does it, and whatever runs beside it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from itertools import product
+from typing import Any, ClassVar, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from ..controllers.errors import InvalidValueError, UnknownNameError, shown
+from ..controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ..controllers.model.robot import RobotModel
+from ..controllers.settings import ARMS
+from ..controllers.validation import require_integer
+from ..envs.biped.env import BipedEpisodes
+from ..envs.scenario.push import Push
+from ..envs.scenario.scenario import Scenario
+from ..envs.snapshot import RobotSnapshot
+from .rollout.episodes import Ints, Slots, batch_episodes, rollout, run_episodes
+from .rollout.outcome import Outcome
+from .rollout.workers import Runner
+from .search import Actions, CrossEntropy, Progress, SearchSettings, SequenceRule, as_text, begun, worth
+
+
+@dataclass(frozen=True)
+class CeilingSettings(SearchSettings):
+    """Of the search for one push, whose first step is the one that is pushed in.
+
+    Raises:
+        UnknownNameError: no analytic policy of that name.
+        InvalidValueError: another field that is impossible.
+    """
+
+    most_generations: ClassVar[int] = 100_000
+
+    generations: int = 20  # at most: with the population, the budget of a push
+    policy: str = "two-stage"  # that is corrected, by name
+
+    def __post_init__(self) -> None:
+        if self.policy not in ARMS:
+            raise UnknownNameError("policy", self.policy, ARMS)
+        super().__post_init__()
+
+    @property
+    def budget(self) -> int:
+        """Attempts at most, for one push."""
+        return self.population * self.generations
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return asdict(self)
+
+
+class Moment(NamedTuple):
+    """Where a search for an answer begins."""
+
+    snapshot: RobotSnapshot
+    period: int  # planning periods that have gone by
+
+
+def require_bipeds(episodes: object) -> BipedEpisodes:
+    """The episodes of robots that can be put back.
+
+    Raises:
+        InvalidValueError: those of another kind, or of an environment that acts in a way of its own.
+    """
+    if not isinstance(episodes, BipedEpisodes):
+        raise InvalidValueError(
+            "a ceiling is searched for on bipeds under plain gait actions, such as PushRecovery/Biped-v0"
+        )
+    return episodes
+
+
+def moment_of_push(episodes: BipedEpisodes, rule: SequenceRule, scenario: Scenario) -> Moment | None:
+    """Walk to the first push with robot 0 under the planner alone; None where none begins before the end."""
+    episodes.begin(0, scenario)
+    progress, starts = begun(np.zeros((1, 0, GAIT_SIZE), np.float32)), episodes.core.pushes
+    period, over = 0, False
+    while not over:
+        moment = Moment(episodes.state_snapshot(0), period)
+        actions, progress = rule.act(episodes.core.observation[:1], progress)
+        ends = episodes.step(actions)
+        if starts.start[0].min() < episodes.core.gait.time[0]:
+            return moment
+        period, over = period + 1, bool(ends.failed[0] or ends.truncated[0])
+    return None
+
+
+FORCES = (-0.02, -0.01, 0.0, 0.01, 0.02)  # change of the force, as a share of it
+TURNS = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of its direction about the vertical, counter-clockwise [deg]
+NEIGHBOURS = len(FORCES) * len(TURNS) - 1
+
+
+def neighbours(scenario: Scenario) -> list[Scenario]:
+    """The scenario with all its pushes changed alike, for each change of force and direction but none."""
+    changes = [change for change in product(FORCES, TURNS) if change != (0.0, 0.0)]
+    return [
+        replace(
+            scenario,
+            id=f"{scenario.id}/{force:+.0%}{turn:+.0f}deg",
+            pushes=tuple(changed(push, 1.0 + force, math.radians(turn)) for push in scenario.pushes),
+        )
+        for force, turn in changes
+    ]
+
+
+def changed(push: Push, factor: float, turn: float) -> Push:
+    """A push whose force is `factor` times as large and turned by `turn` [rad]."""
+    (x, y, z), cos, sin = push.force, math.cos(turn), math.sin(turn)
+    return replace(push, force=(factor * (cos * x - sin * y), factor * (sin * x + cos * y), factor * z))
+
+
+LONGEST = 10**9  # planning periods before a sequence
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """An answer to one push."""
+
+    period: int  # number of planning periods before the first correction
+    corrections: list[list[float]]  # (steps, 7) in [-1, 1]
+
+    def __post_init__(self) -> None:
+        require_integer("the period of a sequence", self.period, 0, LONGEST)
+        try:
+            values = np.array(self.corrections, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):  # ragged, or no numbers
+            values = np.empty(0)
+        if values.ndim != 2 or values.shape[-1] != GAIT_SIZE or not (np.abs(values) <= 1.0).all():
+            raise InvalidValueError(
+                f"a sequence has rows of {GAIT_SIZE} numbers in [-1, 1], got {shown(self.corrections)}"
+            )
+
+
+class AttemptsPolicy:
+    """Acts for n robots that were put back at the moment of a push, each with its own corrections.
+
+    Args:
+        rule: how they are added.
+        corrections: (n, steps, 7) of the robots in the order in which they begin.
+    """
+
+    def __init__(self, rule: SequenceRule, corrections: Actions):
+        self._rule, self._corrections = rule, corrections
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Progress]:
+        """Actions (n, 7) for a batch, and the progress to hand in next time."""
+        progress = begun(self._corrections) if state is None else Progress(*state)
+        return self._rule.act(observation, progress)
+
+
+class SequencePolicy:
+    """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
+
+    A rollout tells it which scenario begins (`begin_scenario`).
+
+    Args:
+        policy: name of the planner.
+        robot: physical constants.
+        limits: gait box.
+        preset: of the planner.
+        scale: multiple of `default_residual_scale`.
+        sequences: by scenario id.
+    """
+
+    def __init__(
+        self,
+        policy: str,
+        robot: RobotModel,
+        limits: GaitLimits,
+        preset: str,
+        scale: float,
+        sequences: Mapping[str, Sequence],
+    ):
+        self._arguments = policy, robot, limits, preset, scale, dict(sequences)
+        self._rule, self.sequences = SequenceRule(policy, robot, limits, preset, scale), dict(sequences)
+        self._sequence: Sequence | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SequencePolicy, self._arguments
+
+    def begin_scenario(self, scenario: Scenario) -> None:
+        """The scenario of the episode to come."""
+        self._sequence = self.sequences.get(scenario.id)
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Progress]:
+        """Action (7,) for one observation (36,), and the progress to hand in next time."""
+        if episode_start is not None and np.any(episode_start):
+            state = None
+        progress = self._at_first() if state is None else Progress(*state)
+        actions, progress = self._rule.act(np.asarray(observation, np.float64)[None], progress)
+        return actions[0], progress
+
+    def _at_first(self) -> Progress:
+        if self._sequence is None:
+            return begun(np.zeros((1, 0, GAIT_SIZE), np.float32))
+        return begun(np.array([self._sequence.corrections], np.float32), self._sequence.period)
+
+
+RECOVERED = 1e3  # worth of a recovery: above that of everything else
+
+
+class Attempts(NamedTuple):
+    """What became of n attempts, in their order."""
+
+    outcomes: list[Outcome]  # times since reset; steps and reward since the snapshot
+    values: NDArray[np.float64]  # (n,) see `RestoredSlots`
+
+
+class RestoredSlots(Slots):
+    """Robots that begin their scenarios where another robot was when it was pushed.
+
+    The value of an attempt is  int worth(m) dt  over the time that the robot stands, m its capture margin:
+    the longer it stands and the nearer it stays to what can be captured, the more [m s]; RECOVERED more where
+    it has recovered.
+    """
+
+    def __init__(self, episodes: BipedEpisodes, snapshot: RobotSnapshot):
+        super().__init__(episodes)
+        self._snapshot, self.values = snapshot, np.zeros(episodes.n)
+
+    def _enter(self, k: int, scenario: Scenario) -> None:
+        """Put robot k back, in a scenario that goes on from there."""
+        self.episodes.restore(k, self._snapshot, scenario)
+
+    def step(self, rows: Ints, actions: Any) -> list[int]:
+        """One planning period of the robots in `rows`."""
+        ended = super().step(rows, actions)
+        standing = rows[self.episodes.failure()[rows] == 0]
+        self.values[standing] += worth(self.episodes.core.margin[standing]) / self.episodes.control_hz
+        return ended
+
+
+def run_attempts(
+    episodes: BipedEpisodes,
+    rule: SequenceRule,
+    snapshot: RobotSnapshot,
+    scenarios: list[Scenario],
+    corrections: Actions,
+) -> Attempts:
+    """Run attempts to their ends.
+
+    Args:
+        episodes: of as many robots as there are attempts, or more; what they held before is lost.
+        rule: how corrections are added.
+        snapshot: where all begin.
+        scenarios: that goes on from there, for each attempt.
+        corrections: (n, steps, 7) in [-1, 1].
+    """
+    slots = RestoredSlots(episodes, snapshot)
+    found = dict(run_episodes(slots, AttemptsPolicy(rule, corrections), scenarios, "attempt"))
+    outcomes = [found[number] for number in range(len(scenarios))]
+    recovered = np.array([outcome.recovered for outcome in outcomes])
+    return Attempts(outcomes, slots.values[: len(scenarios)] + RECOVERED * recovered)
+
+
+CEILING = "ceiling"  # label of the rows
+SearchJob = tuple[CeilingSettings, Scenario]
+Row = dict[str, Any]
+
+
+class Answer(NamedTuple):
+    """The best attempt at a push."""
+
+    corrections: Actions  # (steps, 7)
+    recovered: bool
+    attempts: int  # that were made
+
+
+class Searcher:
+    """Robots and planner of one environment, for one search after the other.
+
+    Args:
+        env: single environment.
+        settings: of the searches.
+    """
+
+    def __init__(self, env: gym.Env, settings: CeilingSettings):
+        biped: Any = env.unwrapped
+        self.env, self.settings = env, settings
+        self._planner = settings.policy, biped.robot, biped.limits, biped.preset, settings.scale
+        self.rule = SequenceRule(*self._planner)
+        self._walker = require_bipeds(batch_episodes(env, 1))
+        self._robots: BipedEpisodes = require_bipeds(
+            batch_episodes(env, max(settings.population, NEIGHBOURS))
+        )
+
+    def row(self, scenario: Scenario) -> Row:
+        """What comes of replaying the best attempt at a scenario; its sequence, and how fragile it is."""
+        moment = moment_of_push(self._walker, self.rule, scenario)
+        found: dict[str, Any] = {"attempts": 0, "period": None, "corrections": None, "neighbours": None}
+        sequences = {}
+        if moment is not None:
+            answer = self.search(moment, scenario)
+            rows = as_text(answer.corrections)
+            found |= {"attempts": answer.attempts, "period": moment.period, "corrections": rows}
+            if answer.recovered:
+                found["neighbours"] = self.neighbours_recovered(moment, scenario, answer)
+            sequences = {scenario.id: Sequence(moment.period, rows)}
+        replay = SequencePolicy(*self._planner, sequences)
+        return {**rollout(self.env, replay, scenario, CEILING).to_dict(), **found}
+
+    def search(self, moment: Moment, scenario: Scenario) -> Answer:
+        """Search until a generation has recovered, or the budget is spent.
+
+        Of several attempts that recover, the answer is the one with the least corrections. The first attempt
+        of all is none at all.
+        """
+        s, shape = self.settings, (self.settings.steps, GAIT_SIZE)
+        begin = np.zeros(s.size), np.full(s.size, s.spread)
+        rng = generator_of(s.seed, scenario)
+        method = CrossEntropy(rng, *begin, s.population, s.elites, s.least_spread)
+        best, most = np.zeros(shape, np.float32), -np.inf
+        for generation in range(s.generations):
+            candidates = method.ask()
+            if generation == 0:
+                candidates[0] = 0.0
+            tried = candidates.reshape(-1, *shape)
+            came = run_attempts(self._robots, self.rule, moment.snapshot, [scenario] * s.population, tried)
+            recovered = np.flatnonzero([outcome.recovered for outcome in came.outcomes])
+            if len(recovered):
+                effort = np.square(candidates[recovered], dtype=np.float64).sum(axis=1)
+                return Answer(tried[recovered[effort.argmin()]], True, (generation + 1) * s.population)
+            if came.values.max() > most:
+                best, most = tried[came.values.argmax()].copy(), came.values.max()
+            method.tell(candidates, came.values)
+        return Answer(best, False, s.budget)
+
+    def neighbours_recovered(self, moment: Moment, scenario: Scenario, answer: Answer) -> int:
+        """How many of NEIGHBOURS the same sequence recovers."""
+        beside = neighbours(scenario)
+        same = np.repeat(answer.corrections[None], len(beside), axis=0)
+        came = run_attempts(self._robots, self.rule, moment.snapshot, beside, same)
+        return sum(outcome.recovered for outcome in came.outcomes)
+
+
+def generator_of(seed: int, scenario: Scenario) -> np.random.Generator:
+    """Random numbers of a scenario's content and a seed alone."""
+    content = hashlib.sha256(scenario.to_json().encode()).digest()
+    return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(content[:16], "big")]))
+
+
+@lru_cache(maxsize=1)
+def _searcher(env: gym.Env, settings: CeilingSettings) -> Searcher:
+    return Searcher(env, settings)
+
+
+def search_row(runner: Runner, job: SearchJob) -> Row:
+    """The task of `parallel`: the row of one push."""
+    settings, scenario = job
+    return _searcher(runner.env_of(settings.policy), settings).row(scenario)

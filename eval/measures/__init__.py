@@ -1,1 +1,0 @@
-"""What is measured of robots while their episodes run."""

@@ -1,0 +1,369 @@
+"""A session in a browser: the scene, the panel, and the loop that keeps both in step with the clock.
+
+The panel beside the scene: sliders, buttons and keys, and what the robots go through in words.
+
+`push-recovery play`: opens a session to browsers, and plays until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from ...controllers.errors import MissingExtraError, PushRecoveryError
+from ...envs.scenario.scenario import FASTEST_TURN, Command
+from ..record.record import Array
+from .gate import Gate, open_server
+from .scene import COLOURS, LENGTH, FloorMarks, PushArrow, RobotMeshes, StripCharts, overlays_of
+from .session import LARGEST, Session, dragged_impulse, limits_words, polar_impulse, status_words
+
+NOBODY = "nobody"
+TIED = "\N{NO-BREAK SPACE}"
+HOW = (
+    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it: '
+    "the thick arrow is the push. Drag beside it to turn the view.</div>"
+)
+SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
+VELOCITY = 0.6  # of the sliders, both ways [m/s]
+Do = Callable[[Callable[[], object]], None]  # has something done between two planning periods
+
+
+class Panel:
+    """Everything that is not the scene.
+
+    Args:
+        server: of viser.
+        session: that its buttons act on.
+        policies: to choose from.
+        do: hands an action to the loop that runs the session.
+        impulse: at first, size [N s] and direction, counter-clockwise from forward [deg].
+    """
+
+    def __init__(
+        self, server: Any, session: Session, policies: Sequence[str], do: Do, impulse: tuple[float, float]
+    ):
+        self._session, self._do, gui = session, do, server.gui
+        self._status = gui.add_markdown("")
+        gui.add_html(HOW)
+        gui.add_html(legend())
+        with gui.add_folder("Push"):
+            self._size = gui.add_slider(
+                "impulse [N s]",
+                0.0,
+                LARGEST / 2,
+                0.5,
+                min(impulse[0], LARGEST / 2),
+                hint="It acts for 0.1 s as a constant force.",
+            )
+            self._psi = gui.add_slider(
+                "direction [deg]", -180, 180, 1, round(impulse[1]),
+                hint="0 is forward at the start of the walk, 90 to the left, -90 to the right.",
+            )  # fmt: skip
+            self._body = gui.add_dropdown("on the", ("pelvis", "trunk"))
+            self._button(gui, "Push", "space", self._push)
+            self._button(gui, "Replay the last push", "R", self._replay)
+        with gui.add_folder("Walk"):
+            now = session.first.command
+            self._command = [
+                gui.add_slider("forward [m/s]", -VELOCITY, VELOCITY, 0.05, now.vx),
+                gui.add_slider("to the left [m/s]", -VELOCITY, VELOCITY, 0.05, now.vy),
+                gui.add_slider("turn [rad/s]", -FASTEST_TURN, FASTEST_TURN, 0.05, now.turn),
+            ]
+            for slider in self._command:
+                slider.on_update(lambda _: self._do(self._tell))
+        with gui.add_folder("Who acts"):
+            beside = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
+            self._policy = gui.add_dropdown("policy", tuple(policies), initial_value=session.first.name)
+            self._beside = gui.add_dropdown("beside it", (NOBODY, *policies), initial_value=beside)
+            self._policy.on_update(lambda _: self._do(self._switch))
+            self._beside.on_update(lambda _: self._do(self._put_beside))
+        with gui.add_folder("Time"):
+            self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
+            self._speed.on_update(lambda _: self._do(lambda: session.set_speed(SPEEDS[self._speed.value])))
+            self._button(gui, "Pause or go on", "P", self._pause)
+            self._button(gui, "One period (10 ms)", "F", self._step)
+            self._button(gui, "Start anew", "N", session.restart)
+        with gui.add_folder("Show", expand_by_default=False):
+            self._shown = {name: gui.add_checkbox(name, True) for name in COLOURS}
+
+    @property
+    def visible(self) -> dict[str, bool]:
+        """Which overlays are to be seen."""
+        return {name: box.value for name, box in self._shown.items()}
+
+    def draw(self) -> None:
+        """Say what the robots go through."""
+        lines = []
+        for lane in self._session.lanes:
+            met = ", ".join(limits_words(lane)) or "none"
+            lines.append(f"**{lane.name}** {status_words(lane)}  \nlimits met: {met}")
+        text = "\n\n".join([*lines, *(["*paused*"] if self._session.paused else [])])
+        text = text.replace(" N s", f"{TIED}N{TIED}s")  # no line ends within a unit
+        if text != self._status.content:
+            self._status.content = text
+
+    def agree(self) -> None:
+        """Let the fields show who acts and what is told, where a choice has been refused or undone."""
+        session, told = self._session, self._session.first.command
+        for slider, value in zip(self._command, (told.vx, told.vy, told.turn), strict=True):
+            slider.value = value
+        self._policy.value = session.first.name
+        self._beside.value = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
+
+    def _button(self, gui: Any, label: str, key: str, action: Callable[[], object]) -> None:
+        gui.add_button(f"{label}  [{key}]").on_click(lambda _: self._do(action))
+        gui.add_command(label, hotkey=key).on_trigger(lambda _: self._do(action))
+
+    def _push(self) -> None:
+        impulse = polar_impulse(self._size.value, self._psi.value)
+        self._session.push(impulse, self._body.value)
+
+    def _replay(self) -> None:
+        self._session.replay()
+        self.agree()  # the command is that of the moment of the push
+
+    def _switch(self) -> None:
+        if self._policy.value != self._session.first.name:
+            self._session.switch(self._policy.value)
+
+    def _tell(self) -> None:
+        self._session.tell(Command(*(float(slider.value) for slider in self._command)))
+
+    def _put_beside(self) -> None:
+        chosen = self._beside.value
+        now = self._session.lanes[1].name if len(self._session.lanes) > 1 else NOBODY
+        if chosen != now:
+            self._session.put_beside(None if chosen == NOBODY else chosen)
+
+    def _pause(self) -> None:
+        self._session.paused = not self._session.paused
+
+    def _step(self) -> None:
+        self._session.paused = True
+        self._session.step()
+
+
+def legend() -> str:
+    """The colours of the overlays, as HTML."""
+    marks = (
+        f'<span style="color:rgb{colour};white-space:nowrap">&#9632; {name}</span>'
+        for name, colour in COLOURS.items()
+    )
+    return f'<div style="font-size:0.75em;padding:0 1em 0.5em">{" ".join(marks)}</div>'
+
+
+FRAME = 1.0 / 30.0  # [s]
+CHARTS_EVERY = 6  # frames
+APART = 1.5  # of two robots [m]
+LEAST = 0.5  # of an impulse by drag; less is a click [N s]
+CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
+SEEN = 0.8  # how long a push that was given is shown [s]
+CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
+PHONE = 0.7  # width over height of a window, below which viser's panel covers the lower 60 % of it
+PHONE_CAMERA, PHONE_LOOK_AT = (-3.6, -3.3, 1.5), (0.0, 0.0, -1.4)  # the robot above that panel [m]
+AIMED, GIVEN = (245, 95, 85), (225, 30, 25)  # colours of arrows; the pointer has an orange one of viser
+WALK = "/walk"  # the frame that moves so that the first robot stays in view
+
+
+class App:
+    """One session and everybody who looks at it.
+
+    Args:
+        session: that is played.
+        server: of viser, behind its gate.
+        policies: to choose from.
+        impulse: of the push button at first, size [N s] and direction [deg].
+    """
+
+    def __init__(self, session: Session, server: Any, policies: Sequence[str], impulse: tuple[float, float]):
+        self.session, self.server = session, server
+        self._actions: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+        self.ended = threading.Event()
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.set_panel_label("push-recovery play")
+        server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
+        server.on_client_connect(look_above_the_panel)
+        self._walk = server.scene.add_frame(WALK, show_axes=False)
+        add_floor(server, f"{WALK}/floor")
+        self._robots: list[tuple[Any, RobotMeshes, FloorMarks, Any]] = []
+        self.aimed = PushArrow(server, f"{WALK}/aimed", AIMED)
+        self.given = PushArrow(server, f"{WALK}/given", GIVEN)
+        self.panel = Panel(server, session, policies, self.do, impulse)
+        with server.gui.add_folder("Charts of the first robot"):
+            self.charts = StripCharts(server)
+        self._frames, self._pelvis = 0, np.zeros(3)
+        self._aim: tuple[Any, Array] = None, np.zeros(2)  # pointer on the screen, impulse shown for it
+        self.draw()
+
+    def do(self, action: Callable[[], object]) -> None:
+        """Have something done between two planning periods."""
+        self._actions.put(action)
+
+    def run(self) -> None:
+        """Play until `ended` is set."""
+        before = time.monotonic()
+        while not self.ended.is_set():
+            now = time.monotonic()
+            self.frame(now - before)
+            before = now
+            self.ended.wait(max(0.0, FRAME - (time.monotonic() - now)))
+
+    def frame(self, seconds: float) -> None:
+        """What has been asked for, the time that has gone by, and a picture."""
+        while not self._actions.empty():
+            action = self._actions.get()
+            try:
+                action()
+            except PushRecoveryError as error:
+                self._complain(str(error))
+        self.session.advance(seconds)
+        self.draw()
+
+    def draw(self) -> None:
+        """Bring the scene up to date."""
+        self._match_robots()
+        with self.server.atomic():
+            for i, (lane, (_, meshes, marks, label)) in enumerate(
+                zip(self.session.lanes, self._robots, strict=True)
+            ):
+                pelvis = meshes.draw(lane.episodes.core)
+                marks.draw(overlays_of(lane.episodes), self.panel.visible)
+                label.text, label.position = lane.name, (*pelvis[:2].tolist(), pelvis[2] + 0.75)
+                if i == 0:
+                    self._pelvis = pelvis
+                    self._walk.position = (*(-pelvis[:2]).tolist(), 0.0)
+            self._draw_given()
+            self.panel.draw()
+        if self._frames % CHARTS_EVERY == 0:
+            self.charts.draw(self.session.first)
+        self._frames += 1
+
+    def grab(self, event: Any, part: str) -> None:
+        """A drag on a body has gone on: aim, and where it is let go push with the impulse that is shown."""
+        if event.end_screen_pos != self._aim[0] or event.phase == "start":  # else only the robot has moved
+            way = np.subtract(event.end_position, event.start_position)
+            impulse = dragged_impulse(way, camera_axes(event.client.camera.wxyz))
+            self._aim = event.end_screen_pos, impulse
+        impulse = self._aim[1]
+        if event.phase == "end":
+            self.do(lambda: self._let_go(impulse, part))
+        else:
+            tail = np.asarray(event.start_position) - np.asarray(self._walk.position)
+            self.do(lambda: self.aimed.show(tail, impulse, self.session.first.mass))
+
+    def _let_go(self, impulse: Array, part: str) -> None:
+        self.aimed.hide()
+        if np.hypot(*impulse) >= LEAST:
+            self.session.push(impulse, "trunk" if part == "trunk" else "pelvis")
+
+    def _draw_given(self) -> None:
+        """The latest push while it acts and shortly after."""
+        lane = self.session.first
+        push = lane.scenario.pushes[-1] if lane.scenario.pushes else None
+        since = np.inf if push is None else lane.time - float(push.start)  # type: ignore[arg-type]
+        if push is None or since > SEEN:
+            if self.given.text:
+                self.given.hide()
+            return
+        impulse = np.array(push.impulse[:2])
+        before = LENGTH * impulse + CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
+        self.given.show(self._pelvis + (*(-before), 0.1), impulse, lane.mass)  # it points at the robot
+
+    def _match_robots(self) -> None:
+        """As many robots in the scene as in the session, of the same shape."""
+        while len(self._robots) > len(self.session.lanes):
+            frame, meshes, marks, label = self._robots.pop()
+            for part in (meshes, marks, label, frame):
+                part.remove()
+        while len(self._robots) < len(self.session.lanes):
+            i = len(self._robots)
+            root, lane = f"{WALK}/robot {i}", self.session.lanes[i]
+            frame = self.server.scene.add_frame(root, show_axes=False, position=(0.0, i * APART, 0.0))
+            meshes = RobotMeshes(self.server, root, lane.episodes.core.body, self.grab)
+            marks = FloorMarks(self.server, root)
+            label = self.server.scene.add_label(f"{root}/name", lane.name, anchor="bottom-center")
+            self._robots.append((frame, meshes, marks, label))
+
+    def _complain(self, reason: str) -> None:
+        """Tell everybody who looks why something was not done."""
+        self.panel.agree()
+        for client in self.server.get_clients().values():
+            client.add_notification("Not done", reason, auto_close_seconds=6.0)
+
+
+def add_floor(server: Any, name: str) -> None:
+    """A grid of half metres, without end."""
+    server.scene.add_grid(
+        name, infinite_grid=True, fade_distance=20.0,
+        cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
+    )  # fmt: skip
+
+
+def look_above_the_panel(client: Any) -> None:
+    """Move the camera of a phone so that the panel covers nothing of the robot."""
+    if client.camera.aspect < PHONE:
+        with client.atomic():
+            client.camera.position, client.camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
+
+
+def camera_axes(wxyz: Any) -> Array:
+    """Axes right, down and view of a camera in the world, (3, 3), from its orientation."""
+    import viser.transforms
+
+    turn = viser.transforms.SO3(np.asarray(wxyz, np.float64))
+    return np.asarray(turn.as_matrix(), np.float64)
+
+
+def require_play() -> None:
+    """Raise MissingExtraError where viser or mjviser is not installed."""
+    for package in ("viser", "mjviser"):
+        if find_spec(package) is None:
+            raise MissingExtraError(package, "play")
+
+
+def open_app(
+    session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
+) -> App:
+    """A session behind a gate, at the next port that is free; it does not move until it is run.
+
+    Raises:
+        MissingExtraError: viser or mjviser is not installed.
+        InvalidValueError: the host is none of this computer's.
+    """
+    server = open_server(gate, port)
+    _never_share(server)
+    try:
+        return App(session, server, policies, impulse)
+    except BaseException:
+        server.stop()
+        raise
+
+
+def play(
+    session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
+) -> None:
+    """Say where to look, and play until Ctrl-C."""
+    description = session.first.episodes.core.body.description
+    if description.looks is not None:
+        print(f"reading the meshes of {description.name}, which takes some seconds", flush=True)
+    app = open_app(session, policies, gate, port, impulse)
+    try:
+        print(f"the robot walks at {gate.address(app.server.get_port())}", flush=True)
+        print("drag it and let go, or press space; Ctrl-C ends", flush=True)
+        app.run()
+    finally:
+        app.server.stop()
+        session.close()
+
+
+def _never_share(server: Any) -> None:
+    """Take away viser's way of leading the outside world in, which any page could ask for."""
+    from viser import _messages
+
+    server._websock_server.unregister_handler(_messages.ShareUrlRequest)

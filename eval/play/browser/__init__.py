@@ -1,1 +1,0 @@
-"""The face of a session in a web browser."""

@@ -1,1 +1,0 @@
-"""Processes beside this one: a lock on a directory, workers, and Ctrl-C."""

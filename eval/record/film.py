@@ -1,0 +1,481 @@
+"""Films of episodes: frames, captions, contact sheets, and mp4 or GIF.
+
+Frames of an episode, and what its info told last.
+
+Frames of one or several policies beside each other, with words that say what is seen.
+
+Frames as mp4, or as a GIF that stays below a size.
+
+Six moments of a push side by side: a contact sheet.
+
+From shots to a film: which moments, how fast, and into which file.
+
+The same push under two policies, a row of pictures each: small enough to stand in a page.
+
+Films of the pushes on which policies disagree: one recovers, another one does not.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import chain, zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import MissingExtraError
+from ...controllers.files import write_atomically
+from ...envs.biped.view import COP_COLOUR, DCM_COLOUR, FOOTHOLD_COLOUR, PUSH_COLOUR
+from ...envs.scenario.scenario import Scenario
+from ..output.progress import Work, about, progress_bars, say
+from ..rollout.episodes import GymRobot, planning_period, rollout
+from ..rollout.policy_source import acting_in
+from ..score.evaluate import Evaluation
+from .words import ending_words, told_push
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw
+    from PIL.ImageFont import FreeTypeFont
+
+Frame = NDArray[np.uint8]  # (height, width, 3)
+FILM_RATE = 25.0  # frames per simulated second
+
+
+class Camera:
+    """Watches an episode, and keeps a frame of it at a rate of simulated time.
+
+    Args:
+        period: of planning [s].
+        rate: frames per simulated second.
+    """
+
+    def __init__(self, period: float, rate: float = FILM_RATE):
+        self.frames: list[Frame] = []
+        self.times: list[float] = []  # of the frames, since reset [s]
+        self.push_start = 0.0  # of the last push [s]
+        self.info: dict[str, Any] = {}  # of the last step
+        self._period = period
+        self._every = max(1, round(1.0 / (rate * period)))
+        self._count = 0
+
+    def __call__(self, robot: GymRobot) -> None:
+        """Look after reset or a step."""
+        if self._count % self._every == 0 or robot.ended:
+            self.frames.append(np.array(robot.env.render(), dtype=np.uint8))
+            self.times.append(float(robot.info.get("time", self._count * self._period)))
+        self._count += 1
+        start = (robot.info.get("push") or {}).get("start")
+        self.push_start = self.push_start if start is None else float(start)
+        self.info = robot.info
+
+    def frame_at(self, after: float) -> int:
+        """Index of the frame nearest to a time after the push began [s]; the first or last one beyond."""
+        return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
+
+
+def middle(frame: Frame, proportions: tuple[int, int]) -> Frame:
+    """The middle of a frame, at most as wide as width to height say."""
+    rows, columns = frame.shape[:2]
+    kept = min(columns, rows * proportions[0] // proportions[1])
+    left = (columns - kept) // 2
+    return frame[:, left : left + kept]
+
+
+PANEL = (330, 330)  # width, height of a policy's picture [pixels]
+HEAD, FOOT, LINE = 78, 34, 24  # heights above and below the pictures, and of a line of text [pixels]
+GAP = 4  # between two pictures [pixels]
+PAPER, INK, GOOD, BAD = (255, 255, 255), (25, 25, 25), (0, 120, 70), (200, 30, 25)
+LEGEND = {
+    name: (round(255 * red), round(255 * green), round(255 * blue))
+    for name, (red, green, blue) in {
+        "push": PUSH_COLOUR, "foothold": FOOTHOLD_COLOUR[:3], "DCM": DCM_COLOUR[:3], "CoP": COP_COLOUR[:3],
+    }.items()
+}  # fmt: skip
+COLOURS = (PAPER, INK, GOOD, BAD, *LEGEND.values())  # that must be told apart in a small palette
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What a camera saw of an episode, and whose it was."""
+
+    policy: str
+    camera: Camera
+
+    @property
+    def push(self) -> str:
+        """The push in words."""
+        push = self.camera.info.get("push")
+        return "no push" if push is None else told_push(push)
+
+    @property
+    def ending(self) -> str:
+        """What became of it, in words."""
+        return ending_words(self.camera.info)
+
+    @property
+    def fell(self) -> bool:
+        """Whether it ended in a fall."""
+        return bool(self.camera.info.get("failure_reason"))
+
+    @property
+    def decided(self) -> float:
+        """When it is decided what becomes of it, after the push began [s]."""
+        settled = self.camera.info.get("recovered_at")
+        end = self.camera.times[-1] if self.fell or settled is None else float(settled)
+        return end - self.camera.push_start
+
+
+def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
+    """One picture of the film: every policy at a time after its push began [s].
+
+    The push is written over all of them, each policy's name over its own picture, and below the name what
+    became of it once that is decided; a robot that has fallen stays as it fell.
+    """
+    from PIL import Image, ImageDraw
+
+    width, height = PANEL
+    sheet = Image.new("RGB", (len(shots) * (width + GAP) - GAP, HEAD + height + FOOT), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    draw.text((sheet.width / 2, 2), shots[0].push, INK, font(19, True), anchor="ma")
+    for column, shot in enumerate(shots):
+        left = column * (width + GAP)
+        frame = Image.fromarray(middle(shot.camera.frames[shot.camera.frame_at(after)], PANEL))
+        sheet.paste(frame.resize(PANEL, Image.Resampling.LANCZOS), (left, HEAD))
+        _title(draw, left + width / 2, shot, after)
+    draw_legend(draw, sheet.size, f"{after:+.2f} s{'' if speed == 1.0 else f', {speed:g} of real speed'}")
+    return np.asarray(sheet)
+
+
+def _title(draw: ImageDraw, centre: float, shot: Shot, after: float) -> None:
+    draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
+    if after >= shot.decided:
+        words = shot.ending.partition(" (")[0]
+        colour = BAD if shot.fell else GOOD
+        draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
+
+
+def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
+    """The colours of the markers in the last line of a picture, and words at its right end."""
+    letters, middle_line = font(13, False), size[1] - FOOT / 2
+    left: float = 8
+    for name, colour in LEGEND.items():
+        draw.rectangle((left, middle_line - 5, left + 10, middle_line + 5), colour)
+        draw.text((left + 14, middle_line), name, INK, letters, anchor="lm")
+        left += 24 + letters.getlength(name)
+    draw.text((size[0] - 8, middle_line), words, INK, letters, anchor="rm")
+
+
+def _fitting(draw: ImageDraw, text: str) -> str:
+    """A text that is not wider than a picture: of the path of a file the end is what tells it apart."""
+    while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
+        text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
+    return text
+
+
+@cache
+def font(size: int, bold: bool) -> FreeTypeFont:
+    """DejaVu Sans, which comes with matplotlib."""
+    import matplotlib
+    from PIL import ImageFont
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    data: Any = matplotlib.get_data_path()
+    return ImageFont.truetype(str(Path(data) / "fonts" / "ttf" / name), size)
+
+
+GIF_LIMIT = 1_000_000  # [bytes]
+GIF_COLOURS = 24  # of a GIF besides those that are kept; few make small files
+SAMPLES = 6  # pictures, about, that the palette is made from
+SHRINK = 0.85  # of width and height, until the file is below its limit
+SMALLEST = 64  # width at which nothing is shrunk any more [pixels]
+Colour = tuple[int, int, int]  # red, green, blue in 0-255
+
+
+def require_imageio() -> Any:
+    """Imageio with ffmpeg.
+
+    Raises:
+        MissingExtraError: one of the two is not installed.
+    """
+    try:
+        import imageio.v2 as imageio
+        import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("imageio", "view") from error
+    return imageio
+
+
+def mp4_bytes(frames: Sequence[Frame], rate: float) -> bytes:
+    """Frames of one even width and height as H.264, at so many a second."""
+    buffer = io.BytesIO()
+    options: dict[str, Any] = {"format": "mp4", "mode": "I", "fps": rate, "macro_block_size": 1}
+    with require_imageio().get_writer(buffer, **options) as writer:
+        for frame in frames:
+            writer.append_data(frame)
+    return buffer.getvalue()
+
+
+def gif_bytes(
+    frames: Sequence[Frame], rate: float, keep: Sequence[Colour] = (), limit: int = GIF_LIMIT
+) -> bytes:
+    """Frames as a GIF that loops, at so many a second; smaller pictures where it would pass the limit.
+
+    All pictures share one palette without dithering, so that what stands still costs nothing.
+
+    Args:
+        frames: of one shape.
+        rate: a second.
+        keep: colours that must stay what they are, however small the things that have them.
+        limit: of the size [bytes].
+    """
+    from PIL import Image
+
+    pictures = [Image.fromarray(frame) for frame in frames]
+    palette = _palette(frames, keep)
+    width, height = map(float, pictures[0].size)
+    while True:
+        size = round(width), round(height)
+        small = [picture.resize(size, Image.Resampling.LANCZOS) for picture in pictures]
+        first, *rest = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in small]
+        buffer = io.BytesIO()
+        first.save(buffer, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0)
+        if buffer.tell() < limit or width * SHRINK < SMALLEST:
+            return buffer.getvalue()
+        width, height = width * SHRINK, height * SHRINK
+
+
+def _palette(frames: Sequence[Frame], keep: Sequence[Colour]) -> Any:
+    """A picture that holds the palette of pictures from all over the film."""
+    from PIL import Image
+
+    samples = Image.fromarray(np.concatenate(frames[:: max(1, len(frames) // SAMPLES)]))
+    found = samples.quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*found[: 3 * GIF_COLOURS], *(value for colour in keep for value in colour)])
+    return palette
+
+
+STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments, after the push began [s]
+STRIP_PANEL = (228, 250)  # width, height of one picture [pixels]
+
+
+def strip(shot: Shot) -> bytes:
+    """The push and what follows: six frames side by side with their times after its begin, as PNG.
+
+    Below them stand what the markers mean, the push, and what became of it.
+    """
+    from PIL import Image, ImageDraw
+
+    width, height = STRIP_PANEL
+    sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for column, index in enumerate(moments(shot.camera)):
+        left = column * (width + GAP)
+        frame = Image.fromarray(middle(shot.camera.frames[index], STRIP_PANEL))
+        sheet.paste(frame.resize(STRIP_PANEL, Image.Resampling.LANCZOS), (left, LINE))
+        time = f"{shot.camera.times[index] - shot.camera.push_start:+.2f} s"
+        draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
+    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
+    buffer = io.BytesIO()
+    sheet.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def moments(camera: Camera) -> list[int]:
+    """Frames nearest to the moments of STRIP, all of them earlier where the episode ends before the last."""
+    squeeze = min(1.0, (np.array(camera.times)[-1] - camera.push_start) / STRIP[-1])
+    return [camera.frame_at(squeeze * after) for after in STRIP]
+
+
+SLOW = 0.5  # speed of a film of two policies against time
+RATE = 25.0  # pictures a second of an mp4
+GIF_RATE = 12.5  # and of a GIF
+BEFORE, LONGEST = 0.4, 3.2  # seen before the push began and at most after it [s]
+LINGER = 0.6  # seen after all is decided [s]
+
+
+def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
+    """Run a scenario before a camera.
+
+    Args:
+        env_id: of the environment.
+        policy: a name, a file, or MODULE:ATTRIBUTE.
+        scenario: what happens.
+        rate: frames per simulated second.
+
+    Raises:
+        PushRecoveryError: the policy can't act, or nothing can be drawn here.
+    """
+    with acting_in(env_id, policy, render_mode="rgb_array") as (env, acting, label):
+        camera = Camera(planning_period(env), rate)
+        rollout(env, acting, scenario, label, camera)
+    return Shot(label, camera)
+
+
+def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame]:
+    """The push and what follows, until it is decided for all and a little longer."""
+    last = min(max(shot.decided for shot in shots) + LINGER, LONGEST)
+    return [compose(shots, float(after), speed) for after in np.arange(-BEFORE, last, speed / rate)]
+
+
+def whole_episode(shot: Shot) -> list[Frame]:
+    """Every frame of one episode, at the speed of time."""
+    return [compose([shot], time - shot.camera.push_start, 1.0) for time in shot.camera.times]
+
+
+def write_pair(shots: Sequence[Shot], stem: Path) -> list[Path]:
+    """STEM.gif and STEM.mp4 of the same push under several policies; returns their paths."""
+    frames = side_by_side(shots, SLOW, RATE)
+    every = round(RATE / GIF_RATE)
+    found = []
+    contents = {".gif": gif_bytes(frames[::every], GIF_RATE, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
+    for suffix, content in contents.items():
+        path = stem.with_name(stem.name + suffix)
+        write_atomically(path, content)
+        found.append(path)
+    return found
+
+
+def episode_film(shot: Shot, suffix: str) -> bytes:
+    """One episode as mp4 or GIF."""
+    frames = whole_episode(shot)
+    return (
+        mp4_bytes(frames, FILM_RATE) if suffix == ".mp4" else gif_bytes(frames[::2], FILM_RATE / 2, COLOURS)
+    )
+
+
+WIDTH = 1.5  # of a picture [inch]
+DPI, QUALITY = 100, 82  # dots an inch, of JPEG in per cent
+
+
+class Moments:
+    """Watches an episode, and draws it only at the moments of STRIP after its first push began.
+
+    An episode that ends before all of them ends with a picture of its end.
+    """
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+        self.after: list[float] = []  # the push began [s], of each frame
+        self._start: float | None = None
+
+    def __call__(self, robot: GymRobot) -> None:
+        """Look after reset or a step."""
+        start = (robot.info.get("push") or {}).get("start")
+        if self._start is None and start is not None:
+            self._start = float(start)
+        if self._start is None or len(self.frames) == len(STRIP):
+            return
+        after = float(robot.info["time"]) - self._start
+        if robot.ended or after >= STRIP[len(self.frames)] - 1e-9:
+            self.frames.append(np.array(robot.env.render(), dtype=np.uint8))
+            self.after.append(after)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Pictures of one policy, and what stands above them."""
+
+    title: str
+    moments: Moments
+
+
+def watch(env_id: str, policy: str, scenario: Scenario) -> Moments:
+    """Run a scenario and draw it at its moments.
+
+    Raises:
+        PushRecoveryError: the policy can't act, or nothing can be drawn here.
+    """
+    with acting_in(env_id, policy, render_mode="rgb_array") as (env, acting, label):
+        moments = Moments()
+        rollout(env, acting, scenario, label, moments)
+    return moments
+
+
+def sheet(rows: Sequence[Row]) -> bytes:
+    """Rows of pictures under their titles, as JPEG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns, height, head = len(STRIP), WIDTH * STRIP_PANEL[1] / STRIP_PANEL[0], 0.5  # [inch]
+    figure = Figure(figsize=(columns * WIDTH, len(rows) * (height + head)), dpi=DPI)
+    figure.set_facecolor("white")
+    share = 1.0 / len(rows)
+    for index, row in enumerate(rows):
+        top = 1.0 - index * share
+        figure.text(0.003, top - 0.1 * share, row.title, fontsize=10, fontweight="bold", va="center")
+        for column, (frame, after) in enumerate(zip(row.moments.frames, row.moments.after, strict=True)):
+            place = (column / columns, top - share, 0.99 / columns, share * height / (height + head))
+            axes = figure.add_axes(place)
+            axes.imshow(middle(frame, STRIP_PANEL), aspect="auto")
+            axes.set_title(f"{after:+.2f} s", fontsize=8, pad=2)
+            axes.set_axis_off()
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_jpg(buffer, pil_kwargs={"quality": QUALITY, "optimize": True})
+    return buffer.getvalue()
+
+
+FOLDER = "films"  # below the results
+SECONDS = 20.0  # that a film takes, about
+
+
+class Disagreement(NamedTuple):
+    """A push that one policy recovers from and another one does not."""
+
+    place: int  # in the suite, from 0
+    scenario: Scenario
+    policies: tuple[str, str]  # in the order of the evaluation
+
+
+def disagreements(evaluation: Evaluation) -> list[Disagreement]:
+    """Pushes on which policies disagree; of many, the first that recovers and the first that does not.
+
+    Who recovers takes turns, so that a few from the front show both sides.
+    """
+    turns: dict[tuple[str, str], list[Disagreement]] = {}
+    order = list(evaluation.rows)
+    for index, (scenario, rows) in enumerate(evaluation.by_scenario()):
+        ends = {bool(row["recovered"]): name for name, row in reversed([*zip(order, rows, strict=True)])}
+        if len(ends) == 2:
+            first, second = sorted(ends.values(), key=order.index)
+            turns.setdefault((ends[True], ends[False]), []).append(
+                Disagreement(index, scenario, (first, second))
+            )
+    return [found for found in chain.from_iterable(zip_longest(*turns.values())) if found is not None]
+
+
+def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
+    """Film at most `count` of the pushes on which the policies disagree; returns the paths of the films.
+
+    Args:
+        evaluation: of two policies or more, each by its name, file or MODULE:ATTRIBUTE.
+        count: of pushes; each makes a GIF and an mp4.
+
+    Raises:
+        PushRecoveryError: nothing can be drawn here.
+    """
+    found = disagreements(evaluation)
+    chosen, folder, paths = found[:count], evaluation.directory / FOLDER, []
+    what = f"films of {len(chosen)} of the {len(found)} pushes on which the policies disagree"
+    if not chosen:
+        say(Work(what, about(0.0)))
+        return []
+    folder.mkdir(parents=True, exist_ok=True)
+    work = Work(what, about(SECONDS * len(chosen)), folder)
+    with progress_bars([FOLDER], len(chosen), work) as bars:
+        for done, (index, scenario, policies) in enumerate(chosen):
+            shots = [shoot(evaluation.env_id, policy, scenario, RATE / SLOW) for policy in policies]
+            paths += write_pair(shots, folder / film_name(index, scenario.id))
+            bars.set(FOLDER, done + 1)
+    return paths
+
+
+def film_name(index: int, scenario_id: str) -> str:
+    """Of the files of a film: place in the suite and id, without what the name of a file can't hold."""
+    return f"{index:04d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', scenario_id)[:80]}"

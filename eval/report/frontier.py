@@ -1,0 +1,164 @@
+"""The page of `frontier`: the hardest push that each policy withstands, by direction, beside F*."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..record.words import DIRECTIONS, sector_of
+from ..rollout.environments import make_env
+from ..score.evaluate import fall_cell
+from ..score.frontier import OWN, PAPER, Frontier, limit_curves
+from .page import (
+    BLUE,
+    GREY,
+    INK,
+    Command,
+    code_hash,
+    manifest,
+    new_panel,
+    page_style,
+    rows_hash,
+    short_labels,
+    to_svg,
+    write_page,
+)
+
+FALL_COLUMNS = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")
+CURVE_STEP = 3.0  # between the points of a limit's curve [deg]
+Rows = Sequence[Mapping[str, Any]]
+
+
+def write_frontier_page(found: Frontier, command: Command) -> Path:
+    """Write report.html beside the rows of a frontier; returns its path.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    labels = short_labels(found.rows)
+    settings = found.settings
+    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
+    content = {
+        "title": "Largest push by direction",
+        "settings": settings,
+        "directions": len(found.limits),
+        "verdict": verdict(found, labels),
+        "figures": _figures(found, labels),
+        "columns": ["direction", "F*, own box [N]", "F*, paper's box [N]", *labels.values()],
+        "cells": force_cells(found),
+        "fall_columns": FALL_COLUMNS,
+        "falls": fall_lines(found, labels, command),
+        "manifest": manifest(command, hashes, "nothing random but the sensors' noise, which has one seed"),
+    }
+    return write_page(found.directory, "frontier.html", content)
+
+
+def mean_share(found: Frontier, policy: str) -> float:
+    """Force before the first failure as a share of F* of the own box, mean over the directions."""
+    shares = [entry["own_fraction"] for entry in found.to_dict(policy)["directions"]]
+    told = [share for share in shares if share is not None]
+    return sum(told) / len(told) if told else math.nan
+
+
+def verdict(found: Frontier, labels: Mapping[str, str]) -> str:
+    """Who withstands most in the mean, and in how many directions it is ahead of the next."""
+    best, *others = sorted(found.rows, key=lambda name: -mean_share(found, name))
+    said = f"{labels[best]} withstands {100.0 * mean_share(found, best):.0f} % of F* in the mean"
+    if not others:
+        return f"{said} of {len(found.limits)} directions."
+    other = others[0]
+    pairs = [
+        (a["survived_N"], b["survived_N"]) for a, b in zip(found.rows[best], found.rows[other], strict=True)
+    ]
+    ahead, behind = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
+    share = f"{100.0 * mean_share(found, other):.0f} %"
+    return (
+        f"{said}, {labels[other]} {share}: the first takes the harder push in {ahead} of {len(pairs)} "
+        f"directions, the second in {behind}."
+    )
+
+
+def direction_text(psi_deg: float) -> str:
+    """An angle, and the nearest of eight directions in words."""
+    return f"{psi_deg:g}\N{DEGREE SIGN}, {DIRECTIONS[sector_of(psi_deg)]}"
+
+
+def force_cells(found: Frontier) -> list[tuple[str, ...]]:
+    """One row for each direction: both F*, and each policy's force with its share of the own box's."""
+    objects = [found.to_dict(name)["directions"] for name in found.rows]
+    cells = []
+    for index, (psi, limit) in enumerate(found.limits.items()):
+        forces = []
+        for entries in objects:
+            entry = entries[index]
+            share = entry["own_fraction"]
+            forces.append(
+                f"{entry['survived_N']:.0f} N" + ("" if share is None else f" ({100.0 * share:.0f} %)")
+            )
+        cells.append((direction_text(psi), f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces))
+    return cells
+
+
+def fall_lines(found: Frontier, labels: Mapping[str, str], command: Command) -> list[tuple[str, ...]]:
+    """In FALL_COLUMNS, the first failure of each policy in each direction that has one."""
+    lines = []
+    for name, rows in found.rows.items():
+        for row in rows:
+            if row["falls"]:
+                force, psi = row["falls"][0]["force_N"], row["psi_deg"]
+                why = f"{force:.0f} N ({row['falls'][0]['failure_reason']})"
+                replay = command.replay_push(psi, force, name)
+                lines.append((labels[name], direction_text(psi), why, fall_cell(row["falls"]), replay))
+    return lines
+
+
+def _figures(found: Frontier, labels: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Label and map of each policy, all to one scale."""
+    settings = found.settings
+    angles = np.arange(0.0, 360.0 + CURVE_STEP / 2.0, CURVE_STEP)
+    env = make_env(settings.env_id)
+    curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
+    env.close()
+    forces = [row["survived_N"] for rows in found.rows.values() for row in rows]
+    furthest = 1.05 * max(*forces, *curves[OWN])
+    return [
+        (labels[name], _figure(labels[name], rows, angles, curves, furthest))
+        for name, rows in found.rows.items()
+    ]
+
+
+def _figure(
+    label: str, rows: Rows, angles: np.ndarray, curves: Mapping[str, Sequence[float]], furthest: float
+) -> str:
+    """Forces of one policy around the robot, between both limits; forward is up."""
+    from matplotlib.ticker import MaxNLocator
+
+    with page_style():
+        figure, axes = new_panel(3.6, polar=True)
+        axes.set_theta_zero_location("N")
+        axes.plot(np.radians(angles), curves[OWN], color=INK, linewidth=1.1, label=OWN)
+        axes.plot(
+            np.radians(angles), curves[PAPER], color=GREY, linewidth=1.1, linestyle=(0, (4, 2)), label=PAPER
+        )
+        psi = [math.radians(row["psi_deg"]) for row in rows]
+        force = [row["survived_N"] for row in rows]
+        axes.plot(
+            [*psi, psi[0]],
+            [*force, force[0]],
+            color=BLUE,
+            marker="o",
+            markersize=3.5,
+            linewidth=1.4,
+            label=label,
+        )
+        axes.set_thetagrids(range(0, 360, 45), ("forward", "", "left", "", "backward", "", "right", ""))
+        axes.set_ylim(0.0, furthest)
+        axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, furthest) if 0.0 < tick < furthest])
+        axes.set_rlabel_position(22.5)
+        axes.grid(color="#cccccc", linewidth=0.5)
+        figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)
+        return to_svg(figure, f"{label}: largest force before the first failure [N], by direction, and F*")

@@ -1,0 +1,342 @@
+"""What a report begins with: who recovers more, how sure that is, pairs of policies, training seeds.
+
+What a report begins with: who recovers more, how sure that is, and the rates of every policy.
+
+Every two policies on the same pushes, and the pushes on which the best one and another differ.
+
+Policies that differ in their training seed alone: what the recipe is worth, not one lucky run of it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..output import statistics as seeds
+from ..output.statistics import PairedCounts, holm, wilson_interval
+from ..record.words import sector_of
+from ..score.evaluate import Evaluation
+from .page import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    Command,
+    beside_axis,
+    new_panel,
+    outcome_words,
+    page_style,
+    scenario_words,
+    to_svg,
+)
+
+Evaluations = Mapping[str, Evaluation]  # by profile
+RATE_COLUMNS = ("policy", "recovered", "95 % interval", "survived", "95 % interval")
+RATE_LOOKS: tuple[dict[str, Any], ...] = ({"color": BLUE, "marker": "o"}, {"color": ORANGE, "marker": "s"})
+SURE = 0.05  # p below which chance is taken for an unlikely cause
+VERY_SURE, LEAST_P = 0.001, 0.0001
+MINUS = "\N{MINUS SIGN}"
+
+
+def ranked(evaluation: Evaluation) -> list[str]:
+    """Policies, the one that recovers most first; equal ones in the order given."""
+    return sorted(evaluation.rows, key=lambda name: -evaluation.score(name).recovered)
+
+
+def verdict(evaluation: Evaluation, labels: Mapping[str, str]) -> str:
+    """Who recovers from most pushes, by how many more than the next, and whether chance explains that."""
+    first, *others = ranked(evaluation)
+    score = evaluation.score(first)
+    low, high = (100.0 * end for end in score.ci95)
+    share = f"{score.recovered} of {score.episodes} pushes ({100.0 * score.rate:.1f} %)"
+    if not others:
+        return f"{labels[first]} recovers from {share}; 95 % interval {low:.1f} to {high:.1f} %."
+    pairs = PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[others[0]])
+    second = labels[others[0]]
+    if pairs.only_a == pairs.only_b:
+        return f"{labels[first]} and {second} recover from equally many pushes, {share}."
+    more = pairs.only_a - pairs.only_b
+    return f"{labels[first]} recovers from {share}, {more} more than {second}: {sureness(pairs)}."
+
+
+def sureness(pairs: PairedCounts) -> str:
+    """Whether chance explains a difference, with Newcombe's interval and McNemar's p."""
+    low, high = pairs.interval
+    p = pairs.p_value
+    said = (
+        "a lead that chance hardly makes"
+        if p < VERY_SURE
+        else "a lead that chance is unlikely to make"
+        if p < SURE
+        else "too few to say that it is better"
+    )
+    found = f"{points(pairs.rate_difference)} points, 95 % interval {points(low)} to {points(high)}"
+    return f"{said} ({found}; exact McNemar {p_words(p)})"
+
+
+def points(share: float) -> str:
+    """A difference of shares in points of per cent, with its sign."""
+    return f"{100.0 * share:+.1f}".replace("-", MINUS)
+
+
+def p_words(p: float) -> str:
+    """A p value as people write it."""
+    return f"p < {LEAST_P:g}" if p < LEAST_P else f"p = {p:.2g}"
+
+
+def rate_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """One row of cells for each policy, in COLUMNS."""
+    cells = []
+    for name in evaluation.rows:
+        score = evaluation.score(name)
+        parts = (_rate(count, score.episodes) for count in (score.recovered, score.survived))
+        cells.append((labels[name], *(text for part in parts for text in part)))
+    return cells
+
+
+def _rate(count: int, episodes: int) -> tuple[str, str]:
+    """A share and its Wilson interval."""
+    low, high = wilson_interval(count, episodes)
+    share = f"{100.0 * count / episodes:.1f} % ({count})"
+    return share, f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
+
+
+def rate_figure(evaluations: Evaluations, labels: Mapping[str, str]) -> str:
+    """A line for each policy: filled marks for recovered with their interval, hollow ones for survived."""
+    names, count = list(labels), len(evaluations)
+    with page_style():
+        figure, axes = new_panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count)
+        for index, (profile, evaluation) in enumerate(evaluations.items()):
+            shift = 0.3 * (index - (count - 1) / 2.0)
+            _draw(axes, evaluation, names, shift, RATE_LOOKS[index % len(RATE_LOOKS)], profile)
+        axes.set_yticks(range(len(names)), [beside_axis(labels[name]) for name in names])
+        axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="share of the pushes [%]")
+        axes.grid(axis="x", color="#e4e4e4", linewidth=0.6)
+        axes.set_axisbelow(True)
+        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        return to_svg(figure, "Share of pushes recovered from and survived; the numbers stand in the table")
+
+
+def _draw(
+    axes: Any, evaluation: Evaluation, names: list[str], shift: float, look: Mapping[str, Any], profile: str
+) -> None:
+    """Recovered and survived of all policies under one profile."""
+    places = [index + shift for index in range(len(names))]
+    scores = [evaluation.score(name) for name in names]
+    rates = [100.0 * score.rate for score in scores]
+    ends = [[100.0 * end for end in score.ci95] for score in scores]
+    reach = (
+        [max(rate - low, 0.0) for rate, (low, _) in zip(rates, ends, strict=True)],
+        [max(high - rate, 0.0) for rate, (_, high) in zip(rates, ends, strict=True)],
+    )
+    survived = [100.0 * score.survived / score.episodes for score in scores]
+    axes.plot(
+        survived, places, linestyle="none", markersize=5.5, markerfacecolor="white",
+        label=f"survived, {profile}", **look,
+    )  # fmt: skip
+    axes.errorbar(
+        rates, places, xerr=reach, linestyle="none", markersize=4.5, elinewidth=1.0, ecolor=GREY,
+        label=f"recovered, {profile}", **look,
+    )  # fmt: skip
+
+
+PAIR_COLUMNS = ("A and B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
+MOST_SHOWN = 20  # pushes of one list
+
+
+@dataclass(frozen=True)
+class Differing:
+    """One push that one of two policies recovers from."""
+
+    scenario_id: str
+    push: str
+    impulse: float  # [N s]
+    loser: str  # what became of the other
+    commands: tuple[str, str]  # that replay it with the one and with the other
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two policies, their 2 x 2 table, and the pushes that set them apart, weakest first."""
+
+    a: str
+    b: str
+    counts: PairedCounts
+    sureness: str
+    only_a: tuple[Differing, ...]
+    only_b: tuple[Differing, ...]
+
+
+def pair_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """One row of cells for every two policies, in COLUMNS."""
+    pairs = {
+        (a, b): PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
+        for a, b in combinations(ranked(evaluation), 2)
+    }
+    corrected = holm([counts.p_value for counts in pairs.values()])
+    cells = []
+    for ((a, b), counts), p in zip(pairs.items(), corrected, strict=True):
+        low, high = counts.interval
+        found = f"{points(counts.rate_difference)} ({points(low)} to {points(high)})"
+        numbers = (counts.both, counts.only_a, counts.only_b, counts.neither)
+        said = (p_words(value).removeprefix("p ").removeprefix("= ") for value in (counts.p_value, p))
+        cells.append((f"{labels[a]} and {labels[b]}", *map(str, numbers), found, *said))
+    return cells
+
+
+def pairs_with_best(
+    evaluation: Evaluation, labels: Mapping[str, str], profile: str, command: Command
+) -> list[Pair]:
+    """The policy that recovers most against each other one."""
+    if len(evaluation.rows) < 2:
+        return []
+    best, *others = ranked(evaluation)
+    return [_pair(evaluation, best, other, labels, profile, command) for other in others]
+
+
+def _pair(
+    evaluation: Evaluation, a: str, b: str, labels: Mapping[str, str], profile: str, command: Command
+) -> Pair:
+    counts = PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
+    lists: tuple[list[Differing], list[Differing]] = ([], [])
+    rows = zip(evaluation.suite.scenarios, evaluation.rows[a], evaluation.rows[b], strict=True)
+    for scenario, of_a, of_b in rows:
+        if of_a["recovered"] == of_b["recovered"]:
+            continue
+        loser = of_b if of_a["recovered"] else of_a
+        commands = command.replay(profile, scenario.id, a), command.replay(profile, scenario.id, b)
+        found = Differing(
+            scenario.id, scenario_words(scenario), loser["impulse"], outcome_words(loser), commands
+        )
+        lists[0 if of_a["recovered"] else 1].append(found)
+    only_a, only_b = (tuple(sorted(found, key=lambda one: one.impulse)) for found in lists)
+    return Pair(labels[a], labels[b], counts, sureness(counts), only_a, only_b)
+
+
+Array = NDArray[np.float64]
+SEED = re.compile(r"-seed\d+")  # in a label; without it, it names the recipe
+QUARTERS = 4  # of the pushes, by impulse
+DRAWS = 1000  # of a bootstrap
+THRESHOLDS = np.linspace(0.0, 1.0, 41)
+OTHERS = 2  # policies beside the recipes in the figure
+SEED_COLUMNS = ("recipe", "seeds", "recovered, lowest to highest seed", "interquartile mean")
+AGAINST = ("recipe", "against", "chance that a seed does better")
+SEED_LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": BLUE, "linestyle": "-"},
+    {"color": ORANGE, "linestyle": (0, (4, 2))},
+    {"color": INK, "linestyle": (0, (1, 1))},
+    {"color": GREY, "linestyle": (0, (6, 2, 1, 2))},
+)
+
+
+@dataclass(frozen=True)
+class SeedPart:
+    """What the page shows of recipes with several seeds."""
+
+    strata: int
+    rows: list[tuple[str, ...]]
+    against: list[tuple[str, ...]]
+    figure: str
+
+
+def recipes_of(labels: Mapping[str, str]) -> dict[str, list[str]]:
+    """Recipe -> its policies: those whose labels are the same but for the seed."""
+    groups: dict[str, list[str]] = {}
+    for name, label in labels.items():
+        groups.setdefault(SEED.sub("", label), []).append(name)
+    return groups
+
+
+def strata_of(rows: Sequence[Mapping[str, Any]]) -> NDArray[np.int64]:
+    """Number of each push's stratum: one of eight directions and a quarter of the impulses."""
+    rank = np.argsort(np.argsort([row["impulse"] for row in rows], kind="stable"), kind="stable")
+    quarter = rank * QUARTERS // len(rows)
+    sector = np.array([-1 if row["psi_deg"] is None else sector_of(row["psi_deg"]) for row in rows])
+    return np.unique(QUARTERS * sector + quarter, return_inverse=True)[1]
+
+
+def seed_part(evaluation: Evaluation, labels: Mapping[str, str]) -> SeedPart | None:
+    """Tables and profiles; None where no recipe has several seeds."""
+    groups = recipes_of(labels)
+    recipes = [name for name, members in groups.items() if len(members) > 1]
+    if not recipes:
+        return None
+    strata = strata_of(next(iter(evaluation.rows.values())))
+    scores = {name: _scores(evaluation, members) for name, members in groups.items()}
+    order = [SEED.sub("", labels[name]) for name in ranked(evaluation)]
+    others = [name for name in dict.fromkeys(order) if name not in recipes]
+    shown = {name: scores[name] for name in (*recipes, *others[:OTHERS])}
+    against = [
+        (a, b, _improvement(scores[a], scores[b], strata))
+        for index, a in enumerate(recipes)
+        for b in (*recipes[index + 1 :], *others)
+    ]
+    rows = [(name, *_cells(scores[name], strata)) for name in recipes]
+    return SeedPart(int(strata.max()) + 1, rows, against, profile_figure(shown, strata))
+
+
+def _scores(evaluation: Evaluation, members: Sequence[str]) -> Array:
+    """1 for each push that a seed recovers from, 0 for the others (seeds, scenarios)."""
+    return np.array([[row["recovered"] for row in evaluation.rows[name]] for name in members], dtype=float)
+
+
+def _cells(scores: Array, strata: NDArray[np.int64]) -> tuple[str, ...]:
+    """Of COLUMNS, after the first."""
+    counts = scores.sum(axis=1)
+    middle = seeds.interquartile_mean(seeds.stratum_rates(scores, strata))
+    low, high = seeds.bootstrap_interval(
+        lambda drawn: seeds.interquartile_mean(seeds.stratum_rates(drawn, strata)),
+        [scores], np.random.default_rng(0), draws=DRAWS, strata=strata,
+    )  # fmt: skip
+    return (
+        str(len(scores)),
+        f"{counts.mean():.1f} ({counts.min():.0f} to {counts.max():.0f})",
+        f"{100.0 * middle:.1f} % ({100.0 * low:.1f} to {100.0 * high:.1f})",
+    )
+
+
+def _improvement(a: Array, b: Array, strata: NDArray[np.int64]) -> str:
+    """The chance that a seed of a recovers more of a stratum than one of b, with its interval."""
+
+    def chance(first: Array, second: Array) -> float:
+        rates = (seeds.stratum_rates(one, strata) for one in (first, second))
+        return seeds.probability_of_improvement(*rates)
+
+    rng = np.random.default_rng(0)
+    low, high = seeds.bootstrap_interval(chance, [a, b], rng, draws=DRAWS, strata=strata)
+    return f"{100.0 * chance(a, b):.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f})"
+
+
+def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> str:
+    """Of each recipe the share of strata in which more than a share of the pushes is recovered from.
+
+    Args:
+        scores: by recipe (seeds, scenarios).
+        strata: of the scenarios.
+    """
+
+    def profile(drawn: Array) -> Array:
+        return seeds.performance_profile(seeds.stratum_rates(drawn, strata), THRESHOLDS)
+
+    with page_style():
+        figure, axes = new_panel(2.6)
+        for (name, mine), look in zip(scores.items(), SEED_LOOKS, strict=False):
+            band = seeds.bootstrap_band(profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata)
+            axes.fill_between(
+                100.0 * THRESHOLDS, *(100.0 * band), color=look["color"], alpha=0.15, linewidth=0
+            )
+            axes.plot(
+                100.0 * THRESHOLDS, 100.0 * profile(mine), label=beside_axis(name), linewidth=1.4, **look
+            )
+        axes.set(
+            xlim=(0.0, 100.0), ylim=(-3.0, 103.0), xlabel="recovered from more than [%]",
+            ylabel="of groups and seeds [%]",
+        )  # fmt: skip
+        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        return to_svg(figure, "Share of strata in which more than a share of the pushes is recovered from")

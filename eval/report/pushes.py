@@ -1,0 +1,299 @@
+"""Recovery by direction, by impulse and over repeated pushes, as figures.
+
+Single pushes by direction and by their share of the closed-form limit, on a map around the robot.
+
+Recovery against the impulse of a push: a fitted curve for each body, and where it reaches 50 and 95 %.
+
+Survival over time where a robot is pushed more than once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.scenario.push import GaitEvent, Push
+from ...envs.scenario.scenario import Scenario
+from ..output.statistics import LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
+from ..record.words import DIRECTIONS, sector_of
+from ..score.evaluate import Evaluation
+from ..score.frontier import limit_share
+from ..score.report import KINDS
+from .page import BLUE, GREY, INK, ORANGE, beside_axis, new_panel, page_style, to_svg
+
+Row = Mapping[str, Any]
+SECTORS = len(DIRECTIONS)
+FAINT = "#b4b4b4"
+SIDES = ("forward", "stance\nside", "backward", "swing\nside")  # counter-clockwise from the top
+
+
+@dataclass(frozen=True)
+class MappedPush:
+    """A single push as the map shows it, mirrored so that the robot stands on its left foot."""
+
+    scenario_id: str
+    psi: float  # counter-clockwise from forward, right is the swing side [rad]
+    share: float  # of F* at its moment
+
+
+def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPush]:
+    """The single pushes of a suite that come at a moment of the gait and have a limit."""
+    found = []
+    for scenario in scenarios:
+        if len(scenario.pushes) != 1:
+            continue
+        (push,) = scenario.pushes
+        share = limit_share(env, push, scenario.command)
+        if share is not None:
+            found.append(MappedPush(scenario.id, stance_direction(push), share))
+    return found
+
+
+def stance_direction(push: Push) -> float:
+    """Direction of a push, mirrored where it comes on a right stance [rad]."""
+    right = isinstance(push.start, GaitEvent) and push.start.side == "right"
+    return -push.direction if right else push.direction
+
+
+def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> str:
+    """The map of one policy: every push, and at the rim how many of each sector were recovered from.
+
+    Args:
+        policy: its label.
+        pushes: of the map.
+        rows: of the policy, by scenario.
+    """
+    furthest = max(1.0, *(push.share for push in pushes))
+    with page_style():
+        figure, axes = new_panel(3.5, polar=True)
+        axes.set_theta_zero_location("N")
+        _draw_pushes(axes, pushes, rows)
+        around = np.linspace(0.0, 2.0 * math.pi, 181)
+        axes.plot(around, np.ones_like(around), color=INK, linewidth=1.0)
+        axes.text(
+            math.radians(202.5), 1.0, "F*", fontsize=9.0, ha="center", va="center", backgroundcolor="white"
+        )
+        recovered: list[list[bool]] = [[] for _ in DIRECTIONS]
+        for push in pushes:
+            recovered[sector_of(math.degrees(push.psi))].append(rows[push.scenario_id]["recovered"])
+        for sector, inside in enumerate(recovered):
+            angle = sector * 2.0 * math.pi / SECTORS
+            text = f"{sum(inside)}/{len(inside)}" + (f"\n{SIDES[sector // 2]}" if sector % 2 == 0 else "")
+            axes.text(angle, 1.2 * furthest, text, ha="center", va="center", fontsize=8.0)
+        edges = (np.arange(SECTORS) + 0.5) * 2.0 * math.pi / SECTORS
+        axes.vlines(edges, 0.0, furthest, color=FAINT, linewidth=0.5)
+        axes.set(ylim=(0.0, 1.02 * furthest), xticks=[], yticks=[0.5])
+        axes.set_yticklabels([])
+        axes.grid(color=FAINT, linewidth=0.7)
+        axes.spines["polar"].set_visible(False)
+        return to_svg(figure, f"{policy}: single pushes recovered from, by direction and share of the limit")
+
+
+def _draw_pushes(axes: Any, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> None:
+    """Dots for pushes recovered from, rings for those survived, crosses for falls."""
+    kinds: dict[str, list[MappedPush]] = {"recovered": [], "survived": [], "fell": []}
+    for push in pushes:
+        row = rows[push.scenario_id]
+        kinds["recovered" if row["recovered"] else "survived" if row["survived"] else "fell"].append(push)
+    looks: dict[str, dict[str, Any]] = {
+        "recovered": {"marker": "o", "s": 9.0, "color": BLUE, "alpha": 0.75, "linewidths": 0.0},
+        "survived": {"marker": "o", "s": 14.0, "facecolors": "white", "edgecolors": GREY, "linewidths": 0.9},
+        "fell": {"marker": "x", "s": 16.0, "color": INK, "linewidths": 1.0},
+    }
+    for kind, inside in kinds.items():
+        axes.scatter([push.psi for push in inside], [push.share for push in inside], **looks[kind])
+
+
+Array = NDArray[np.float64]
+SHARES = (0.5, 0.95)  # of pushes recovered from, at J50 and J95
+BINS = 6  # of equally many pushes
+COLUMNS = ("policy", "pushed body", "pushes", "J50 [N s]", "J95 [N s]")
+BODY_LOOKS: tuple[dict[str, Any], ...] = (  # of the bodies in turn
+    {"color": BLUE, "linestyle": "-", "marker": "o", "markerfacecolor": BLUE},
+    {"color": ORANGE, "linestyle": (0, (4, 2)), "marker": "s", "markerfacecolor": "white"},
+    {"color": INK, "linestyle": (0, (1, 1)), "marker": "^", "markerfacecolor": INK},
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The pushes of one policy at one body, and the curve through their outcomes."""
+
+    policy: str
+    body: str
+    impulse: Array  # of a push, (n,) [N s]
+    recovered: NDArray[np.bool_]  # (n,)
+    fit: LogisticFit | None  # none where there is no finite one
+
+    def threshold(self, share: float) -> str:
+        """Impulse up to which at least this share recovers, with its interval, in words [N s].
+
+        Nothing is told beyond the pushes that were given.
+        """
+        low, high = float(self.impulse.min()), float(self.impulse.max())
+        if self.recovered.all():
+            return f"over {high:.0f}"
+        if not self.recovered.any():
+            return f"under {low:.0f}"
+        interval = None if self.fit is None else self.fit.input_interval(share)
+        if self.fit is None or interval is None or self.fit.slope >= 0.0:
+            return "not told"
+        middle, first, last = (_inside(value, low, high) for value in (self.fit.input_at(share), *interval))
+        return middle if first == last else f"{middle} ({first} to {last})"
+
+
+def _inside(value: float, low: float, high: float) -> str:
+    """An impulse [N s]; beyond those given only on which side."""
+    return f"under {low:.0f}" if value < low else f"over {high:.0f}" if value > high else f"{value:.0f}"
+
+
+def curves_of(scenarios: Sequence[Scenario], rows: Sequence[Row], policy: str) -> list[Curve]:
+    """One curve for each body that is pushed, over the scenarios with a single push."""
+    bodies: dict[str, list[int]] = {}
+    for index, scenario in enumerate(scenarios):
+        if len(scenario.pushes) == 1:
+            bodies.setdefault(KINDS["body"](scenario), []).append(index)
+    curves = []
+    for body in sorted(bodies):
+        impulse = np.array([rows[i]["impulse"] for i in bodies[body]])
+        recovered = np.array([rows[i]["recovered"] for i in bodies[body]], dtype=bool)
+        curves.append(Curve(policy, body, impulse, recovered, fit_logistic(impulse, recovered)))
+    return curves
+
+
+def curve_cells(curves: Sequence[Curve]) -> list[tuple[str, ...]]:
+    """One row of cells for each curve, in COLUMNS."""
+    return [
+        (curve.policy, curve.body, str(curve.impulse.size), *(curve.threshold(share) for share in SHARES))
+        for curve in curves
+    ]
+
+
+def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
+    """The curves of one policy, their bands, and the shares of BINS groups of pushes with their intervals.
+
+    Args:
+        curves: of one policy, one a body.
+        furthest: largest impulse on the axis [N s].
+    """
+    policy = curves[0].policy
+    with page_style():
+        figure, axes = new_panel(2.35)
+        for curve, look in zip(curves, BODY_LOOKS, strict=False):
+            _draw(axes, curve, look)
+        axes.axhline(0.5, color=GREY, linewidth=0.5, linestyle=(0, (1, 2)))
+        axes.set(xlim=(0.0, 1.03 * furthest), ylim=(-0.03, 1.03), xlabel="impulse of the push [N s]")
+        axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25", "50", "75", "100 %"])
+        if len(curves) > 1:
+            axes.legend(frameon=False, loc="lower left", fontsize=8.0)
+        return to_svg(figure, f"{policy}: share of pushes recovered from, against their impulse")
+
+
+def _draw(axes: Any, curve: Curve, look: Mapping[str, Any]) -> None:
+    """One curve with its band, its groups and their intervals."""
+    centres, shares, below, above = binned(curve.impulse, curve.recovered)
+    mark = {key: look[key] for key in ("color", "marker", "markerfacecolor")}
+    axes.errorbar(
+        centres,
+        shares,
+        (below, above),
+        linestyle="none",
+        markersize=4.0,
+        elinewidth=0.8,
+        label=curve.body,
+        **mark,
+    )
+    if curve.fit is not None:
+        at = np.linspace(curve.impulse.min(), curve.impulse.max(), 60)
+        axes.fill_between(at, *curve.fit.band(at), color=look["color"], alpha=0.15, linewidth=0.0)
+        axes.plot(
+            at, curve.fit.probability(at), color=look["color"], linestyle=look["linestyle"], linewidth=1.4
+        )
+
+
+def binned(impulse: Array, recovered: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+    """Groups of equally many pushes: mean impulse, share recovered, and how far Wilson's interval reaches.
+
+    Returns:
+        Centres [N s], shares, and the distances below and above them, each (groups,).
+    """
+    order = np.argsort(impulse, kind="stable")
+    groups = [group for group in np.array_split(order, min(BINS, impulse.size)) if group.size]
+    share = np.array([recovered[group].mean() for group in groups])
+    ends = np.array([wilson_interval(int(recovered[group].sum()), group.size) for group in groups])
+    centres = np.array([impulse[group].mean() for group in groups])
+    return centres, share, np.maximum(share - ends[:, 0], 0.0), np.maximum(ends[:, 1] - share, 0.0)
+
+
+MARKS = 3  # moments that the table tells of
+COLORS, LINES = (BLUE, ORANGE, INK, GREY), ("-", (0, (4, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
+SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
+    {"color": COLORS[k % 4], "linestyle": LINES[(k + k // 4) % 4]} for k in range(16)
+)
+
+
+@dataclass(frozen=True)
+class SurvivalPart:
+    """What the page shows of repeated pushes."""
+
+    episodes: int
+    columns: list[str]
+    rows: list[tuple[str, ...]]
+    figure: str
+
+
+def survival_part(evaluation: Evaluation, labels: Mapping[str, str]) -> SurvivalPart | None:
+    """Curves and a table over the scenarios with several pushes; None where there is none."""
+    chosen = [i for i, scenario in enumerate(evaluation.suite.scenarios) if len(scenario.pushes) > 1]
+    if not chosen:
+        return None
+    curves, falls = {}, {}
+    for name, rows in evaluation.rows.items():
+        mine = [rows[i] for i in chosen]
+        fell = [not row["survived"] for row in mine]
+        curves[labels[name]] = kaplan_meier([row["end_time"] for row in mine], fell)
+        falls[labels[name]] = sum(fell)
+    longest = max(float(curve.times[-1]) for curve in curves.values())
+    marks = [float(time) for time in np.linspace(0.0, longest, MARKS + 1)[1:]]
+    rows = [
+        (label, str(falls[label]), *(share_at(curve, time) for time in marks))
+        for label, curve in curves.items()
+    ]
+    columns = ["policy", "falls", *(f"standing at {time:.1f} s" for time in marks)]
+    return SurvivalPart(len(chosen), columns, rows, survival_figure(curves, longest))
+
+
+def share_at(curve: SurvivalCurve, time: float) -> str:
+    """The share that stands at a time and its interval, in words."""
+    index = int(np.searchsorted(curve.times, time, side="right")) - 1
+    if index < 0:
+        return "100.0 %"
+    low, high = 100.0 * curve.low[index], 100.0 * curve.high[index]
+    return f"{100.0 * curve.survival[index]:.1f} % ({low:.1f} to {high:.1f})"
+
+
+def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
+    """A staircase for each policy, down where one of its robots falls.
+
+    Args:
+        curves: by label.
+        longest: of the episodes [s].
+    """
+    with page_style():
+        figure, axes = new_panel(2.2 + 0.1 * len(curves))
+        for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
+            times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
+            axes.plot(
+                times, 100.0 * np.array(shares), drawstyle="steps-post", linewidth=1.4,
+                label=beside_axis(label), **look,
+            )  # fmt: skip
+        axes.set(xlim=(0.0, longest), xlabel="time since the walk began [s]", ylabel="standing [%]")
+        axes.grid(axis="y", color="#e4e4e4", linewidth=0.6)
+        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        return to_svg(figure, "Share of robots still standing, over time, under repeated pushes")

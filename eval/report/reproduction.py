@@ -1,0 +1,68 @@
+"""The page of `reproduce`: the paper's claims and what became of them, pictures and tables."""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim, claims
+from ..reproduction.run import SHOWN, Reproduction
+from .page import Command, code_hash, manifest, rows_hash, write_page
+
+COLUMNS = ("claim", "paper", "here", "verdict")
+NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
+TYPES = {".png": "image/png", ".gif": "image/gif"}
+CODE = str.maketrans("", "", "`")  # marks of Markdown, which HTML has none of
+
+
+def write_reproduction_page(found: Reproduction, command: Command) -> Path:
+    """Write report.html beside the rows of a reproduction; returns its path.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    told = list(claims(found.content)) if found.content.keys() >= NEEDED else []
+    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
+    content = {
+        "title": "The paper's results, measured again",
+        "verdict": verdict(told),
+        "claim_columns": COLUMNS,
+        "claims": [tuple(cell.translate(CODE) for cell in claim) for claim in told],
+        "pictures": pictures(found.pictures, found.directory),
+        "tables": [
+            (title.translate(CODE), columns, [tuple(cell.translate(CODE) for cell in row) for row in cells])
+            for title, columns, cells in found.tables
+        ],
+        "manifest": manifest(command, hashes, "nothing is random"),
+    }
+    return write_page(found.directory, "reproduction.html", content)
+
+
+def verdict(told: Sequence[Claim]) -> str:
+    """How many of the claims were reproduced, differ, or cannot be told."""
+    if not told:
+        return "One part of the paper; its claims are told where all parts run: push-recovery reproduce."
+    counts = Counter(claim.verdict.split(":")[0] for claim in told)
+    return (
+        f"Of {len(told)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
+        f"{counts[UNTOLD]} cannot be told from the text."
+    )
+
+
+def pictures(paths: Sequence[Path], directory: Path) -> list[tuple[str, str]]:
+    """Caption and content of each picture that the paper's figures stand for, in its order.
+
+    Args:
+        paths: of all pictures; those in folders below are variants.
+        directory: of the reproduction.
+    """
+    by_name = {path.name: path for path in paths if path.parent == directory}
+    found = []
+    for name, caption in SHOWN:
+        if name in by_name:
+            content = base64.b64encode(by_name[name].read_bytes()).decode()
+            kind = TYPES[by_name[name].suffix]
+            found.append((caption.translate(CODE), f"data:{kind};base64,{content}"))
+    return found

@@ -1,1 +1,0 @@
-"""All sections in one directory, as a page and as a command."""

@@ -1,1 +1,0 @@
-"""The sections of the reproduction: jobs, summary, tables, pictures."""

@@ -1,0 +1,306 @@
+"""A robot file and its preset from a model: guessed, scaled, written, and summarised for review.
+
+How large a robot is beside the biped, and the biped's settings for it.
+
+How high a robot stands and how far it steps: postures that exist within the ranges of its joints.
+
+A robot file and its preset from a model: guessed, derived, written, and told for review.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.model.capturability import max_recoverable_force
+from ...controllers.settings import SWING_TIME, PresetFile, Scale, named_preset, scaled_preset
+from ...envs.biped.core import BipedSettings
+from ...envs.biped.posture import posture
+from ...envs.robots.adapt import PACKAGES, description_of, largest_torques, read_model
+from ...envs.robots.biped import biped
+from ...envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from ...envs.robots.description import RobotDescription
+from ...envs.robots.indices import entry
+from ...envs.robots.robot_file import Motor, RobotFile, write_robot_file
+from .guess import guess_plan, guess_soles, read_skeleton
+
+BASE = "biped"  # the preset that is scaled
+GAP, STRIDE = (
+    0.011,
+    0.42,
+)  # of the biped: between the soles of its narrowest step, and its widest less l_p [m]
+HIP_MOTORS = slice(2, 5)  # of the left leg, in the order of control
+UPRIGHT = 0.7  # upward part of an axis, from where it counts as that of yaw
+ROOM = 1.2  # least ratio of the longest to the shortest step time
+
+
+def leg_length(body: CompiledRobot) -> float:
+    """Of the left leg in the reference posture, from its first hip axis to the ankle [m]."""
+    anchors = body.in_reference_posture().xanchor[list(body.indices.legs[0])]
+    return float(np.linalg.norm(anchors[4] - anchors[0]))
+
+
+def leaning_inertia(body: CompiledRobot) -> float:
+    """Inertia of all but the legs about the axis through both hips, in the reference posture [kg m^2]."""
+    model, data = body.model, body.in_reference_posture()
+    hips = data.xanchor[[leg[0] for leg in body.indices.legs]].mean(axis=0)
+    legs = {int(model.jnt_bodyid[leg[0]]) for leg in body.indices.legs}
+    total = 0.0
+    for part in range(1, model.nbody):
+        above = part
+        while above != 0 and above not in legs:
+            above = int(model.body_parentid[above])
+        if above == 0:
+            across, arm = data.ximat[part].reshape(3, 3)[1], data.xipos[part] - hips
+            total += float(model.body_inertia[part] @ across**2)
+            total += float(model.body_mass[part] * (arm[0] ** 2 + arm[2] ** 2))
+    return total
+
+
+def sole_acceleration(body: CompiledRobot) -> float:
+    """What the weaker of hip pitch and roll can give the sole of the left leg, held straight [m/s^2].
+
+    tau l / i, with the height l of the hip over the sole and the inertia i of the leg and the motor about the
+    joint's axis, which is its entry on the diagonal of the mass matrix.
+    """
+    model, data = body.model, body.in_reference_posture()
+    mujoco.mj_forward(model, data)
+    found = []
+    for joint, torque in zip(body.indices.legs[0][:3], body.motors[0, HIP_MOTORS], strict=True):
+        if abs(data.xaxis[joint, 2]) > UPRIGHT:  # it turns the leg about itself
+            continue
+        height = data.xanchor[joint, 2] - data.site_xpos[body.indices.soles[0], 2]
+        dof = int(model.jnt_dofadr[joint])
+        found.append(torque * height / data.M[entry(model, dof, dof)])
+    return float(min(found))
+
+
+def scale_of(body: CompiledRobot) -> Scale:
+    """How many times as large a robot is as the biped; 1 for a waist that it does not have."""
+    one, other = body.robot, biped().robot
+    lean = leaning_inertia(body) / one.weight / one.com_height
+    lean /= leaning_inertia(biped()) / other.weight / other.com_height
+    waist = {}
+    if one.trunk_pitch or one.trunk_roll:
+        torque, inertia = (
+            one.trunk_torque_max / other.trunk_torque_max,
+            one.trunk_inertia / other.trunk_inertia,
+        )
+        height = one.com_height / other.com_height
+        waist = {
+            "trunk_acceleration": torque / inertia,
+            "trunk_angle": one.trunk_angle_max / other.trunk_angle_max,
+            "waist": inertia / (one.mass / other.mass * height),
+        }
+    return Scale(
+        length=one.com_height / other.com_height, mass=one.mass / other.mass,
+        foot_length=one.foot_length / other.foot_length, foot_width=one.foot_width / other.foot_width,
+        leg=leg_length(body) / leg_length(biped()), lean=lean,
+        swing=sole_acceleration(body) / sole_acceleration(biped()), **waist,
+    )  # fmt: skip
+
+
+def scaled_settings(
+    body: CompiledRobot, changes: Mapping[str, Mapping[str, Any]] | None = None
+) -> PresetFile:
+    """The biped's preset scaled to a robot, its steps as wide as its hips are, with some fields changed.
+
+    Slower legs make the shortest step longer, but not the nominal one.
+
+    `changes` are section -> field -> value, of "planner" and of the sections of a robot.
+    """
+    robot, scale = body.robot, scale_of(body)
+    own: dict[str, dict[str, Any]] = {
+        "limits": {
+            "width_min": round(robot.foot_width + GAP * scale.length, 4),
+            "width_max": round(robot.pelvis_width + STRIDE * scale.length, 4),
+            "cop_x_max": robot.foot_length / 2.0, "cop_y_max": robot.foot_width / 2.0,
+            "trunk_acceleration_max": round(robot.trunk_torque_max / robot.trunk_inertia, 3),
+        }
+    }  # fmt: skip
+    preset = named_preset(BASE)
+    box = preset.robot()["limits"]
+    shortest = box["duration_min"] * scale.factor(SWING_TIME)
+    longest = (box["duration_min"] + box["duration_max"]) * scale.time - shortest  # the same nominal step
+    own["limits"]["duration_max"] = round(max(longest, ROOM * shortest), 4)
+    for section, values in (changes or {}).items():
+        own[section] = {**own.get(section, {}), **values}
+    return scaled_preset(preset, scale, own)
+
+
+BENT = 0.875  # length of a standing leg over that of a straight one, the biped's
+LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
+FINE = 0.005  # of a height and of a step that are searched [m]
+FARTHEST = 1.0  # step that is looked for [m]
+
+
+def standing_height(description: RobotDescription) -> float:
+    """CoM height over level soles at which the legs are bent as the biped's are [m].
+
+    Raises:
+        InvalidValueError: the robot cannot stand so.
+    """
+    body = compiled_robot(description)
+    data = body.in_reference_posture()
+    mujoco.mj_comPos(body.model, data)
+    straight = data.subtree_com[0, 2] - data.site_xpos[body.indices.soles[0], 2]
+    for height in np.arange(straight, 0.6 * straight, -FINE):
+        share = _leg_share(body, height)
+        if share is not None and share <= BENT:
+            return round(float(height), 3)
+    raise InvalidValueError(
+        f"robot {description.name!r} does not stand with its CoM over its soles, {0.6 * straight:.2f} to "
+        f"{straight:.2f} m high, within the ranges of its joints"
+    )
+
+
+def _leg_share(body: CompiledRobot, height: float) -> float | None:
+    """Length of the left leg over that of a straight one, of a robot that stands; None where it cannot."""
+    data, straight = mujoco.MjData(body.model), body.in_reference_posture()
+    coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
+    if coordinates is None:
+        return None
+    data.qpos[:] = coordinates
+    mujoco.mj_kinematics(body.model, data)
+    hip, ankle = body.indices.legs[0][0], body.indices.legs[0][4]
+    lengths = [np.linalg.norm(one.xanchor[ankle] - one.xanchor[hip]) for one in (data, straight)]
+    return float(lengths[0] / lengths[1])
+
+
+def _stands(body: CompiledRobot, height: float, step: tuple[float, float]) -> np.ndarray | None:
+    """Coordinates of a robot half-way between its soles, the left one a step before and beside the right."""
+    x, y = step
+    soles = np.array([[x, y, 0.0], [0.0, 0.0, 0.0]])
+    try:
+        coordinates = posture(body, np.array([0.5 * x, 0.5 * y, height]), np.zeros(3), soles)[0]
+    except InvalidValueError:
+        return None
+    return coordinates if _within_ranges(body, coordinates) else None
+
+
+def _within_ranges(body: CompiledRobot, coordinates: np.ndarray) -> bool:
+    """Whether the joints of both legs are within their ranges."""
+    model, joints = body.model, np.array([*body.indices.legs[0], *body.indices.legs[1]])
+    angles, limited = coordinates[model.jnt_qposadr[joints]], model.jnt_limited[joints].astype(bool)
+    low, high = model.jnt_range[joints].T
+    return bool(np.all(~limited | ((low <= angles) & (angles <= high))))
+
+
+def reachable_steps(description: RobotDescription, height: float) -> dict[str, float]:
+    """Longest steps forward and back, and the widest, that a robot can stand in: fields of GaitLimits [m].
+
+    The CoM is half-way between the soles and as high as it walks, or lower by up to what the biped sinks.
+    """
+    body = compiled_robot(replace(description, com_height=height))
+    width = body.robot.pelvis_width
+
+    def farthest(step: Callable[[float], tuple[float, float]]) -> float:
+        """Largest length [m] up to which every step of FINE exists at some height."""
+        reached = 0.0
+        for length in np.arange(FINE, FARTHEST, 4.0 * FINE):
+            heights = height * (1.0 - np.linspace(0.0, LOWERED, 5))
+            if all(_stands(body, low, step(length)) is None for low in heights):
+                break
+            reached = float(length)
+        return round(reached, 3)
+
+    return {
+        "length_max": farthest(lambda length: (length, width)),
+        "length_min": -farthest(lambda length: (-length, width)),
+        "width_max": round(width + farthest(lambda length: (0.0, width + length)), 3),
+    }
+
+
+PUSH = 0.1  # of F* [s]
+DIRECTIONS = 8
+PROVISIONAL = 1.0  # CoM height before it is known [m]
+STEPS = "length_min", "length_max", "width_max"
+
+
+@dataclass(frozen=True)
+class NewRobot:
+    """A robot of a model."""
+
+    file: RobotFile
+    preset: PresetFile
+    body: CompiledRobot
+
+    @property
+    def limits(self) -> list[float]:
+        """F* of its own box of steps by direction, counter-clockwise from forward [N]."""
+        box = BipedSettings().changed(self.preset.robot()).of_robot(self.body.robot).limits
+        angles = [2.0 * math.pi * k / DIRECTIONS for k in range(DIRECTIONS)]
+        return [max_recoverable_force(self.body.robot, psi, PUSH, limits=box) for psi in angles]
+
+
+def new_robot(model: str, name: str) -> NewRobot:
+    """The robot of a model, MJCF or URDF.
+
+    Args:
+        model: its file, or PACKAGE/PATH.
+        name: of the robot.
+
+    Raises:
+        InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque.
+    """
+    model = model if model.partition("/")[0] in PACKAGES else str(Path(model).resolve())
+    guess = guess_plan(read_skeleton(model))
+    soles = guess_soles(model, (guess.plan.legs[0][-1], guess.plan.legs[1][-1]))
+    file = RobotFile(
+        name, model, guess.plan, soles, _motors(model, [joint for joint, _ in guess.fixed]), guess.fixed,
+        PROVISIONAL, "biped", "guessed by push-recovery robot new; no motor has a speed without load",
+    )  # fmt: skip
+    height = standing_height(description_of(file))
+    file = replace(file, com_height=height)
+    body = compiled_robot(description_of(file))
+    scaled = scaled_settings(body).robot()["limits"]
+    reach = reachable_steps(description_of(file), height)
+    box = {step: min(scaled[step], reach[step], key=abs) for step in STEPS}
+    preset = scaled_settings(body, {"limits": box})
+    return NewRobot(
+        file, replace(preset, found={"by": "push-recovery robot new", "robot": asdict(body.robot)}), body
+    )
+
+
+def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
+    """Largest torques of all joints but the fixed ones.
+
+    Raises:
+        InvalidValueError: the model does not tell some.
+    """
+    spec = read_model(model)
+    torques = largest_torques(spec)
+    joints = [joint.name for joint in spec.joints if joint.name not in fixed]
+    free = {joint.name for joint in spec.joints if joint.type.name == "mjJNT_FREE"}
+    if unknown := [name for name in joints if name not in torques and name not in free]:
+        raise InvalidValueError(
+            f"the model {model!r} does not tell the largest torque of {', '.join(unknown)}: give its joints "
+            "an actuatorfrcrange, or its actuators a forcerange"
+        )
+    return tuple((name, Motor(torque=torques[name])) for name in joints if name not in free)
+
+
+def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:
+    """Write NAME.robot.json and NAME.preset.json into a folder; returns both."""
+    paths = out / f"{robot.file.name}.robot.json", out / f"{robot.file.name}.preset.json"
+    robot.preset.save(paths[1])
+    write_robot_file(paths[0], robot.file, paths[1].name)
+    return paths
+
+
+def summary(robot: NewRobot) -> dict[str, Any]:
+    """What was guessed and derived, in plain JSON types."""
+    plan, model = robot.file.plan, robot.body.robot
+    return {
+        "name": robot.file.name, "pelvis": plan.pelvis, "trunk": plan.trunk, "left_leg": plan.legs[0],
+        "right_leg": plan.legs[1], "waist": plan.waist, "held": dict(plan.held),
+        "fixed": dict(robot.file.fixed), "soles": [asdict(sole) for sole in robot.file.soles],
+        "robot": asdict(model), "limits": robot.preset.robot()["limits"], "limit_N": robot.limits,
+    }  # fmt: skip

@@ -1,0 +1,402 @@
+"""How suites are drawn: stratified points, pushes of every kind, and shifts of one thing each.
+
+Scenarios from points that fill a unit cube evenly: every pair of factors has every pair of levels once.
+
+Pushes of every kind: where, how long, how often, at which moment of which walk.
+
+A scenario is a point of the unit cube with a coordinate for each field of `Point`. The ranges were chosen on
+a draw of another seed, with two arms, so that strong arms lose some pushes and weak arms not all.
+
+Pushes that differ from those that learned policies are trained on in one thing each.
+
+The base of every shift is a push like those of `hard`, 80-200 N s for 0.1 s through the pelvis' CoM of the
+nominal robot on a level floor. A shift takes such a scenario and further coordinates of its point in the unit
+cube, and changes one thing. The ranges were looked at once, with two-stage on 64 pushes of another seed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
+from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
+from ...envs.scenario.push import Body, GaitEvent, Push, Side, other_side
+from ...envs.scenario.scenario import FASTEST_TURN, Command, Scenario
+
+LEVELS = 16  # of each factor
+BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
+ForceOf = Callable[[float, float, str], float]  # [N], of a share in [0, 1], psi and the stance side
+
+
+def gf16_multiply(a: int, b: int) -> int:
+    """Product in the field of 16 elements, modulo x^4 + x + 1."""
+    product = 0
+    while b:
+        if b & 1:
+            product ^= a
+        a, b = a << 1, b >> 1
+        if a & 16:
+            a ^= 0b10011
+    return product
+
+
+def orthogonal_array(factors: int) -> NDArray[np.int64]:
+    """Strength-2 orthogonal array (256, factors) of 16 levels (Bush 1952), up to 17 factors.
+
+    Row (a, b) holds a, b, a + b, a + 2 b, ... in the field of 16 elements: any two columns take each of the
+    256 pairs of levels exactly once.
+    """
+    rows = [
+        [a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))]
+        for a in range(LEVELS)
+        for b in range(LEVELS)
+    ]
+    return np.array(rows, dtype=np.int64)
+
+
+def _uniforms(generator: np.random.PCG64, *shape: int) -> NDArray[np.float64]:
+    """Uniforms in [0, 1) from raw bits, whose stream numpy guarantees across versions."""
+    raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
+    return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
+
+
+def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.float64]:
+    """Points (256 blocks, factors) in the unit cube, stratified in every block of 256.
+
+    In each block every pair of factors falls once into each of 16 x 16 cells, and each factor once into each
+    of 256 intervals; over all blocks each factor falls once into each of 256 x blocks intervals.
+    """
+    generator = np.random.PCG64(np.random.SeedSequence(seed))
+    array = orthogonal_array(factors)
+    quarter = np.argsort(_uniforms(generator, factors, blocks), axis=1)  # of the finest interval, by block
+    points = np.empty((blocks, BLOCK, factors))
+    for block in range(blocks):
+        order = np.argsort(_uniforms(generator, BLOCK))
+        for factor in range(factors):
+            level = np.argsort(_uniforms(generator, LEVELS))[array[:, factor]]
+            rank = np.empty(BLOCK, dtype=np.int64)
+            for value in range(LEVELS):
+                rank[level == value] = np.argsort(_uniforms(generator, LEVELS))
+            inner = (quarter[factor, block] + _uniforms(generator, BLOCK)) / blocks
+            points[block, :, factor] = ((level + (rank + inner) / LEVELS) / LEVELS)[order]
+    return points.reshape(-1, factors)
+
+
+def uniform_force(ranges: PushDistribution) -> ForceOf:
+    """Forces whose impulse is uniform in the range of a distribution, all round."""
+
+    def force_of(share: float, _psi: float, _side: str) -> float:
+        return (ranges.impulse_min + share * (ranges.impulse_max - ranges.impulse_min)) / ranges.push_duration
+
+    return force_of
+
+
+def stratified_scenario(
+    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
+) -> Scenario:
+    """Scenario of one stratified point: direction, force, phase, command speed, kind and sides.
+
+    Values are rounded far below what matters so that the content does not hang on a platform's libm.
+    """
+    category = int(u[4] * LEVELS)  # 4 kinds of command x side of the push x first stance side
+    side = "left" if category & 4 else "right"
+    psi = (2 * u[0] - 1) * math.pi
+    force = force_of(u[1], psi, side)
+    vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+    event = GaitEvent(ranges.first_step, side, round(u[2] * ranges.phase_max, 4))
+    signed = 2 * u[3] - 1
+    speed = abs(signed) if COMMAND_KINDS[category & 3] == "sideways" else u[3]
+    return Scenario(
+        id=scenario_id,
+        pushes=(Push(vector, ranges.push_duration, event),),
+        command=ranges.command(category & 3, round(speed, 4), bool(signed > 0)),
+        stance_side="left" if category & 8 else "right",
+        settle_time=ranges.settle_time,
+        noise_seed=noise_seed,
+    )
+
+
+def pelvis_scenarios(name: str, ranges: PushDistribution, blocks: int, seed: int) -> tuple[Scenario, ...]:
+    """256 scenarios a block with one push each from `ranges`, every pair of factors stratified in each."""
+    points, force = stratified_uniforms(blocks, 5, seed), uniform_force(ranges)
+    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force, u, i) for i, u in enumerate(points))
+    return tuple(drawn)
+
+
+FIRST_STEP = 4  # pushes start no earlier
+COUNTS = ("single",) * 8 + ("double",) * 4 + ("repeated",) * 4  # by level
+SHARE: dict[str, float] = {"single": 1.0, "double": 0.75, "repeated": 0.55}  # of an impulse, each push
+REPEATS, REPEAT_STEPS = 4, 2  # pushes of a repeated one, and steps from one to the next
+LATEST_SECOND = 4  # steps after the first push
+DURATIONS = (0.02, 0.5)  # uniform in the logarithm [s]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a body is pushed, and how hard; uniform in each."""
+
+    impulse: tuple[float, float]  # [N s]
+    offset_low: tuple[float, float, float]  # point of attack from its CoM, body axes [m]
+    offset_high: tuple[float, float, float]  # [m]
+
+
+Targets = Mapping[Body, Target]
+TARGETS: Targets = MappingProxyType(
+    {
+        "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
+        "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
+    }
+)
+
+
+def harder(pelvis: float, trunk: float) -> Targets:
+    """TARGETS with other largest impulses [N s]."""
+    largest: dict[Body, float] = {"pelvis": pelvis, "trunk": trunk}
+    return {
+        body: replace(target, impulse=(target.impulse[0], largest[body])) for body, target in TARGETS.items()
+    }
+
+
+class Walk(NamedTuple):
+    """Fastest command of a kind; speeds and turn are drawn from 0 up to it."""
+
+    vx: float = 0.0  # [m/s]
+    vy: float = 0.0  # [m/s], to either side
+    turn: float = 0.0  # [rad/s], to either side
+
+
+IN_PLACE, FORWARD, BACKWARD, SIDEWAYS = Walk(), Walk(0.6), Walk(-0.3), Walk(0.0, 0.25)
+WALKS = (  # by level
+    *[IN_PLACE] * 4, *[FORWARD] * 3, BACKWARD,
+    *[SIDEWAYS] * 2, Walk(0.6, 0.2), Walk(-0.3, 0.2),
+    Walk(turn=FASTEST_TURN), *[Walk(0.6, turn=FASTEST_TURN)] * 2, Walk(-0.3, turn=FASTEST_TURN),
+)  # fmt: skip
+
+
+class Point(NamedTuple):
+    """Coordinates of a scenario in the unit cube, each in [0, 1)."""
+
+    direction: float
+    impulse: float
+    phase: float
+    duration: float
+    sides: float  # 16 levels: body, first stance, stance of the push, side of the command
+    pushes: float  # 16 levels: COUNTS
+    walk: float  # 16 levels: WALKS
+    speed: float
+    turn: float
+    offset_x: float
+    offset_y: float
+    offset_z: float
+    second_direction: float
+    second_time: float
+
+
+FACTORS = len(Point._fields)
+
+
+def varied_scenarios(name: str, blocks: int, seed: int, targets: Targets = TARGETS) -> tuple[Scenario, ...]:
+    """256 scenarios a block, every pair of factors stratified in each."""
+    points = stratified_uniforms(blocks, FACTORS, seed).tolist()
+    return tuple(varied_scenario(f"{name}-{i:04d}", Point(*u), i, targets) for i, u in enumerate(points))
+
+
+def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Targets = TARGETS) -> Scenario:
+    """Scenario of one point; values are rounded far below what matters, as in `stratified_scenario`."""
+    bits = int(u.sides * LEVELS)
+    stance: Side = "left" if bits & 2 else "right"
+    event = GaitEvent(FIRST_STEP, "left" if bits & 4 else "right", round(u.phase, 4))
+    return Scenario(
+        id=scenario_id,
+        pushes=_pushes(u, "trunk" if bits & 1 else "pelvis", event, stance, targets),
+        command=_command(u, to_left=bool(bits & 8)),
+        stance_side=stance,
+        noise_seed=noise_seed,
+    )
+
+
+def count_of(scenario: Scenario) -> str:
+    """How often the scenario pushes: one of COUNTS, or none."""
+    return {0: "none", 1: "single", 2: "double"}.get(len(scenario.pushes), "repeated")
+
+
+def walk_of(scenario: Scenario) -> str:
+    """What the robot is told at the start: in place, turning, sideways (also aslant), forward or backward."""
+    command = scenario.command
+    if command.turn:
+        return "turning"
+    if command.vy:
+        return "sideways"
+    return "in place" if not command.vx else "forward" if command.vx > 0.0 else "backward"
+
+
+def _command(u: Point, to_left: bool) -> Command:
+    """Command of the point, sideways and turning to one side."""
+    walk, sign = WALKS[int(u.walk * LEVELS)], 1.0 if to_left else -1.0
+    vx, vy, turn = u.speed * walk.vx, sign * u.speed * walk.vy, sign * u.turn * walk.turn
+    return Command(*(round(value, 4) + 0.0 for value in (vx, vy, turn)))  # + 0.0: no -0.0
+
+
+def _pushes(u: Point, body: Body, event: GaitEvent, stance: Side, targets: Targets) -> tuple[Push, ...]:
+    """The pushes of a point: equal in force, duration and place, in the robot's frame."""
+    target, count = targets[body], COUNTS[int(u.pushes * LEVELS)]
+    shortest, longest = DURATIONS
+    duration = round(shortest * (longest / shortest) ** u.duration, 4)
+    low, high = target.impulse
+    force = SHARE[count] * (low + u.impulse * (high - low)) / duration
+    shares = zip((u.offset_x, u.offset_y, u.offset_z), target.offset_low, target.offset_high, strict=True)
+    x, y, z = (round(least + share * (most - least), 4) for share, least, most in shares)
+    pushes = []
+    for moment, turn in _moments(u, count, event, stance):
+        psi = (2.0 * turn - 1.0) * math.pi
+        vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+        pushes.append(Push(vector, duration, moment, body, (x, y, z), "heading"))
+    return tuple(pushes)
+
+
+def _moments(u: Point, count: str, event: GaitEvent, stance: Side) -> list[tuple[GaitEvent, float]]:
+    """When each push starts, and its direction as a share of a turn."""
+    moments, first = [(event, u.direction)], event.step_index(stance)
+    if count == "double":
+        later, fraction = divmod(u.second_time * LATEST_SECOND, 1.0)
+        index = first + 1 + int(later)
+        moments.append((GaitEvent(index, step_side(stance, index), round(fraction, 4)), u.second_direction))
+    elif count == "repeated":
+        for index in range(first + REPEAT_STEPS, first + REPEATS * REPEAT_STEPS, REPEAT_STEPS):
+            moments.append((GaitEvent(index, step_side(stance, index), event.fraction), u.direction))
+    return moments
+
+
+def step_side(stance: Side, index: int) -> Side:
+    """Stance side of the step with this index, where step 0 stands on `stance`."""
+    return stance if index % 2 == 0 else other_side(stance)
+
+
+HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)
+BEYOND = replace(HARD, impulse_min=210.0, impulse_max=250.0)  # no recipe trains beyond 210 N s
+BASE = 5  # coordinates of the push that is shifted
+TRUNK_SHARE = 0.6  # of the pelvis' impulse: 48-120 N s, after which about as many robots stand
+REPEATED_SHARE = 0.55  # of the impulse, each of several pushes
+MOST_PUSHES, LONGEST_GAP = 5, 3  # of repeated pushes: how many at most, and steps from one to the next
+TURN = 2.0 * math.pi
+
+Coordinates = Sequence[float]  # each in [0, 1)
+Range = tuple[float, float]
+
+
+def between(bounds: Range, u: float, digits: int = 4) -> float:
+    """The point of a range at a share u in [0, 1), rounded far below what matters."""
+    low, high = bounds
+    return round(low + u * (high - low), digits) + 0.0  # no -0.0
+
+
+def longer_or_shorter(scenario: Scenario, u: Coordinates) -> Scenario:
+    """The same impulse within 0.02-0.5 s, uniform in the logarithm."""
+    (push,) = scenario.pushes
+    shortest, longest = DURATIONS
+    duration = round(shortest * (longest / shortest) ** u[0], 4)
+    force = _scaled(push.force, push.duration / duration)
+    return replace(scenario, pushes=(replace(push, force=force, duration=duration),))
+
+
+def elsewhere(scenario: Scenario, u: Coordinates) -> Scenario:
+    """Half at the trunk with TRUNK_SHARE of the impulse, half at the pelvis; off the body's CoM."""
+    (push,) = scenario.pushes
+    body: Body = "trunk" if u[0] < 0.5 else "pelvis"
+    low, high = TARGETS[body].offset_low, TARGETS[body].offset_high
+    x, y, z = (
+        between(bounds, share) for bounds, share in zip(zip(low, high, strict=True), u[1:], strict=True)
+    )
+    force = _scaled(push.force, TRUNK_SHARE) if body == "trunk" else push.force
+    return replace(scenario, pushes=(replace(push, force=force, body=body, offset=(x, y, z)),))
+
+
+def another_robot(scenario: Scenario, u: Coordinates) -> Scenario:
+    """Other mass, CoM and losses, late torques and a noisy DCM, all of them at once."""
+    x, y, z = (between((-0.03, 0.03), share) for share in u[2:5])
+    errors = ModelErrors(
+        mass=between((-0.15, 0.15), u[0]),
+        payload=between((0.0, 8.0), u[1]),
+        trunk_com=(x, y, z),
+        joint_friction=between((0.0, 1.5), u[5]),
+        armature=between((0.0, 0.04), u[6]),
+        delay=round(int(u[7] * 5) * CONTROL_STEP, 6),  # 0-8 ms
+        dcm_noise=between((0.0, 0.004), u[8]),
+    )
+    return replace(scenario, errors=errors)
+
+
+def another_floor(scenario: Scenario, u: Coordinates) -> Scenario:
+    """A third each: slippery, sloping to any side, or of tiles of different height."""
+    kind, along, turn = int(3.0 * u[0]), u[1], TURN * u[2]
+    if kind == 0:
+        errors = ModelErrors(friction=between((0.3, 0.6), along))
+    elif kind == 1:
+        slope = between((0.02, 0.07), along, 6)  # 1-4 degrees
+        errors = ModelErrors(
+            slope_forward=round(slope * math.cos(turn), 6), slope_left=round(slope * math.sin(turn), 6)
+        )
+    else:
+        errors = ModelErrors(floor_step=between((0.005, 0.02), along))
+    return replace(scenario, errors=errors)
+
+
+def repeated(scenario: Scenario, u: Coordinates) -> Scenario:
+    """Two to five pushes of REPEATED_SHARE each, one to three steps apart, each turned by the same angle."""
+    (push,) = scenario.pushes
+    count, gap = 2 + int(u[0] * (MOST_PUSHES - 1)), 1 + int(u[1] * LONGEST_GAP)
+    turn, event = TURN * u[2], push.start
+    assert isinstance(event, GaitEvent)  # noqa: S101
+    magnitude = REPEATED_SHARE * math.hypot(*push.force)
+    first, pushes = event.step_index(scenario.stance_side), []
+    for i in range(count):
+        index, psi = first + i * gap, push.direction + i * turn
+        force = (round(magnitude * math.cos(psi), 3), round(magnitude * math.sin(psi), 3), 0.0)
+        moment = GaitEvent(index, step_side(scenario.stance_side, index), event.fraction)
+        pushes.append(Push(force, push.duration, moment))
+    return replace(scenario, pushes=tuple(pushes))
+
+
+def _scaled(force: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    x, y, z = (round(share * component, 3) + 0.0 for component in force)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What is changed of a push, and from which coordinates."""
+
+    change: Callable[[Scenario, Coordinates], Scenario] | None  # None: the ranges alone are others
+    coordinates: int  # that the change takes
+    seed: int  # of the named suite
+    ranges: PushDistribution = HARD
+
+
+SHIFTS: Mapping[str, Shift] = MappingProxyType(
+    {
+        "shift-duration": Shift(longer_or_shorter, 1, 20261201),
+        "shift-body": Shift(elsewhere, 4, 20261202),
+        "shift-model": Shift(another_robot, 9, 20261205),
+        "shift-magnitude": Shift(None, 0, 20261206, BEYOND),
+        "shift-floor": Shift(another_floor, 3, 20261207),
+        "shift-repeated": Shift(repeated, 3, 20261208),
+    }
+)
+
+
+def shifted_scenarios(kind: str, name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
+    """256 scenarios a block of a kind of SHIFTS, every pair of factors stratified in each."""
+    shift = SHIFTS[kind]
+    force = uniform_force(shift.ranges)
+    drawn = []
+    for i, u in enumerate(stratified_uniforms(blocks, BASE + shift.coordinates, seed)):
+        scenario = stratified_scenario(f"{name}-{i:04d}", shift.ranges, force, u[:BASE], i)
+        drawn.append(scenario if shift.change is None else shift.change(scenario, u[BASE:].tolist()))
+    return tuple(drawn)

@@ -1,0 +1,483 @@
+"""The largest recoverable push by direction, beside the closed-form limit F*.
+
+A scan of pushes: strengths of a grid, weakest first, until enough past the first failure is known.
+
+Survival is not monotone in the strength: beyond the first failure there may be islands that are survived.
+
+F*, the yardstick of every frontier: the closed-form limit of two boxes of steps, each named.
+
+The robot's own box says what its controller could at best have reached. The paper's (Tables I and II, l_p
+0.2 m, foot 0.2 x 0.1 m) is the same for every robot and cannot be moved by choosing other limits.
+
+How large a push is beside the largest that the closed form leaves to any controller at that moment.
+
+The largest recoverable push by direction, beside the closed-form limit.
+
+The frontier as a table and as a report, with the limits that the first failures met.
+
+Polar picture of a frontier: force by direction, against the closed-form limits.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.files import write_atomically, write_text
+from ...controllers.model.capturability import max_recoverable_force, recoverable_offset
+from ...controllers.model.gait_box import GaitLimits
+from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
+from ...controllers.model.robot import RobotModel
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.push import Body, GaitEvent, Push, polar_push
+from ...envs.scenario.scenario import EXACT, Command, Scenario, get_profile
+from ..output.progress import Work, about, progress_bars, robot_seconds
+from ..output.tables import markdown_table
+from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
+from ..rollout.outcome import Outcome
+from ..rollout.policy_source import open_rows, policy_sources
+from ..rollout.workers import Runner, parallel
+from .evaluate import fall_bounds, fall_cell
+
+BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
+FORCE_CAP = 4000.0  # no scan goes further [N]
+NOMINAL_STEPS = 4  # before the push
+TOLERANCE = 1e-9  # of strengths that are multiples of a grid
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """What a scan found, in the unit of its strengths."""
+
+    survived: float  # largest before the first failure; 0 where none was survived
+    largest_survived: float  # at all
+    failed: tuple[float, ...]  # rising
+
+    @classmethod
+    def of(cls, survives: Mapping[float, bool]) -> Scanned:
+        """From whether each strength was survived."""
+        failed = tuple(sorted(strength for strength, ok in survives.items() if not ok))
+        survived = [strength for strength, ok in survives.items() if ok]
+        before = [strength for strength in survived if not failed or strength < failed[0]]
+        return cls(max(before, default=0.0), max(survived, default=0.0), failed)
+
+
+def scan_upwards(
+    run: Callable[[Iterator[float]], Iterable[tuple[float, T]]],
+    strengths: Iterable[float],
+    beyond: float,
+    survived: Callable[[T], bool],
+) -> dict[float, T]:
+    """Outcomes of rising strengths up to `beyond` past the first failure, in rising order.
+
+    Several may run at once, so that a weaker one fails late; what was tried past the end that it sets is left
+    out. So what comes out does not depend on how many run at once.
+
+    Args:
+        run: takes strengths when it has room for them; gives (strength, outcome) in any order.
+        strengths: rising.
+        beyond: in their unit.
+        survived: whether an outcome counts as survived.
+    """
+    end, found = float("inf"), {}
+
+    def wanted() -> Iterator[float]:
+        for strength in strengths:
+            if strength > end + TOLERANCE:
+                return
+            yield strength
+
+    for strength, outcome in run(wanted()):
+        found[strength] = outcome
+        if not survived(outcome):
+            end = min(end, strength + beyond)
+    return {strength: found[strength] for strength in sorted(found) if strength <= end + TOLERANCE}
+
+
+def multiples(grid: float) -> Iterator[float]:
+    """The multiples of a grid [N] from the first up to FORCE_CAP."""
+    return (k * grid for k in range(1, int(FORCE_CAP / grid + TOLERANCE) + 1))
+
+
+def directions_deg(count: int) -> list[float]:
+    """`count` directions counter-clockwise from forward [deg].
+
+    Raises:
+        InvalidValueError: fewer than one.
+    """
+    if count < 1:
+        raise InvalidValueError(f"directions must be >= 1, got {count}")
+    return [360.0 * k / count for k in range(count)]
+
+
+OWN, PAPER, POINT_FOOT = "F* of the robot's own box", "F* of the paper's box", "own box, point foot"
+
+
+@dataclass(frozen=True)
+class DirectionLimits:
+    """F* in one direction [N]."""
+
+    own: float  # of the robot's own gait limits
+    paper: float  # of the paper's robot and gait limits
+
+    @staticmethod
+    def share(force: float, limit: float) -> float | None:
+        """A force [N] as a share of a limit [N]; None where the limit is 0."""
+        return force / limit if limit > 0 else None
+
+
+def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
+    """Nominal gait of an environment for a command, on left stance (its y axis points right)."""
+    unwrapped: Any = env.unwrapped
+    return nominal_gait(unwrapped.robot, unwrapped.limits, (command.vx, -command.vy))
+
+
+def own_limit_force(
+    env: gym.Env, psi: float, duration: float, command: Command, point_foot: bool = False
+) -> float:
+    """F* [N] of the environment's own robot and gait limits; arguments as for `limit_force`.
+
+    A point foot has no sole to shift the CoP in and no trunk to swing.
+    """
+    unwrapped: Any = env.unwrapped
+    gait, moved = nominal_gait_in_use(env, command), not point_foot
+    return float(
+        max_recoverable_force(
+            unwrapped.robot, psi, duration, limits=unwrapped.limits, gait=gait, foot=moved, flywheel=moved
+        )
+    )
+
+
+def limit_force(env: gym.Env, psi: float, duration: float, command: Command) -> float:
+    """F* [N] within the paper's limits, from the nominal gait of the environment.
+
+    Args:
+        env: decides the nominal gait.
+        psi: direction of the push, counter-clockwise from forward, at the start of a left stance [rad].
+        duration: of the push [s].
+        command: commanded velocity.
+    """
+    gait = nominal_gait_in_use(env, command)
+    return float(max_recoverable_force(RobotModel(), psi, duration, gait=gait))
+
+
+def direction_limits(env: gym.Env, psi_deg: float, duration: float, command: Command) -> DirectionLimits:
+    """Both limits towards psi [deg]; the other arguments as for `limit_force`."""
+    push = math.radians(psi_deg), duration, command
+    return DirectionLimits(own_limit_force(env, *push), limit_force(env, *push))
+
+
+def limit_curves(
+    env: gym.Env, psi_deg: list[float], duration: float, command: Command
+) -> dict[str, list[float]]:
+    """Limits [N] over directions [deg]: both yardsticks, and the own box with a point foot."""
+    limits = [direction_limits(env, psi, duration, command) for psi in psi_deg]
+    angles = map(math.radians, psi_deg)
+    return {
+        OWN: [limit.own for limit in limits],
+        PAPER: [limit.paper for limit in limits],
+        POINT_FOOT: [own_limit_force(env, psi, duration, command, point_foot=True) for psi in angles],
+    }
+
+
+@dataclass(frozen=True)
+class PushedStart:
+    """A nominal step when a push begins, in its canonical frame."""
+
+    elapsed: float  # of the step [s]
+    dcm: NDArray[np.float64]  # (2,) [m]
+    shift: NDArray[np.float64]  # (2,) that the push counts as [m]
+
+
+def pushed_start(robot: RobotModel, limits: GaitLimits, push: Push, command: Command) -> PushedStart | None:
+    """Where a push finds the DCM, and what it does to it: F (1 - exp(-omega d)) / (m omega^2).
+
+    None for a push at a time, whose step is not known.
+    """
+    if not isinstance(push.start, GaitEvent):
+        return None
+    swing = -1.0 if push.start.side == "left" else 1.0  # side of the swing foot, left is positive
+    gait = nominal_gait(robot, limits, (command.vx, swing * command.vy))
+    elapsed = push.start.fraction * gait.duration
+    dcm = np.array(step_start_dcm(gait, robot.pelvis_width, robot.omega)) * math.exp(robot.omega * elapsed)
+    force = np.array([push.force[0], swing * push.force[1]])
+    shift = force * -math.expm1(-robot.omega * push.duration) / (robot.mass * robot.omega**2)
+    return PushedStart(elapsed, dcm, shift)
+
+
+def limit_share(env: gym.Env, push: Push, command: Command) -> float | None:
+    """The push as a share of F* of the robot's own box, at its moment of the nominal step.
+
+    The share is that by which the shift of `pushed_start` must be divided so that the DCM ends on the nearest
+    of its bounds; at the start of a left stance it is F / F* of the frontier. The pendulum's limit: no turn,
+    no legs.
+
+    Args:
+        env: its robot and gait limits.
+        push: at a moment of the gait.
+        command: commanded velocity.
+
+    Returns:
+        None where there is no such limit: the push comes at a time, or the unpushed gait is out of bounds.
+    """
+    unwrapped: Any = env.unwrapped
+    start = pushed_start(unwrapped.robot, unwrapped.limits, push, command)
+    if start is None:
+        return None
+    bounds = recoverable_offset(unwrapped.robot, unwrapped.limits, start.elapsed)
+    room = np.where(start.shift > 0.0, bounds.high - start.dcm, start.dcm - bounds.low)
+    if (room <= 0.0).any():
+        return None
+    return float(np.max(np.abs(start.shift) / room))
+
+
+FORMAT = 2  # of the rows
+KEY = ("policy", "psi_deg")  # of a row
+FOUND = ("survived_N", "largest_survived_N", "failed_N", "falls")  # fields that a report is made of
+IN_PLACE = Command()
+SIMULATED = 500.0  # seconds of a robot that one direction of a policy takes, about: eighty forces
+
+
+@dataclass(frozen=True)
+class FrontierSettings:
+    """The push whose force is scanned: at the start of a left stance after four nominal steps."""
+
+    env_id: str
+    grid: float = 20.0  # [N]
+    duration: float = 0.1  # [s]
+    body: Body = "pelvis"
+    command: Command = IN_PLACE
+    errors: ModelErrors = EXACT_MODEL
+    profile: str = EXACT.name
+
+    def __post_init__(self) -> None:
+        if not 0 < self.grid <= FORCE_CAP:
+            raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
+        get_profile(self.profile)
+
+    def scenario(self, psi_deg: float, force: float) -> Scenario:
+        """The push of `force` [N] towards psi."""
+        event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
+        push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
+        name = f"frontier-{psi_deg:g}deg-{force:g}N"
+        scenario = Scenario(name, (push,), self.command, "left", errors=self.errors)
+        return profile_on(self.env_id, self.profile).applied(scenario)
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """One direction of one policy."""
+
+    settings: FrontierSettings
+    policy: str
+    psi_deg: float
+
+
+def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
+    """The row of one direction: raise the force by the grid until BEYOND past the first failure."""
+    outcomes = scan_upwards(
+        lambda forces: _outcomes(runner, job, forces),
+        multiples(job.settings.grid),
+        BEYOND,
+        lambda outcome: outcome.survived,
+    )
+    found = Scanned.of({force: outcome.survived for force, outcome in outcomes.items()})
+    return {
+        "policy": job.policy,
+        "psi_deg": job.psi_deg,
+        "survived_N": found.survived,
+        "largest_survived_N": found.largest_survived,
+        "failed_N": list(found.failed),
+        "falls": [fall_bounds(force, outcomes[force]) for force in found.failed],
+    }
+
+
+def _outcomes(runner: Runner, job: ScanJob, forces: Iterator[float]) -> Iterator[tuple[float, Outcome]]:
+    """Outcomes of forces [N], which run side by side, as they finish."""
+    begun: dict[str, float] = {}  # scenario -> force
+
+    def scenarios() -> Iterator[Scenario]:
+        for force in forces:
+            scenario = job.settings.scenario(job.psi_deg, force)
+            begun[scenario.id] = force
+            yield scenario
+
+    for outcome in runner.run_all(job.policy, scenarios()):
+        yield begun[outcome.scenario_id], outcome
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """Scans of several policies in the same directions."""
+
+    settings: FrontierSettings
+    rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
+    limits: Mapping[float, DirectionLimits]  # F* by direction [deg]
+    directory: Path
+
+    def to_dict(self, policy: str) -> dict[str, Any]:
+        """The contract's object of one policy."""
+        directions = []
+        for row in self.rows[policy]:
+            limit, force = self.limits[row["psi_deg"]], row["survived_N"]
+            directions.append(
+                {
+                    "psi_deg": row["psi_deg"],
+                    "survived_N": force,
+                    "largest_survived_N": row["largest_survived_N"],
+                    "limit_N": limit.paper,
+                    "fraction": limit.share(force, limit.paper),
+                    "own_limit_N": limit.own,
+                    "own_fraction": limit.share(force, limit.own),
+                }
+            )
+        push = {"duration": self.settings.duration, "body": self.settings.body}
+        return {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
+
+
+def default_grid(env_id: str) -> float:
+    """The environment's own grid [N]; that of any gait environment where it names none."""
+    env: Any = make_env(env_id)
+    grid = float(getattr(getattr(env.unwrapped, "episodes", None), "force_grid", GaitEpisodes.force_grid))
+    env.close()
+    return grid
+
+
+def frontier(
+    settings: FrontierSettings,
+    policies: Any,
+    directions: int = 16,
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Frontier:
+    """Scan all directions for all policies; directions done before in the directory are kept.
+
+    Raises:
+        PushRecoveryError: unknown names, a directory of another configuration.
+    """
+    sources = policy_sources(policies)
+    angles = directions_deg(directions)
+    runner = Runner(settings.env_id, sources)
+    for name in sources:
+        runner.policy(name)
+    limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
+    runner.close()
+    config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
+    config |= preset_digest(settings.env_id)
+    label = f"frontier-{env_label(settings.env_id)}"
+    store, digests = open_rows(label, config, sources, KEY, FOUND, directory, overwrite)
+    jobs = [
+        ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
+    ]
+    cost = sum(sources[job.policy].cost for job in jobs)
+    length = about(robot_seconds(settings.env_id, cost * SIMULATED, workers))
+    work = Work(f"{directions} directions for {', '.join(sources)}", length, store.directory)
+    count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
+    with store, progress_bars(list(sources), len(angles), work, count) as bars:
+        for row in parallel(settings.env_id, scan, jobs, workers, sources):
+            store.append({**row, "policy_sha256": digests[row["policy"]]})
+            count[row["policy"]] += 1
+            bars.set(row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N")
+    rows = {name: [store.rows[name, psi] for psi in angles] for name in sources}
+    return Frontier(settings, rows, limits, store.directory)
+
+
+NOTE = (
+    "Largest force before the first failure [N] (share of F* of the robot's own box, of the paper's; largest "
+    "survived at all). The paper's box is that of its Tables I and II. Falls by: the bound "
+    "that the first failure met first, then the three that it met for the longest share of the time.\n"
+)
+
+
+def frontier_columns(frontier: Frontier) -> tuple[str, ...]:
+    """Headings of `frontier_cells`."""
+    names = list(frontier.rows)
+    falls = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
+    return ("psi [deg]", "own F* [N]", "paper's F* [N]", *names, *falls)
+
+
+def frontier_cells(frontier: Frontier) -> list[tuple[str, ...]]:
+    """One row of cells for each direction."""
+    objects = {name: frontier.to_dict(name)["directions"] for name in frontier.rows}
+    cells = []
+    for index, (psi, limit) in enumerate(frontier.limits.items()):
+        forces = [_force_cell(entries[index]) for entries in objects.values()]
+        falls = [fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()]
+        cells.append((f"{psi:g}", f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces, *falls))
+    return cells
+
+
+def _force_cell(entry: dict[str, Any]) -> str:
+    """Force before the first failure, its shares of both F*, and the largest survived where that is more."""
+    shares = (entry["own_fraction"], entry["fraction"])
+    share = ", ".join("-" if part is None else f"{part:.2f}" for part in shares)
+    more = entry["largest_survived_N"]
+    return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
+
+
+def write_frontier_reports(frontier: Frontier, title: str) -> Path:
+    """Write report.md, whose path is returned, and report.json, with the limits of every failed force."""
+    policies = {}
+    for name, rows in frontier.rows.items():
+        policies[name] = frontier.to_dict(name)
+        for entry, row in zip(policies[name]["directions"], rows, strict=True):
+            entry["falls"] = row["falls"]
+    write_text(frontier.directory / "report.json", json.dumps({"policies": policies}, indent=1) + "\n")
+    table = markdown_table(frontier_columns(frontier), frontier_cells(frontier))
+    path = frontier.directory / "report.md"
+    write_text(path, f"# Frontier\n\n{title}\n\n{table}\n{NOTE}")
+    return path
+
+
+STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:"}
+
+
+def save_pictures(frontier: Frontier) -> list[Path]:
+    """Write frontier.png and frontier.svg into the frontier's directory.
+
+    Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.5, 7.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(projection="polar")
+    axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
+    settings = frontier.settings
+    angles = np.linspace(0.0, 360.0, 361)
+    env = make_env(settings.env_id)
+    curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
+    env.close()
+    for label, curve in curves.items():
+        axes.plot(np.radians(angles), curve, STYLES[label], linewidth=1, label=label)
+    for policy, rows in frontier.rows.items():
+        psi = [math.radians(row["psi_deg"]) for row in rows]
+        force = [row["survived_N"] for row in rows]
+        axes.plot([*psi, psi[0]], [*force, force[0]], marker="o", markersize=3, label=policy)
+    axes.set_title(
+        f"{settings.env_id}: largest force before the first failure [N]\n"
+        f"{settings.body}, {settings.duration:g} s, start of a left stance; forward is up"
+    )
+    figure.legend(loc="outside lower center", fontsize="small", ncols=3)
+    paths = []
+    for suffix in ("png", "svg"):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=suffix, dpi=130, metadata={"Date": None} if suffix == "svg" else None)
+        path = frontier.directory / f"frontier.{suffix}"
+        write_atomically(path, buffer.getvalue())
+        paths.append(path)
+    return paths

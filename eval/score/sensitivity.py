@@ -1,0 +1,231 @@
+"""What outcomes depend on: a sample of a suite under other solvers, steps, losses and delays.
+
+Robots and physics to compare with the exact one: one thing at a time, and some together.
+
+A sample of a suite under every variation, and what each has lost and gained against the exact robot.
+
+The sensitivity of outcomes as a table and as a report.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from ...controllers.errors import InvalidValueError
+from ...controllers.files import write_text
+from ...controllers.validation import require_choice, require_integer
+from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
+from ...envs.scenario.scenario import EXACT, HARDWARE, ONBOARD, Profile
+from ..output.statistics import PairedCounts
+from ..output.tables import markdown_table
+from ..rollout.outcome import Score
+from .evaluate import Evaluation, evaluate
+from .suites import Suite
+
+NUMERICS = (  # of which no result should hang
+    ("step-1ms", PhysicsOptions(time_step=0.001)),
+    ("step-0.5ms", PhysicsOptions(time_step=0.0005)),
+    ("euler", PhysicsOptions(integrator="euler")),
+    ("implicit", PhysicsOptions(integrator="implicit")),
+    ("rk4", PhysicsOptions(integrator="rk4")),
+    ("rk4-0.5ms", PhysicsOptions(time_step=0.0005, integrator="rk4")),
+    ("cg", PhysicsOptions(solver="cg")),
+    ("pgs", PhysicsOptions(solver="pgs")),
+    ("elliptic", PhysicsOptions(cone="elliptic")),
+    ("elliptic-impratio-10", PhysicsOptions(cone="elliptic", impratio=10.0)),
+    ("contacts-4ms", PhysicsOptions(contact_time=0.004)),
+    ("contacts-20ms", PhysicsOptions(contact_time=0.02)),
+    ("fine", PhysicsOptions(time_step=0.0005, cone="elliptic", impratio=10.0, contact_time=0.004)),
+)
+BODIES = (  # of which a robot has some
+    ("floor-0.6", ModelErrors(friction=0.6)),
+    ("floor-0.7", ModelErrors(friction=0.7)),
+    ("floor-1.2", ModelErrors(friction=1.2)),
+    ("joint-friction-1", ModelErrors(joint_friction=1.0)),
+    ("joint-friction-2", ModelErrors(joint_friction=2.0)),
+    ("joint-damping-1", ModelErrors(joint_damping=1.0)),
+    ("armature-0.03", ModelErrors(armature=0.03)),
+    ("armature-0.05", ModelErrors(armature=0.05)),
+    ("delay-4ms", ModelErrors(delay=0.004)),
+    ("delay-10ms", ModelErrors(delay=0.01)),
+    ("collisions", ModelErrors(collisions=True)),
+    ("motor-2kW", ModelErrors(motor_power=2000.0)),
+    ("bus-3kW", ModelErrors(bus_power=3000.0)),
+    ("bus-1.5kW", ModelErrors(bus_power=1500.0)),
+    ("continuous-0.4", ModelErrors(continuous_torque=0.4)),
+)
+SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own sensors
+VARIATIONS: Mapping[str, Profile] = MappingProxyType(
+    {
+        EXACT.name: EXACT,
+        **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
+        **{name: Profile(name, errors) for name, errors in BODIES},
+        **{profile.name: profile for profile in (SENSES, HARDWARE)},
+    }
+)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One policy under one variation, beside itself on the same pushes without."""
+
+    variation: str
+    score: Score
+    recovered: PairedCounts  # a: under the variation, b: exact
+    survived: PairedCounts
+
+    def to_dict(self) -> dict[str, Any]:
+        """Counts, and the difference of the recovery rates with its interval and p value."""
+        return {
+            "recovered": self.score.recovered,
+            "survived": self.score.survived,
+            "episodes": self.score.episodes,
+            "lost": self.recovered.only_b,
+            "gained": self.recovered.only_a,
+            "rate_difference": self.recovered.rate_difference,
+            "ci95": list(self.recovered.interval),
+            "mcnemar_p": self.recovered.p_value,
+            "survived_lost": self.survived.only_b,
+            "survived_gained": self.survived.only_a,
+        }
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Outcomes of policies on the same pushes under every variation."""
+
+    suite: Suite  # that the sample is of
+    pushes: int  # in the sample
+    variations: tuple[str, ...]  # the first is EXACT
+    evaluation: Evaluation
+
+    def changes(self, policy: str) -> list[Change]:
+        """What becomes of a policy under each variation, in order."""
+        rows = self.evaluation.rows[policy]
+        parts = [rows[i : i + self.pushes] for i in range(0, len(rows), self.pushes)]
+        found = []
+        for name, part in zip(self.variations, parts, strict=True):
+            pairs = (PairedCounts.of_rows(part, parts[0], field) for field in ("recovered", "survived"))
+            found.append(Change(name, Score.of(part), *pairs))
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Policy -> variation -> counts."""
+        return {
+            "suite": self.suite.summary(),
+            "sample": self.pushes,
+            "env": self.evaluation.env_id,
+            "policies": {
+                policy: {change.variation: change.to_dict() for change in self.changes(policy)}
+                for policy in self.evaluation.rows
+            },
+            "out": str(self.evaluation.directory),
+        }
+
+
+def sample_of(suite: Suite, count: int) -> Suite:
+    """`count` scenarios of a suite, evenly spread over its order: numbers floor(i n / count)."""
+    most = len(suite.scenarios)
+    require_integer("sample", count, 1, most)
+    scenarios = tuple(suite.scenarios[i * most // count] for i in range(count))
+    return Suite(f"{suite.name}-{count}", suite.version, scenarios)
+
+
+def varied_by(suite: Suite, variations: Sequence[str]) -> Suite:
+    """The scenarios of a suite under each variation in turn, with ids of their own.
+
+    Raises:
+        UnknownNameError: a variation that does not exist; lists those that do.
+        InvalidValueError: the first is not EXACT, or one comes twice.
+    """
+    for name in variations:
+        require_choice("variation", name, list(VARIATIONS))
+    if variations[0] != EXACT.name or len(set(variations)) < len(variations):
+        raise InvalidValueError(
+            f"variations must be distinct and begin with {EXACT.name!r}, got {', '.join(variations)}"
+        )
+    scenarios = tuple(
+        replace(VARIATIONS[name].applied(scenario), id=f"{scenario.id}/{name}")
+        for name in variations
+        for scenario in suite.scenarios
+    )
+    return Suite(f"{suite.name}-sensitivity", suite.version, scenarios)
+
+
+def sensitivity(
+    suite: Suite,
+    count: int,
+    env_id: str,
+    policies: Any,
+    variations: Sequence[str] = tuple(VARIATIONS),
+    workers: int = 1,
+    directory: Path | None = None,
+    overwrite: bool = False,
+) -> Sensitivity:
+    """Run a sample of a suite under every variation; a run that was stopped goes on where it was.
+
+    Args:
+        suite: that the sample is of; model errors and physics that its scenarios have themselves stand.
+        count: scenarios of the sample.
+        env_id: environment.
+        policies: as those of `evaluate`.
+        variations: of VARIATIONS; the exact robot comes first whether it is named or not.
+        workers: processes.
+        directory: of rows and reports; by default under runs/.
+        overwrite: start over where the directory holds rows.
+
+    Raises:
+        PushRecoveryError: as `evaluate`, `sample_of` and `varied_by`.
+    """
+    names = (EXACT.name, *(name for name in variations if name != EXACT.name))
+    pushes = varied_by(sample_of(suite, count), names)
+    evaluation = evaluate(pushes, env_id, policies, workers, directory, overwrite)
+    return Sensitivity(suite, count, names, evaluation)
+
+
+COLUMNS = ("variation", "recovered", "survived", "lost", "gained", "difference of rates", "p")
+NOTE = (
+    "Lost and gained: pushes that the exact robot recovers from and this one does not, and the other way "
+    "round. Difference: rate of recovery minus that of the exact robot, with its 95 % score interval "
+    "(Newcombe). p: exact McNemar. What a variation is: docs/sensitivity.md.\n"
+)
+
+
+def sensitivity_title(result: Sensitivity, policy: str) -> str:
+    """Environment, policy and suite in one line."""
+    return (
+        f"{result.evaluation.env_id}: {policy}, {result.pushes} pushes of suite {result.suite.name} "
+        f"v{result.suite.version}, sha256 {result.suite.sha256[:12]}"
+    )
+
+
+def sensitivity_cells(changes: list[Change]) -> list[tuple[str, ...]]:
+    """One row of cells for each variation, in COLUMNS."""
+    cells = []
+    for change in changes:
+        score, pairs = change.score, change.recovered
+        low, high = pairs.interval
+        difference = f"{pairs.rate_difference:+.3f} ({low:+.3f} to {high:+.3f})"
+        counts = (str(n) for n in (score.recovered, score.survived, pairs.only_b, pairs.only_a))
+        compared = (difference, f"{pairs.p_value:.2g}") if change is not changes[0] else ("-", "-")
+        cells.append((change.variation, *counts, *compared))
+    return cells
+
+
+def write_sensitivity_reports(result: Sensitivity) -> Path:
+    """Write report.json and report.md into the directory; returns the path of the latter."""
+    directory = result.evaluation.directory
+    write_text(directory / "report.json", json.dumps(result.to_dict(), indent=1) + "\n")
+    parts = [
+        f"## {sensitivity_title(result, policy)}\n\n"
+        + markdown_table(COLUMNS, sensitivity_cells(result.changes(policy)))
+        for policy in result.evaluation.rows
+    ]
+    path = directory / "report.md"
+    write_text(path, "# Sensitivity\n\n" + "\n".join(parts) + f"\n{NOTE}")
+    return path

@@ -1,1 +1,0 @@
-"""What the outcomes of a suite hang on: solvers, time steps, contacts, losses, delays."""

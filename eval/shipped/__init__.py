@@ -1,1 +1,0 @@
-"""Learned policies that come with the package."""

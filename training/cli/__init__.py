@@ -1,1 +1,0 @@
-"""The commands that train; the only part of this package that loads without torch."""

@@ -1,0 +1,350 @@
+"""DAgger: a learner is shown what a teacher would do in the states that the learner itself comes to.
+
+What a run of imitation is: all of it, frozen.
+
+The learner: a tanh network on normalised joint observations, fitted to the targets that were shown.
+
+Robots that a learner and its teacher lead in turn, and what the teacher would ask in every state.
+
+DAgger: a learner is shown what the teacher would do in the states that the learner itself comes to.
+
+Ross, Gordon, Bagnell, A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
+Learning, AISTATS 2011. All rounds' samples are kept, and every round fits on batches of all.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.files import read_file
+from ..controllers.joint_control import JOINT_OBSERVATION_SIZE, PREVIOUS_ACTION
+from ..controllers.policies.learned import NetworkPolicy, PolicyDescription, policy_paths
+from ..controllers.policies.mlp import Mlp, Normalisation
+from ..controllers.validation import parse_json, require_integer, require_kind
+from ..controllers.whole_body.kinematics import NU
+from ..envs.joint.env import JointEpisodes
+from ..envs.joint.taught import TaughtEpisodes
+from ..envs.scenario.distribution import PushDistribution
+
+SHOWN_PUSHES = PushDistribution(impulse_max=180.0, first_step=1, settle_time=2.0)
+
+
+@dataclass(frozen=True)
+class ImitationSettings:
+    """One run of DAgger; the defaults give a policy that walks, in a quarter of an hour of one core."""
+
+    teacher: str = "two-stage"  # name of the planner that shows
+    seed: int = 0  # of weights, pushes and batches
+    robots: int = 128  # side by side
+    rounds: int = 200  # of collecting and fitting
+    periods: int = 50  # planning periods of all robots in a round
+    batches: int = 100  # gradient steps in a round
+    batch_size: int = 1024  # samples of a gradient step, from all rounds so far
+    shown_rounds: int = 3  # at first, in which the teacher leads all along
+    free_share: float = 0.9  # of later episodes in the end, in which it never leads; grows to that
+    growth: float = 0.02  # of that share in a round, from 0.1
+    longest_lead: float = 1.5  # in the other episodes the teacher leads for up to this long at first [s]
+    unpushed: float = 0.3  # share of episodes without a push
+    settle_rounds: int = 12  # at first, over which the observations' mean and variance are taken
+    learning_rate: float = 1e-3  # of Adam; falls linearly to a tenth over the rounds
+    last_batches: int = 8000  # gradient steps after the rounds, whose rate falls from the first one's to 0
+    averaging: float = 0.003  # share of each of these steps in the mean of the weights, which is the result
+    beta: float = 0.1  # error of a target from which the loss is no longer quadratic, in action units
+    largest: float = 1.5  # samples whose target is beyond this in any joint are left out, in action units
+    layers: tuple[int, ...] = (256, 256)  # widths of the hidden layers
+    pushes: PushDistribution = SHOWN_PUSHES
+
+    def __post_init__(self) -> None:
+        counts = ("robots", "periods", "batches", "batch_size", "settle_rounds")
+        for name in counts:
+            require_integer(f"imitation setting {name}", getattr(self, name), 1)
+        for name in ("rounds", "shown_rounds", "last_batches", "seed"):
+            require_integer(f"imitation setting {name}", getattr(self, name), 0)
+        for name in ("free_share", "unpushed", "averaging"):
+            self._check(name, 0.0 <= getattr(self, name) <= 1.0, "in [0, 1]")
+        for name in ("longest_lead", "learning_rate", "beta", "largest", "growth"):
+            value = getattr(self, name)
+            self._check(name, math.isfinite(value) and value > 0.0, "positive and finite")
+        self._check("layers", all(isinstance(n, int) and n >= 1 for n in self.layers), "widths >= 1")
+        require_kind("imitation setting pushes", self.pushes, PushDistribution)
+
+    def _check(self, name: str, good: bool, wanted: str) -> None:
+        if not good:
+            raise InvalidValueError(f"imitation setting {name} must be {wanted}, got {getattr(self, name)!r}")
+
+    def free(self, number: int) -> float:
+        """Share of the episodes of a round that the learner walks alone from the start."""
+        return 0.0 if number < self.shown_rounds else min(self.free_share, 0.1 + self.growth * number)
+
+    def rate(self, number: int) -> float:
+        """Learning rate of a round."""
+        return self.learning_rate * max(0.1, 1.0 - number / max(self.rounds, 1))
+
+    def last_rate(self, batch: int) -> float:
+        """Learning rate of a gradient step after the rounds."""
+        return self.learning_rate * (1.0 - batch / self.last_batches)
+
+
+Floats = NDArray[np.float32]
+
+# The previous action is hidden: it tells what the teacher asks next so well that a learner copies it, and
+# then goes on with its own errors.
+HIDDEN = slice(PREVIOUS_ACTION, PREVIOUS_ACTION + NU)
+HIDE = 1e12  # variance of an entry that the network is not to see
+LEAST = 1e-4  # variance of an entry that hardly moves
+
+
+class Student:
+    """A network and the normalisation before it, as `NetworkPolicy` has them.
+
+    Args:
+        settings: of the run.
+    """
+
+    def __init__(self, settings: ImitationSettings):
+        generator = torch.Generator().manual_seed(settings.seed)
+        widths, layers = (JOINT_OBSERVATION_SIZE, *settings.layers, NU), []
+        for inputs, outputs in pairwise(widths):
+            layers += [_linear(inputs, outputs, generator), nn.Tanh()]
+        self.network = nn.Sequential(*layers[:-1])
+        self.beta = settings.beta
+        self.mean: AveragedModel | None = None
+        self.optimiser = torch.optim.Adam(self.network.parameters())
+        self.normalisation = normalisation_of(np.zeros((1, JOINT_OBSERVATION_SIZE), np.float32))
+
+    def see(self, observations: Floats) -> None:
+        """Take mean and variance of these observations (n, 58)."""
+        self.normalisation = normalisation_of(observations)
+
+    def act(self, observations: NDArray[np.float64]) -> Floats:
+        """Targets (n, 14) in action units, clipped to [-1, 1]."""
+        with torch.no_grad():
+            targets = self.network(torch.from_numpy(self.normalisation.apply(observations)))
+        return np.clip(targets.numpy(), np.float32(-1.0), np.float32(1.0))
+
+    def fit(self, observations: Floats, targets: Floats, rate: float) -> float:
+        """One gradient step towards the targets (n, 14) of observations (n, 58); returns the loss."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        seen = torch.from_numpy(self.normalisation.apply(observations.astype(np.float64)))
+        loss = nn.functional.smooth_l1_loss(self.network(seen), torch.from_numpy(targets), beta=self.beta)
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        if self.mean is not None:
+            self.mean.update_parameters(self.network)
+        return loss.item()
+
+    def begin_mean(self, share: float) -> None:
+        """Let the result be a running mean of the weights from here on, of which each step has a share."""
+        self.mean = AveragedModel(self.network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - share))
+
+    def mlp(self) -> Mlp:
+        """The network in numpy."""
+        layers = [one for one in (self.mean or self.network).modules() if isinstance(one, nn.Linear)]
+        weights, biases = (
+            tuple(getattr(layer, name).detach().numpy().copy() for layer in layers)
+            for name in ("weight", "bias")
+        )
+        return Mlp(weights, biases)
+
+
+def normalisation_of(observations: Floats) -> Normalisation:
+    """Mean and variance of observations (n, 58); the previous action is hidden."""
+    mean = observations.mean(axis=0, dtype=np.float64)
+    variance = observations.var(axis=0, dtype=np.float64) + LEAST
+    mean[HIDDEN], variance[HIDDEN] = 0.0, HIDE
+    return Normalisation(mean, variance)
+
+
+def _linear(inputs: int, outputs: int, generator: torch.Generator) -> nn.Linear:
+    """A layer whose weights are drawn as torch draws them, from a generator of its own."""
+    layer, bound = nn.Linear(inputs, outputs), inputs**-0.5
+    for parameter in layer.parameters():
+        nn.init.uniform_(parameter, -bound, bound, generator=generator)
+    return layer
+
+
+Act = Callable[[NDArray[np.float64]], Floats]  # observations (n, 58) -> targets (n, 14)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What one round has given."""
+
+    observations: Floats  # (samples, 58)
+    targets: Floats  # (samples, 14) of the teacher, within [-1, 1]
+    alone: float  # robot seconds that the learner has walked [s]
+    falls: int  # of robots that it led
+
+
+class Collector:
+    """Robots under joint targets that go on from round to round.
+
+    In a free episode the learner leads from the start, in the others after a while. The teacher's torques
+    lead before that, and what its targets were is taken for the action.
+
+    Args:
+        settings: of the run.
+        episodes: of `settings.robots` robots.
+        rng: of scenarios and turns.
+    """
+
+    def __init__(self, settings: ImitationSettings, episodes: TaughtEpisodes, rng: np.random.Generator):
+        self.settings, self.episodes, self.rng = settings, episodes, rng
+        self._turn = np.zeros(episodes.n)  # time from which the learner leads [s]
+        self._begun = False
+
+    def collect(self, act: Act, number: int) -> Shown:
+        """Let all robots walk for a round."""
+        if not self._begun:
+            for k in range(self.episodes.n):
+                self._begin(k, number)
+            self._begun = True
+        samples, alone, falls = [], 0.0, 0
+        for _ in range(self.settings.periods):
+            led = self.episodes.core.gait.time < self._turn
+            observations, targets, good, over, fell = self._period(act, led)
+            samples.append((observations[good], targets[good]))
+            alone += float((~led).sum()) / self.episodes.control_hz
+            falls += int((fell & ~led).sum())
+            for k in np.flatnonzero(over).tolist():
+                self._begin(k, number)
+        seen, asked = (np.concatenate(part) for part in zip(*samples, strict=True))
+        return Shown(seen, asked, alone, falls)
+
+    def _period(self, act: Act, led: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray, NDArray, NDArray]:
+        """One period: observations before it, the teacher's targets, which are good, over, and fallen."""
+        episodes = self.episodes
+        episodes.lead(led)
+        observations = episodes.seen.astype(np.float32)
+        actions = act(episodes.seen)
+        actions[led] = np.clip(episodes.targets[led], -1.0, 1.0)
+        # a teacher who takes the robot to stand on the other foot would show the mirrored answer
+        agree = episodes.core.walk.stance == episodes.core.gait.stance
+        period = episodes.step(actions)
+        failed = period.failed.copy()
+        good = agree & ~failed & (np.abs(episodes.targets).max(axis=1) < self.settings.largest)
+        targets = np.clip(episodes.targets, -1.0, 1.0).astype(np.float32)
+        return observations, targets, good, failed | period.truncated, failed
+
+    def _begin(self, k: int, number: int) -> None:
+        settings, rng = self.settings, self.rng
+        scenario = self.episodes.drawn(settings.pushes, rng)
+        if rng.random() < settings.unpushed:
+            scenario = replace(scenario, pushes=(), duration=4.0)
+        self.episodes.begin(k, scenario)
+        free = rng.random() < settings.free(number)
+        shown = number < settings.shown_rounds
+        self._turn[k] = np.inf if shown else 0.0 if free else rng.uniform(0.0, settings.longest_lead)
+
+
+@dataclass(frozen=True)
+class Round:
+    """How a round went."""
+
+    number: int
+    samples: int  # so far
+    loss: float  # mean of its gradient steps
+    alone: float  # robot seconds that the learner has walked in it [s]
+    falls: int  # of robots that it led
+
+
+Report = Callable[[Round], None]
+
+
+def silent(told: Round) -> None:
+    """Report nothing."""
+
+
+class Samples:
+    """All rounds' samples in arrays that grow."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Floats, Floats]] = []
+
+    def add(self, observations: Floats, targets: Floats) -> None:
+        """Keep the samples of a round."""
+        self._parts.append((observations, targets))
+
+    def all(self) -> tuple[Floats, Floats]:
+        """Observations (samples, 58) and targets (samples, 14)."""
+        seen, asked = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        self._parts = [(seen, asked)]
+        return seen, asked
+
+
+def imitate(
+    settings: ImitationSettings, episodes: TaughtEpisodes | None = None, report: Report = silent
+) -> NetworkPolicy:
+    """A policy on joints that does what the teacher would; equal settings give equal weights bit for bit.
+
+    Args:
+        settings: of the run.
+        episodes: its robots; None: the biped, on one thread.
+        report: called after every round.
+    """
+    torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
+    episodes = TaughtEpisodes(settings.robots, settings.teacher) if episodes is None else episodes
+    rng, student, kept = np.random.default_rng(settings.seed), Student(settings), Samples()
+    collector = Collector(settings, episodes, rng)
+    for number in range(settings.rounds):
+        shown = collector.collect(student.act, number)
+        kept.add(shown.observations, shown.targets)
+        if number < settings.settle_rounds:
+            student.see(kept.all()[0])
+        rates = [settings.rate(number)] * settings.batches
+        loss = _fit(student, kept, rates, settings.batch_size, rng)
+        report(Round(number, len(kept.all()[0]), loss, shown.alone, shown.falls))
+    if settings.rounds:
+        student.begin_mean(settings.averaging)
+        rates = [settings.last_rate(batch) for batch in range(settings.last_batches)]
+        _fit(student, kept, rates, settings.batch_size, rng)
+    description = PolicyDescription(JointEpisodes.name, episodes.robot, episodes.limits)
+    return NetworkPolicy(student.mlp(), student.normalisation, description)
+
+
+def _fit(
+    student: Student, kept: Samples, rates: Sequence[float], batch_size: int, rng: np.random.Generator
+) -> float:
+    """Gradient steps at learning rates on batches of all samples; returns the mean loss."""
+    seen, asked = kept.all()
+    losses = []
+    for rate in rates:
+        rows = rng.integers(len(seen), size=batch_size)
+        losses.append(student.fit(seen[rows], asked[rows], rate))
+    return float(np.mean(losses)) if losses else 0.0
+
+
+def imitate_once(settings: ImitationSettings, path: Path, report: Report = silent) -> NetworkPolicy:
+    """The policy of an earlier run of the same settings at PATH.safetensors, or `imitate` and keep it there.
+
+    A run takes minutes and is not resumed: one that was killed leaves nothing, and begins again.
+
+    Raises:
+        InvalidValueError: what lies there is no policy, or of other settings.
+    """
+    note = {"imitation": asdict(settings)}
+    files = policy_paths(path)
+    if all(file.exists() for file in files):
+        told = parse_json(f"policy description {files[1]}", read_file(files[1])).get("training")
+        if told != json.loads(json.dumps(note)):
+            raise InvalidValueError(
+                f"{files[1]} is of other settings of imitation; remove it, or name another"
+            )
+        return NetworkPolicy.load(path)
+    policy = imitate(settings, report=report)
+    policy.save(path, note)
+    return policy

@@ -1,0 +1,107 @@
+"""What training is rewarded for, by name."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..envs.episode.episodes import GaitEpisodes, Period
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+FALL, RECOVERED, STANDING = -1.0, 1.0, 0.3  # worth of an end
+LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
+PER_METRE = 2.0  # of capture margin
+
+
+class Reward(Protocol):
+    """Sums up what a learned action was worth to n robots."""
+
+    bootstraps: bool  # whether what would follow counts where the time is up
+
+    def begin(self, rows: Ints) -> None:
+        """The robots `rows` begin an episode where they are."""
+        ...
+
+    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+        """Count a planning period of the robots `live` (n,); returns those whose episode ends with it.
+
+        Args:
+            period: what came of it.
+            live: (n,) that are in their episode.
+            quiet: (n,) whose gate is shut, so that nothing that is learned acts on them.
+        """
+        ...
+
+    def collect(self, over: Mask) -> Array:
+        """What the action was worth (n,); the episodes `over` (n,) have ended with it."""
+        ...
+
+
+class EnvironmentReward:
+    """The environment's own reward, summed over the periods of an action."""
+
+    bootstraps = True
+
+    def __init__(self, episodes: GaitEpisodes, gamma: float):
+        self._sum = np.zeros(episodes.n)
+
+    def begin(self, rows: Ints) -> None:
+        """Nothing is remembered of before."""
+
+    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+        """Add it; the episode ends where the environment says so."""
+        self._sum[live] += period.reward.total[live]
+        return live & (period.failed | period.truncated)
+
+    def collect(self, over: Mask) -> Array:
+        """The sum."""
+        total = self._sum.copy()
+        self._sum[:] = 0.0
+        return total
+
+
+class RecoveryReward:
+    """-1 for a fall, 1 for a recovery, 0.3 for standing at the end, and the capture margin as a potential.
+
+    With m the margin and  phi = 2 clip(m, -0.3 m, 0.05 m),  0 at an end, an action earns
+    gamma phi' - phi  besides, which leaves the best policy what it is (Ng, Harada & Russell 1999). An episode
+    is over as soon as the robot has recovered, judged at a touchdown since its begin, and its gate is shut.
+    """
+
+    bootstraps = False
+
+    def __init__(self, episodes: GaitEpisodes, gamma: float):
+        self._episodes, self._gamma = episodes, gamma
+        self._sum, self._potential = np.zeros(episodes.n), np.zeros(episodes.n)
+        self._begun = np.zeros(episodes.n)  # since reset [s]
+
+    def begin(self, rows: Ints) -> None:
+        """Remember the time and the potentials."""
+        self._begun[rows] = self._episodes.motion().time[rows]
+        self._potential[rows] = self._now()[rows]
+
+    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+        """Reward the ends."""
+        recovered = self._episodes.monitor.state.recovered_at > self._begun  # NaN: it has not
+        over = live & (period.failed | period.truncated | (recovered & quiet))
+        worth = np.where(period.failed, FALL, np.where(recovered, RECOVERED, STANDING))
+        self._sum[over] += worth[over]
+        return over
+
+    def collect(self, over: Mask) -> Array:
+        """The ends, and the change of the potential."""
+        potential = np.where(over, 0.0, self._now())
+        total = self._sum + self._gamma * potential - self._potential
+        self._sum[:], self._potential = 0.0, potential
+        return total
+
+    def _now(self) -> Array:
+        return PER_METRE * np.clip(self._episodes.core.margin, LEAST, MOST)
+
+
+REWARDS = {"recovery": RecoveryReward, "environment": EnvironmentReward}
