@@ -1,8 +1,10 @@
 import ast
 import importlib
+import io
 import re
 import subprocess
 import sys
+import tokenize
 import tomllib
 from pathlib import Path
 
@@ -13,7 +15,7 @@ PACKAGES = ("controllers", "envs", "eval", "training")
 FOLDERS = {name: Path(importlib.import_module(f"push_recovery.{name}").__path__[0]) for name in PACKAGES}
 MODULES = 200  # at most, packages included
 DEPTH = 2  # folders below a package at most
-IMPORT_SHARE = 0.10  # of the lines of code, at most
+IMPORT_SHARE = 0.12  # of the lines of code, at most
 FORBIDDEN = {
     "controllers": {"gymnasium", "mujoco", "torch", "stable_baselines3", "matplotlib", "rich"},
     "envs": {"torch", "stable_baselines3", "rich"},
@@ -95,24 +97,44 @@ def test_folders_import_in_no_circle():
     assert circles(folders) == {}
 
 
+def lines_of_code(text: str) -> set[int]:
+    """Numbers of the lines that hold code: neither blank nor comment nor docstring."""
+    names = ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")
+    silent = {getattr(tokenize, name) for name in names}
+    found = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in silent:
+            found.update(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(ast.parse(text)):
+        described = isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef)
+        if described and ast.get_docstring(node) is not None:
+            found -= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+    return found
+
+
+def import_lines(text: str) -> int:
+    found = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    return sum((node.end_lineno or 0) - node.lineno + 1 for node in found)
+
+
 def test_the_house_stays_small():
     files = [(path, package) for package in PACKAGES for path in files_of(package)]
     assert len(files) <= MODULES
     for path, package in files:
         assert len(path.relative_to(FOLDERS[package]).parts) - 1 <= DEPTH, path
-    code = [node for path, _ in files for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.stmt) and not isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.Expr))]  # fmt: skip
-    lines = lambda nodes: sum(node.end_lineno - node.lineno + 1 for node in nodes)  # noqa: E731
-    imported = lines(node for node in code if isinstance(node, (ast.Import, ast.ImportFrom)))
-    total = sum(1 for path, _ in files for line in path.read_text(encoding="utf-8").splitlines()
-                if line.strip() and not line.strip().startswith("#"))  # fmt: skip
-    assert imported <= IMPORT_SHARE * total
+    texts = [path.read_text(encoding="utf-8") for path, _ in files]
+    code = sum(len(lines_of_code(text)) for text in texts)
+    assert sum(import_lines(text) for text in texts) <= IMPORT_SHARE * code
 
 
 def test_every_folder_is_packaged():
     packaged = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
-    folders = {module_of(path, package, FOLDERS[package])
-               for package in PACKAGES for path in files_of(package) if path.name == "__init__.py"}  # fmt: skip
+    folders = {
+        module_of(path, package, FOLDERS[package])
+        for package in PACKAGES
+        for path in files_of(package)
+        if path.name == "__init__.py"
+    }
     assert {f"push_recovery.{folder}" for folder in folders} | {"push_recovery"} == packaged
 
 
