@@ -1,15 +1,28 @@
+"""What differs between two robots, in words."""
+
+import json
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError, is_finite_number, shown
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.controllers.settings import load_preset
 from push_recovery.controllers.validation import (
+    changed_fields,
+    differences,
+    parse_json,
     require_choice,
     require_integer,
     require_kind,
     require_number,
     require_vector,
 )
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.ceiling import Answers
+from push_recovery.eval.score.suites import load_suite
 
 BEYOND_FLOATS = 10**400
 BEYOND_TEXT = 10**5000  # more digits than Python writes
@@ -64,3 +77,68 @@ def test_kinds_are_named():
     assert require_kind("limits", 3, int) == 3
     with pytest.raises(InvalidValueError, match="limits must be a dict, got 3"):
         require_kind("limits", 3, dict)
+
+
+NESTED = "[" * 100_000
+DIGITS = '{"id": ' + "1" * 5000 + "}"
+TEXTS = {"nested": NESTED, "digits": DIGITS, "torn": '{"id": ', "empty": ""}
+
+
+@pytest.mark.parametrize("text", [b'{"a": [1, "\xc3\xa4"]}', '{"a": [1, "\u00e4"]}'])
+def test_json_is_read_from_text_and_from_bytes(text):
+    assert parse_json("it", text) == {"a": [1, "\u00e4"]}
+
+
+def test_bytes_that_are_no_utf_8_are_refused():
+    with pytest.raises(InvalidValueError, match="it is not valid JSON: 'utf-8'"):
+        parse_json("it", b"\xff")
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+def test_every_reader_of_json_refuses_what_is_none(kind, tmp_path):
+    path = tmp_path / "x.json"
+    path.write_text(TEXTS[kind])
+    (tmp_path / "x.safetensors").write_bytes(b"")
+    for read, what in (
+        (Scenario.from_json, TEXTS[kind]),
+        (ModelErrors.from_json, TEXTS[kind]),
+        (load_suite, path),
+        (load_preset, str(path)),
+        (NetworkPolicy.load, path),
+        (Answers.load, path),
+    ):
+        with pytest.raises(InvalidValueError, match="is not valid JSON"):
+            read(what)
+
+
+def test_a_number_that_no_float_holds_is_refused_where_a_force_stands():
+    text = json.dumps({"id": "a", "pushes": [{"force": [10**400, 0, 0], "duration": 0.1, "start": 1.0}]})
+    with pytest.raises(InvalidValueError, match=r"Push\.force"):
+        Scenario.from_json(text)
+
+
+@dataclass
+class Thing:
+    name: str
+    size: float = 1.0
+    colour: str | None = None
+
+
+def test_changed_fields_are_those_off_their_default_in_order():
+    assert changed_fields(Thing("a")) == {"name": "a"}
+    assert list(changed_fields(Thing("a", colour="red", size=2.0)).items()) == [
+        ("name", "a"), ("size", 2.0), ("colour", "red"),
+    ]  # fmt: skip
+
+
+def test_entries_that_differ_are_told_with_both_values():
+    there = {"mass": 60.0, "trunk_pitch": True, "foot_length": 0.2, "name": "biped"}
+    here = {"mass": 33.341142, "trunk_pitch": False, "foot_length": 0.2, "name": "g1"}
+    told = "mass 60 there and 33.34 here, trunk_pitch True there and False here, name biped there and g1 here"
+    assert differences(there, here) == told
+
+
+def test_rounding_and_entries_of_one_side_are_no_difference():
+    assert differences({"mass": 60.0, "old": 1}, {"mass": 60.0 + 1e-12, "new": 2}) == ""
+    assert differences({"steps": 2}, {"steps": 3}) == "steps 2 there and 3 here"
+    assert differences({"flag": True}, {"flag": 1.0}) == ""

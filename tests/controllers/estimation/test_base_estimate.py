@@ -1,28 +1,432 @@
-"""Covariances against dense Kalman filters written out in numpy."""
+"""Motions made by hand: what a perfect inertial sensor tells of them, and where the estimate goes.
+
+A robot that stands, slides, flies or hops, and what its soles tell of its base.
+
+Friction believed in, on motions of a sole that are written by hand.
+
+Covariances against dense Kalman filters written out in numpy.
+"""
+
+import math
 
 import numpy as np
 import pytest
 from push_recovery.controllers.estimation.base_estimate import (
     BB,
+    BEYOND_RANGE,
+    FORCE_RANGE,
+    GATE,
+    GRIP_MIN,
     LIFT_BB,
     LIFT_VB,
     LIFT_VV,
+    LOADED,
+    MOST,
+    NO_NOISE,
+    NOISE,
+    RISE,
+    SIZE,
+    SLIDES,
+    SLIDING,
+    STANDING_DEVIATION,
     TB,
     TILT_OF_BIAS,
     TT,
     TV,
     VV,
+    BaseEstimate,
+    Inertial,
     begin_estimate,
     deviations,
     empty_base_estimate,
+    feel_grip,
+    listen_to_soles,
+    navigate,
     predict_level,
     predict_lift,
     update_level,
     update_lift,
 )
 from push_recovery.controllers.estimation.base_estimate import BV as BIAS_V
+from push_recovery.controllers.math3 import conjugate, of_rotation, product, rotated
+from push_recovery.controllers.whole_body.kinematics import LEG_DOF, Physics, sole_motion, sole_position
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.robots.biped import biped
 
-LEVEL = [[TT, TB, TV], [TB, BB, BIAS_V], [TV, BIAS_V, VV]]  # places of the entries in the packed covariance
+DT, G = 0.002, 9.81
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+TILTED = of_rotation((0.2, -0.1, 0.4))
+
+
+def estimate_at(attitude=LEVEL, velocity=(0.0, 0.0, 0.0)) -> BaseEstimate:
+    estimate = empty_base_estimate(1)
+    begin_estimate(estimate, 0, np.zeros(3), np.array(attitude), np.array(velocity))
+    return estimate
+
+
+def felt(attitude, acceleration) -> tuple:
+    """Specific force times DT in the axes of a base that is accelerated in the world."""
+    x, y, z = acceleration
+    return rotated(conjugate(attitude), (DT * x, DT * y, DT * (z + G)))
+
+
+@pytest.mark.parametrize("attitude", [LEVEL, TILTED])
+def test_a_base_that_is_carried_evenly_keeps_its_velocity(attitude):
+    estimate = estimate_at(attitude, (0.3, -0.2, 0.1))
+    for _ in range(500):
+        navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), felt(attitude, (0.0, 0.0, 0.0))), DT)
+    np.testing.assert_allclose(estimate.velocity[0], [0.3, -0.2, 0.1], atol=1e-12)
+    np.testing.assert_allclose(estimate.place[0], [0.3, -0.2, 0.1], atol=1e-12)
+    np.testing.assert_allclose(estimate.attitude[0], attitude, atol=1e-12)
+
+
+def test_a_falling_base_feels_nothing():
+    estimate = estimate_at(TILTED)
+    for _ in range(100):
+        navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), DT)
+    np.testing.assert_allclose(estimate.velocity[0], [0.0, 0.0, -G * 0.2], atol=1e-12)
+    # v is that of the end of a step: p = g dt^2 n (n + 1) / 2
+    np.testing.assert_allclose(estimate.place[0, 2], -G * DT**2 * 100 * 101 / 2, atol=1e-12)
+
+
+def test_rates_are_in_the_axes_of_the_base_and_free_of_their_known_bias():
+    estimate = estimate_at(of_rotation((0.0, 0.0, np.pi / 2)))
+    estimate.gyro_bias[0] = 0.1, -0.2, 0.3
+    told = navigate(estimate, 0, Inertial((0.1, 4.8, 0.3), (0.0, 0.0, 0.0)), DT)
+    np.testing.assert_allclose(told, [0.0, 5.0, 0.0], atol=1e-15)
+    turned = product(of_rotation((0.0, 0.0, np.pi / 2)), of_rotation((0.0, 0.01, 0.0)))
+    np.testing.assert_allclose(estimate.attitude[0], turned, atol=1e-15)
+
+
+def test_a_push_moves_the_base_by_its_impulse():
+    estimate = estimate_at(TILTED)
+    for _ in range(50):
+        navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), felt(TILTED, (3.0, -5.0, 2.0))), DT)
+    np.testing.assert_allclose(estimate.velocity[0], [0.3, -0.5, 0.2], atol=1e-12)
+
+
+def test_a_known_bias_of_the_lift_is_taken_off():
+    estimate = estimate_at()
+    estimate.lift_bias[0] = 0.5
+    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, DT * (G + 0.5))), DT)
+    np.testing.assert_allclose(estimate.velocity[0], 0.0, atol=1e-15)
+
+
+def test_in_flight_the_estimate_grows_less_sure_and_faster_while_it_weighs():
+    """An error of the tilt turns weight into velocity; in free fall it does nothing."""
+    flying, carried = estimate_at(), estimate_at()
+    for _ in range(250):
+        navigate(flying, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), DT)
+        navigate(carried, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, DT * G)), DT)
+    before, tilt = deviations(estimate_at()).velocity[0], 3e-3
+    assert deviations(flying).velocity[0] > before
+    np.testing.assert_allclose(deviations(carried).velocity[0], np.hypot(before, tilt * G * 0.5), rtol=0.05)
+
+
+def test_beyond_the_range_of_the_accelerometer_the_velocity_is_unknown():
+    estimate = estimate_at()
+    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (1.01 * FORCE_RANGE * DT, 0.0, 0.0)), DT)
+    assert estimate.level[0, VV] > BEYOND_RANGE**2
+    near = estimate_at()
+    navigate(near, 0, Inertial((0.0, 0.0, 0.0), (0.99 * FORCE_RANGE * DT, 0.0, 0.0)), DT)
+    assert near.level[0, VV] < 0.01 * BEYOND_RANGE**2
+
+
+SOLES = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+AT_REST = (0.0, 0.0, DT * G)
+
+
+@pytest.fixture
+def standing(robot_in):
+    """Arrays of a robot that stands upright, both soles loaded, and an estimate of its true state."""
+
+    def make(loads=(300.0, 300.0)) -> tuple[Physics, BaseEstimate]:
+        qpos, qvel = posture(biped(), np.array([0.0, 0.0, 0.8]), np.zeros(3), SOLES)
+        phys, estimate = robot_in(qpos, np.zeros_like(qvel))[0].physics, empty_base_estimate(1)
+        begin_estimate(estimate, 0, qpos[:3], qpos[3:7], np.zeros(3))
+        phys.load[0] = loads
+        return phys, estimate
+
+    return make
+
+
+def listen(estimate: BaseEstimate, phys: Physics, inertial: Inertial) -> None:
+    """A physics step of a robot that stands still, as its inertial sensor tells it."""
+    phys.qvel[0, 3:6] = navigate(estimate, 0, inertial, DT)
+    phys.qvel[0, :3] = estimate.velocity[0]
+    listen_to_soles(estimate, 0, phys, DT)
+
+
+def moving(estimate: BaseEstimate, phys: Physics, velocity) -> None:
+    """Believe in a velocity of the base while the joints rest: the soles then seem to move with it."""
+    estimate.velocity[0] = phys.qvel[0, :3] = velocity
+
+
+def test_a_standing_sole_corrects_the_velocity_by_the_gain_of_one_measurement(standing):
+    phys, estimate = standing((300.0, 0.0))
+    moving(estimate, phys, (0.02, -0.01, 0.015))
+    estimate.level[0, VV] = estimate.lift[0, 0] = 9e-4
+    left = STANDING_DEVIATION**2 / (STANDING_DEVIATION**2 + 9e-4)
+    listen_to_soles(estimate, 0, phys, DT)
+    np.testing.assert_allclose(estimate.velocity[0], left * np.array([0.02, -0.01, 0.015]), rtol=1e-12)
+    np.testing.assert_array_equal(phys.qvel[0, :3], estimate.velocity[0])
+    np.testing.assert_allclose(estimate.level[0, VV], left * 9e-4, rtol=1e-12)
+
+
+def test_a_sole_that_turns_counts_for_less(standing):
+    """At 0.5 rad/s its velocity has a deviation of 0.2 m/s beside that of a sole at rest."""
+    phys, estimate = standing((300.0, 0.0))
+    moving(estimate, phys, (0.02, 0.0, 0.0))
+    estimate.level[0, VV] = 9e-4
+    phys.qvel[0, LEG_DOF[0] + 5] = 0.5  # of the ankle about the foot's long axis, through the sole's centre
+    before = sole_motion(phys, 0, 0, (0.0, 0.0, 0.0)).velocity[0]
+    listen_to_soles(estimate, 0, phys, DT)
+    noise = STANDING_DEVIATION**2 + 0.2**2
+    np.testing.assert_allclose(estimate.velocity[0, 0], 0.02 - 9e-4 / (9e-4 + noise) * before, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("yaw", "roll", "noise"), [(0.0, 0.0, 0.1**2), (2.0, 0.0, 0.1**2 + 8.0**2), (1.5, 2.0, 0.1**2 + 10.0**2)]
+)
+def test_a_sole_that_twists_hardly_tells_the_bias_of_the_gyro(standing, yaw, roll, noise):
+    """Its rate counts with a deviation of four times how fast it turns about any axis, beside 0.1 rad/s."""
+    phys, estimate = standing((300.0, 0.0))
+    estimate.turn[0] = 1e-6
+    phys.qvel[0, LEG_DOF[0]] = yaw
+    phys.qvel[0, LEG_DOF[0] + 5] = roll
+    listen_to_soles(estimate, 0, phys, DT)
+    np.testing.assert_allclose(estimate.gyro_bias[0, 2], 1e-6 / (1e-6 + noise) * yaw, rtol=1e-6)
+    np.testing.assert_allclose(estimate.turn[0], 1e-6 * noise / (1e-6 + noise), rtol=1e-12)
+
+
+def test_two_soles_count_as_two_measurements(standing):
+    phys, estimate = standing()
+    moving(estimate, phys, (0.02, 0.0, 0.0))
+    estimate.level[0, VV] = 9e-4
+    listen_to_soles(estimate, 0, phys, DT)
+    left = 1.0 / (1.0 + 2.0 * 9e-4 / STANDING_DEVIATION**2)
+    np.testing.assert_allclose(estimate.velocity[0, 0], left * 0.02, rtol=1e-12)
+
+
+def test_a_wrong_tilt_and_velocity_are_found_while_standing(standing):
+    """The estimate leans by 0.5 degrees to the left and forward: gravity then seems to pull it away."""
+    phys, estimate = standing()
+    estimate.attitude[0] = of_rotation((np.radians(-0.5), np.radians(0.5), 0.0))
+    estimate.velocity[0] = 0.03, -0.02, 0.01
+    for _ in range(5000):
+        listen(estimate, phys, Inertial((0.0, 0.0, 0.0), AT_REST))
+    np.testing.assert_allclose(estimate.velocity[0], 0.0, atol=1e-3)
+    up = rotated(tuple(estimate.attitude[0]), (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(up[:2], 0.0, atol=np.radians(0.02))
+
+
+def test_the_biases_of_gyro_and_lift_are_found_while_standing(standing):
+    phys, estimate = standing()
+    bias, lift = np.array([8e-4, -6e-4, 5e-4]), 0.04
+    for _ in range(15_000):
+        listen(estimate, phys, Inertial(tuple(bias), (0.0, 0.0, DT * (G + lift))))
+    np.testing.assert_allclose(estimate.gyro_bias[0], bias, rtol=0.3)
+    np.testing.assert_allclose(estimate.lift_bias[0], lift, rtol=0.1)
+    assert deviations(estimate).tilt[0] < 4e-3
+
+
+def test_a_sliding_sole_is_not_believed(standing):
+    """The base stands still; one sole slides away under it."""
+    phys, estimate = standing((300.0, 0.0))
+    for _ in range(200):
+        listen(estimate, phys, Inertial((0.0, 0.0, 0.0), AT_REST))
+    before = estimate.level[0, VV]
+    phys.qvel[0, 8:14] = 0.0, 0.6, 0.8, 0.0, 0.0, 0.0  # the left hip throws its sole aside and back
+    for _ in range(50):
+        listen(estimate, phys, Inertial((0.0, 0.0, 0.0), AT_REST))
+    np.testing.assert_allclose(estimate.velocity[0], 0.0, atol=2e-3)
+    assert estimate.level[0, VV] > before
+    assert estimate.stood[0, 0] == 0.0
+
+
+def test_a_sole_without_load_says_nothing(standing):
+    phys, estimate = standing((0.99 * LOADED, 0.0))
+    moving(estimate, phys, (0.02, -0.01, 0.015))
+    before = [field.copy() for field in estimate]
+    listen_to_soles(estimate, 0, phys, DT)
+    assert estimate.spread[0] > 0.0
+    for field, old, name in zip(estimate, before, estimate._fields, strict=True):
+        if name != "spread":
+            np.testing.assert_array_equal(field, old, err_msg=name)
+
+
+def test_the_gate_opens_where_the_estimate_is_unsure(standing):
+    phys, estimate = standing((300.0, 0.0))
+    moving(estimate, phys, (0.5, 0.0, 0.0))
+    listen_to_soles(estimate, 0, phys, DT)
+    assert estimate.velocity[0, 0] == 0.5
+    estimate.level[0, VV] = (0.51 / GATE) ** 2
+    listen_to_soles(estimate, 0, phys, DT)
+    assert estimate.velocity[0, 0] < 0.1
+
+
+def test_the_base_stays_where_its_soles_stand(standing):
+    """A drift of the place by 1 cm is drawn back to the footholds that were taken before it."""
+    phys, estimate = standing()
+    place = estimate.place[0].copy()
+    for i in range(300):
+        if i == 5:
+            estimate.place[0] += 0.01, -0.01, 0.005
+        listen(estimate, phys, Inertial((0.0, 0.0, 0.0), AT_REST))
+    np.testing.assert_allclose(estimate.place[0], place, atol=1e-6)
+    np.testing.assert_allclose(estimate.anchor[0, 1], sole_position(phys, 0, 1), atol=1e-6)
+    assert estimate.stood[0, 0] == pytest.approx(0.6)
+
+
+def test_a_mirrored_robot_makes_mirrored_estimates(standing):
+    """Axes along x and z of what turns change their sign, those of what moves along y."""
+    found = []
+    for side in range(2):
+        phys, estimate = standing((300.0, 0.0) if side == 0 else (0.0, 300.0))
+        sign = 1.0 - 2.0 * side
+        estimate.attitude[0] = of_rotation((sign * 0.004, 0.003, 0.0))
+        moving(estimate, phys, (0.02, sign * 0.015, 0.01))
+        rate = sign * 0.01, 0.02, sign * 0.03
+        for _ in range(40):
+            listen(estimate, phys, Inertial(rate, AT_REST))
+        found.append([*estimate.velocity[0], *estimate.attitude[0, 1:], *estimate.gyro_bias[0]])
+    signs = [1, -1, 1, -1, 1, -1, -1, 1, -1]
+    np.testing.assert_allclose(found[1], np.array(signs) * found[0], atol=1e-12)
+    assert min(np.abs(found[0])) > 1e-9
+
+
+FIRST, PERIOD = 0.8, 0.01  # friction believed in at first; [s]
+
+
+class Sole:
+    """A stance sole, and what its robot believes of the floor."""
+
+    def __init__(self, noise: float = 0.0, seed: int = 0):
+        self.place, self.grip, self.step = np.zeros(2), FIRST, 0
+        self.landed = True
+        self.noise, self.rng = noise, np.random.default_rng(seed)
+        self.stood = np.zeros(SIZE)
+        self.stood[MOST] = FIRST
+
+    def move(self, speed: float, share: float, periods: int = 1, direction: float = 0.7) -> float:
+        for _ in range(periods):
+            self.place += speed * PERIOD * np.array([math.cos(direction), math.sin(direction)])
+            x, y = self.place + self.noise * self.rng.normal(size=2)
+            self.grip = feel_grip(self.stood, self.grip, x, y, self.step, self.landed, share, PERIOD)
+        return self.grip
+
+
+def grip_standing(noise: float = 0.0, seed: int = 0) -> Sole:
+    sole = Sole(noise, seed)
+    sole.move(0.0, 0.1, 30)
+    return sole
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
+def test_a_slide_of_three_periods_tells_the_friction(share):
+    sole = grip_standing()
+    assert sole.move(0.9 * SLIDES, share, 2 * SLIDING) == FIRST
+    assert sole.move(1.1 * SLIDES, share, SLIDING - 1) == FIRST
+    assert sole.move(1.1 * SLIDES, share) == min(max(share, GRIP_MIN), FIRST)
+
+
+def test_the_largest_share_of_a_slide_counts_and_a_blow_does_not():
+    sole = grip_standing()
+    sole.move(1.0, 0.6)
+    sole.move(1.0, 0.5, SLIDING - 1)
+    assert sole.grip == 0.6
+    sole = grip_standing()
+    for _ in range(5):
+        assert sole.move(5.0, 0.5, SLIDING - 1) == FIRST
+        assert sole.move(0.0, 0.5) == FIRST
+
+
+@pytest.mark.parametrize("what", ["landed", "no force", "another step"])
+def test_a_slide_counts_only_under_load_and_within_a_step(what):
+    sole = grip_standing()
+    sole.move(1.0, 0.5, SLIDING - 1)
+    if what == "another step":
+        sole.step = 1
+        assert sole.move(1.0, 0.5) == FIRST
+    elif what == "landed":
+        sole.landed = False
+        assert sole.move(1.0, 0.5, 20) == FIRST
+        sole.landed = True
+    else:
+        assert sole.move(1.0, -1.0) == FIRST
+    assert sole.move(1.0, 0.5, SLIDING - 1) == FIRST
+    assert sole.move(1.0, 0.5) == 0.5
+
+
+def test_a_floor_that_holds_what_is_believed_is_believed_more_of():
+    sole = grip_standing(0.002)
+    sole.move(2.0, 0.5, 8)
+    assert sole.grip == 0.5
+    sole.step += 1
+    sole.move(0.0, 0.4, 20)
+    assert sole.move(0.0, 0.4, 100) == 0.5  # less than is believed tells nothing
+    assert 0.5 + 5 * RISE * PERIOD < sole.move(0.0, 0.5, 100) <= 0.5 + 101 * RISE * PERIOD
+    assert sole.move(0.0, 1.0, 1000) == FIRST
+    assert sole.move(2.0, 0.6, 8) == 0.6  # and less again once it slides
+
+
+def test_without_noise_a_slide_is_sure_and_nothing_is_tried_again():
+    sole = grip_standing()
+    sole.move(1.0, 0.5, SLIDING)
+    assert sole.move(0.0, 1.0, 100) == 0.5
+
+
+@pytest.mark.parametrize("noise", [5e-4, 2.5e-3, 0.01])
+def test_noise_is_found_and_taken_for_no_slide(noise):
+    """Sixty robots for 50 s: 3e5 periods, in each of which a difference of two places may be 6 deviations."""
+    for seed in range(60):
+        sole = Sole(noise, seed)
+        for _ in range(100):  # steps of half a second
+            sole.step += 1
+            assert sole.move(0.0, 0.5, 50) == FIRST
+    assert math.sqrt(sole.stood[NOISE]) == pytest.approx(noise, rel=0.3)
+
+
+@pytest.mark.parametrize(("noise", "speed", "within"), [(2.5e-3, 1.0, 5), (2.5e-3, 0.6, 12), (0.01, 1.0, 20)])
+def test_a_slide_is_found_in_noise(noise, speed, within):
+    """After t it has gone (speed - SLIDES) t further than a sole that rests may: DOUBT noise is enough."""
+    for seed in range(20):
+        sole = grip_standing(noise, seed)
+        sole.move(0.0, 0.5, 100)
+        assert sole.grip == FIRST
+        assert sole.move(speed, 0.5, within) == 0.5
+
+
+def test_noise_that_begins_later_is_found_in_time_and_shaking_is_none():
+    """A period counts 3 times the variance at most, a fiftieth of it: 1.04^n, 1e4 times in 235 periods."""
+    for seed in range(20):
+        sole = grip_standing(1e-5, seed)
+        sole.move(0.0, 0.5, 50)
+        sole.noise = 2.5e-3
+        sole.move(0.0, 0.5, 30)  # as long as a fall takes
+        assert sole.stood[NOISE] < NO_NOISE
+        sole.move(0.0, 0.5, 370)
+        assert math.sqrt(sole.stood[NOISE]) == pytest.approx(2.5e-3, rel=0.4)
+        sole.move(0.0, 0.9, 200)
+        assert sole.grip == FIRST  # what the first periods were taken for is tried again
+
+
+def test_the_belief_does_not_hang_on_place_or_direction():
+    found = []
+    for direction in np.linspace(0.0, 2.0 * math.pi, 9):
+        sole = grip_standing()
+        sole.place += 1000.0 * np.array([math.cos(direction), -math.sin(direction)])
+        sole.step = 1
+        sole.move(0.0, 0.1, 20)
+        found.append([sole.move(s, 0.55, 1, direction) for s in (0.0, 0.5, 0.5, 0.5)])
+    np.testing.assert_array_equal(found, [[FIRST, FIRST, FIRST, 0.55]] * 9)
+
+
+LEVEL_BASE_ESTIMATE = [
+    [TT, TB, TV],
+    [TB, BB, BIAS_V],
+    [TV, BIAS_V, VV],
+]  # places of the entries in the packed covariance
 LIFT = [[LIFT_VV, LIFT_VB], [LIFT_VB, LIFT_BB]]
 
 
@@ -49,18 +453,18 @@ def test_level_covariance_follows_the_law_of_tilt_bias_and_velocity(s):
     dt, Q = 0.002, np.diag([1e-6, 2e-7, 3e-5])
     F = np.array([[1.0, -dt, 0.0], [0.0, 1.0, 0.0], [s, 0.0, 1.0]])
     P = random_covariance(3)
-    found = packed(P, LEVEL)
+    found = packed(P, LEVEL_BASE_ESTIMATE)
     predict_level(found, s, dt, *np.diag(Q))
-    np.testing.assert_allclose(found[LEVEL], F @ P @ F.T + Q, atol=1e-14)
+    np.testing.assert_allclose(found[LEVEL_BASE_ESTIMATE], F @ P @ F.T + Q, atol=1e-14)
 
 
 def test_a_measured_velocity_gives_the_gains_of_kalman():
     P = random_covariance(3)
-    found = packed(P, LEVEL)
+    found = packed(P, LEVEL_BASE_ESTIMATE)
     gains = update_level(found, 0.3)
     want, after = dense_update(P, np.array([0.0, 0.0, 1.0]), 0.3)
     np.testing.assert_allclose(gains, want, atol=1e-14)
-    np.testing.assert_allclose(found[LEVEL], after, atol=1e-14)
+    np.testing.assert_allclose(found[LEVEL_BASE_ESTIMATE], after, atol=1e-14)
 
 
 def test_lift_covariance_follows_the_law_of_velocity_and_bias():
@@ -85,7 +489,9 @@ def test_covariances_stay_positive_through_standing_and_flight():
         predict_lift(lift, 0.002, 1e-8, 2e-9)
         if i % 400 < 200:
             update_level(level, 9e-4), update_lift(lift, 9e-4)
-        assert np.linalg.eigvalsh(level[LEVEL]).min() > 0.0 < np.linalg.eigvalsh(lift[LIFT]).min()
+        assert (
+            np.linalg.eigvalsh(level[LEVEL_BASE_ESTIMATE]).min() > 0.0 < np.linalg.eigvalsh(lift[LIFT]).min()
+        )
 
 
 def test_deviations_are_the_roots_of_the_variances_and_doubt_the_accelerometer():

@@ -1,25 +1,228 @@
-"""What the biped learns of its mass, a steady force and its floor; nothing where nothing is to be learned."""
+"""Friction and rotors of the legs' joints: least squares on made-up motion, the biped's rows, its walk.
+
+What the biped learns of its mass, a steady force and its floor; nothing where nothing is to be learned.
+
+Rules of what a robot learns of itself, on numbers written by hand.
+"""
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
+from push_recovery.controllers.estimation import self_model as rules
 from push_recovery.controllers.estimation.base_estimate import PLACE, START
-from push_recovery.controllers.estimation.self_model import DRIFT_KNOWN, STANDING, learn_grip
+from push_recovery.controllers.estimation.self_model import (
+    BEFORE,
+    DRIFT_KNOWN,
+    FRICTION,
+    LAST,
+    LOSS_SIZE,
+    LOST,
+    QUIET,
+    ROTOR,
+    STANDING,
+    WEIGHT,
+    add_losses,
+    conclude,
+    direction,
+    empty_self_model,
+    end_step,
+    feel_joints,
+    feel_swing,
+    forget,
+    keep_leg,
+    learn_grip,
+    show_drift,
+    show_push,
+    take_in,
+    weigh,
+)
 from push_recovery.controllers.model.observation import COM, COM_HEIGHT_ERROR, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_LIMITS
+from push_recovery.controllers.whole_body.kinematics import LEG_DOF
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.scenario.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.scenario.push import Push
-from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.tuning.scorer import preset_episodes
+from scipy.signal import lfilter
+
+DT, RATE, MEMORY = 0.002, 100.0, 2.0
+MODEL = biped_model()
+
+
+def motion(seconds: float = 0.6, seed: int = 3):
+    """Rates and accelerations of a joint that never rests."""
+    t, phase = np.arange(0.0, seconds, DT), np.random.default_rng(seed).uniform(0.0, 6.0)
+    rate = 2.0 * np.sin(9.0 * t + phase) + 0.7 * np.sin(31.0 * t)
+    return np.where(np.abs(rate) < 0.03, 0.03, rate), np.gradient(rate, DT)
+
+
+def told(rate, acceleration, lost) -> np.ndarray:
+    """Row of a joint that has moved so."""
+    joint = np.zeros(LOSS_SIZE)
+    for v, a, r in zip(rate, acceleration, lost, strict=True):
+        take_in(joint, r, v, a, DT)
+    return joint
+
+
+@pytest.mark.parametrize(("friction", "rotor"), [(1.0, 0.0), (0.0, 0.03), (0.7, 0.05), (4.0, 0.01)])
+def test_the_least_squares_are_those_of_scipys_filter_and_numpys_solution(friction, rotor):
+    rate, acceleration = motion()
+    sign = np.clip(rate / 0.1, -1.0, 1.0)
+    noise = np.random.default_rng(1).normal(0.0, 0.5, len(rate))
+    lost = friction * sign + rotor * acceleration + noise
+    joint = told(rate, acceleration, lost)
+    conclude(joint)
+
+    share = 1.0 - np.exp(-RATE * DT)
+    r, s, a = (lfilter([share], [1.0, share - 1.0], x) for x in (lost, sign, acceleration))
+    weight = np.sqrt(DT * np.exp(-DT / MEMORY * np.arange(len(rate))[::-1]))
+    rows = np.vstack([np.column_stack([s, a]) * weight[:, None], np.diag(np.sqrt([0.02, 2.0]))])
+    expected = np.linalg.lstsq(rows, np.append(r * weight, [0.0, 0.0]), rcond=None)[0]
+    expected = np.where(expected < [0.2, 0.005], 0.0, expected)
+    np.testing.assert_allclose(joint[[FRICTION, ROTOR]], expected, rtol=1e-9)
+    np.testing.assert_allclose(joint[[FRICTION, ROTOR]], [friction, rotor], rtol=0.08, atol=0.002)
+    assert not joint[:3].any()  # the next swing's filters begin anew
+
+
+@pytest.mark.parametrize(
+    ("friction", "rotor", "believed"),
+    [
+        (0.15, 0.004, (0.0, 0.0)),
+        (-1.0, -0.05, (0.0, 0.0)),
+        (7.0, 0.0, (5.0, 0.0)),
+        (0.0, 0.4, (0.0, 0.2)),
+    ],
+)
+def test_too_little_and_less_than_nothing_count_as_none_and_too_much_as_the_most(friction, rotor, believed):
+    rate, acceleration = motion()
+    acceleration = np.clip(acceleration, -20.0, 20.0)  # below the torque of a blow
+    joint = told(rate, acceleration, friction * np.sign(rate) + rotor * acceleration)
+    conclude(joint)
+    assert (joint[FRICTION], joint[ROTOR]) == pytest.approx(believed, abs=1e-12)
+
+
+def test_a_blow_and_a_joint_at_rest_tell_nothing():
+    joint = told([1.0] * 20, [5.0] * 20, [1.0] * 20)
+    before = joint.copy()
+    take_in(joint, 2.0, 0.019, 50.0, DT)
+    np.testing.assert_array_equal(joint[3:], before[3:])  # but the filters go on
+    assert joint[LOST] > before[LOST]
+    take_in(joint, 1e3, 1.0, 5.0, DT)
+    np.testing.assert_array_equal(joint[3:], before[3:])
+    assert not joint[:3].any()
+
+
+def test_the_direction_of_a_rate_is_its_sign_but_for_slow_ones():
+    assert [direction(v) for v in (-3.0, -0.1, -0.05, 0.0, 0.02, 0.1, 5.0)] == pytest.approx(
+        [-1.0, -1.0, -0.5, 0.0, 0.2, 1.0, 1.0]
+    )
+
+
+@pytest.mark.parametrize("leg", [0, 1])
+def test_what_a_leg_loses_is_what_its_motors_give_beyond_mujocos_m_and_h(random_state, robot_in, leg):
+    rng = np.random.default_rng(8 + leg)
+    core, data = robot_in(*random_state(rng))
+    physics, qdd, lost = core.physics, rng.normal(0.0, 20.0, 20), rng.uniform(-3.0, 3.0, 6)
+    needed, joints, before = np.empty(20), np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
+    mujoco.mj_mulM(MODEL, data, needed, qdd)
+    needed += data.qfrc_bias
+    rows = slice(LEG_DOF[leg] - 6, LEG_DOF[leg])
+    keep_leg(before, physics, 0, leg)
+    physics.ctrl[0] = needed[6:]
+    physics.ctrl[0, rows] += lost
+    physics.qvel[0] += DT * qdd
+    feel_swing(joints, before, physics, 0, leg, DT)
+    share = 1.0 - np.exp(-RATE * DT)
+    np.testing.assert_allclose(joints[0, rows, LOST], share * lost, atol=1e-8)
+    np.testing.assert_allclose(joints[0, rows, 2], share * qdd[LEG_DOF[leg] : LEG_DOF[leg] + 6], rtol=1e-9)
+    assert np.count_nonzero(joints.any(axis=2)) == 6
+
+
+def test_losses_are_added_to_mass_matrix_and_bias(random_state, robot_in):
+    core, data = robot_in(*random_state(np.random.default_rng(5)))
+    physics, joints = core.physics, np.zeros((1, 14, LOSS_SIZE))
+    joints[0, :, FRICTION], joints[0, :, ROTOR] = np.arange(14.0), 0.01 * np.arange(14.0)
+    add_losses(joints, physics, 0)
+    mass, full = np.empty((20, 20)), np.empty((20, 20))
+    mujoco.mj_fullM(MODEL, data, mass)
+    data.M[:] = physics.mass_matrix[0]
+    mujoco.mj_fullM(MODEL, data, full)
+    legs = np.r_[np.zeros(8), np.arange(2.0, 14.0)]  # the waist's are left out
+    np.testing.assert_allclose(full - mass, np.diag(0.01 * legs), atol=1e-12)
+    sign = np.clip(data.qvel / 0.1, -1.0, 1.0)
+    np.testing.assert_allclose(physics.bias[0] - data.qfrc_bias, legs * sign, atol=1e-9)
+
+
+def test_a_leg_tells_only_in_the_air_and_concludes_as_it_has_landed(random_state, robot_in):
+    core, _ = robot_in(*random_state(np.random.default_rng(6)), stance=1)
+    physics, gait = core.physics, core.gait
+    joints, before = np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
+    gait.elapsed[0], physics.load[0] = 0.1, (30.0, 500.0)
+    feel_joints(joints, before, physics, gait, 0, DT)
+    assert not joints.any()
+    physics.load[0, 0] = 0.0
+    feel_joints(joints, before, physics, gait, 0, DT)
+    assert joints[0, 2:8, :3].any(axis=1).all()
+    assert not joints[0, 8:].any()
+    joints[0, :, 0] = 1.0
+    gait.stance[0], gait.elapsed[0] = 0, DT
+    feel_joints(joints, before, physics, gait, 0, DT)
+    assert joints[0, :, 0].tolist() == [1.0] * 2 + [0.0] * 6 + [1.0] * 6
+
+
+def walk(errors: ModelErrors, seconds: float = 6.0):
+    """What a walk at 0.3 m/s finds, (14,) frictions and rotors, and its speed over the second half [m/s]."""
+    episodes = preset_episodes("PushRecovery/Biped-v0", 1, "biped", "two-stage")
+    policy, places = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped"), []
+    episodes.core.after_physics_step = lambda: places.append(float(episodes.core.judged.qpos[0, 0]))
+    scenario = Scenario("walk", command=Command(0.3), duration=seconds, errors=errors)
+    (outcome,) = rollout_batch(episodes, policy, [scenario], "two-stage")
+    assert outcome.survived
+    half = len(places) // 2
+    known = episodes.core.known.joints[0]
+    return known[:, FRICTION], known[:, ROTOR], (places[-1] - places[half]) / (DT * (len(places) - 1 - half))
+
+
+def test_an_exact_robot_finds_nothing():
+    friction, rotor, speed = walk(ModelErrors())
+    assert not friction.any()
+    assert not rotor.any()
+    assert speed == pytest.approx(0.3, abs=0.03)
+
+
+def test_a_walk_finds_the_friction_of_hip_knee_and_ankle_and_keeps_its_speed():
+    friction, _, speed = walk(ModelErrors(joint_friction=1.0))
+    for first in (2, 8):
+        np.testing.assert_allclose(friction[first + 1 : first + 5], 1.0, atol=0.1)
+    assert not friction[:2].any()
+    assert speed == pytest.approx(0.3, abs=0.05)  # 0.15 m/s where nothing is found
+
+
+def test_a_walk_finds_a_heavier_rotor():
+    _, rotor, speed = walk(ModelErrors(armature=0.03))
+    for first in (2, 8):
+        np.testing.assert_allclose(rotor[first + 2 : first + 5], 0.03, atol=0.003)
+    assert speed == pytest.approx(0.3, abs=0.03)
+
+
+def test_on_the_hardware_profile_it_walks_within_what_recovered_allows():
+    friction, _, speed = walk(HARDWARE.applied(Scenario("x")).errors)
+    np.testing.assert_allclose(friction[[3, 5, 6, 9, 11, 12]], 1.0, atol=0.15)
+    assert speed == pytest.approx(0.3, abs=0.06)
+
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 PERIOD = 0.01  # [s]
 
 
-def walk(core, begin, seconds: float, *pushes: Push, command=(0.0, 0.0), **errors):
+def self_model_walk(core, begin, seconds: float, *pushes: Push, command=(0.0, 0.0), **errors):
     """Walk for so long; returns the mean velocity in the world over the second half [m/s] (2,)."""
     begin(core, 0, Scenario("a", pushes, Command(*command), errors=ModelErrors(**errors)))
     places = []
@@ -35,9 +238,9 @@ def walk(core, begin, seconds: float, *pushes: Push, command=(0.0, 0.0), **error
 @pytest.mark.parametrize("mass", [-0.3, -0.1, 0.1, 0.3])
 def test_a_walking_robot_weighs_itself(biped_core, begin, mass):
     core = biped_core()
-    walk(core, begin, 4.0)
+    self_model_walk(core, begin, 4.0)
     height = core.truth[0, COM_HEIGHT_ERROR]
-    walk(core, begin, 4.0, mass=mass)
+    self_model_walk(core, begin, 4.0, mass=mass)
     assert core.known.mass[0] == pytest.approx(1.0 + mass, abs=2e-3)
     sag = GRAVITY * abs(mass) / BIPED_GAINS.height_kp  # of the CoM, were it carried with the model's mass
     assert abs(core.truth[0, COM_HEIGHT_ERROR] - height) < 0.2 * sag
@@ -45,22 +248,24 @@ def test_a_walking_robot_weighs_itself(biped_core, begin, mass):
 
 def test_a_payload_counts_as_mass(biped_core, begin):
     core = biped_core()
-    walk(core, begin, 4.0, payload=5.0)
+    self_model_walk(core, begin, 4.0, payload=5.0)
     assert core.known.mass[0] == pytest.approx(65.0 / 60.0, abs=2e-3)
 
 
 @pytest.mark.parametrize("mass", [-0.1, 0.1])
 def test_with_its_mass_found_it_walks_at_the_speed_of_the_nominal_robot(biped_core, begin, mass):
     core, command = biped_core(), (0.4, 0.1)
-    nominal = walk(core, begin, 5.0, command=command)
-    np.testing.assert_allclose(walk(core, begin, 5.0, command=command, mass=mass), nominal, atol=0.02)
+    nominal = self_model_walk(core, begin, 5.0, command=command)
+    np.testing.assert_allclose(
+        self_model_walk(core, begin, 5.0, command=command, mass=mass), nominal, atol=0.02
+    )
 
 
 @pytest.mark.parametrize("slopes", [(0.05, 0.0), (0.0, -0.05), (0.03, 0.04)])
 def test_it_walks_in_place_on_a_slope(biped_core, begin, slopes):
     """The steady force is m g tan(slope) downhill, -h tan(slope) over m omega^2."""
     core = biped_core()
-    velocity = walk(core, begin, 8.0, slope_forward=slopes[0], slope_left=slopes[1])
+    velocity = self_model_walk(core, begin, 8.0, slope_forward=slopes[0], slope_left=slopes[1])
     np.testing.assert_allclose(velocity, 0.0, atol=0.03)  # 0.3 where nothing is learned
     np.testing.assert_allclose(core.known.drift[0], -BIPED.com_height * np.tan(slopes), atol=3e-3)
 
@@ -81,7 +286,7 @@ def test_an_undisturbed_walk_on_the_steepest_slope_counts_as_recovered(slopes, c
 
 def test_what_is_seen_is_moved_by_the_drift(biped_core, begin):
     core = biped_core()
-    walk(core, begin, 5.0, slope_forward=0.05, slope_left=0.02)
+    self_model_walk(core, begin, 5.0, slope_forward=0.05, slope_left=0.02)
     x, y = core.known.drift[0]
     drift = np.array([x, y if core.gait.stance[0] == 1 else -y])
     assert math.hypot(x, y) > 0.03
@@ -94,7 +299,7 @@ def test_what_is_seen_is_moved_by_the_drift(biped_core, begin):
 
 def test_late_torques_do_not_make_it_faster(biped_core, begin):
     core = biped_core()
-    velocity = walk(core, begin, 6.0, command=(0.4, 0.0), delay=0.01)
+    velocity = self_model_walk(core, begin, 6.0, command=(0.4, 0.0), delay=0.01)
     assert velocity[0] == pytest.approx(0.4, abs=0.03)  # 0.46 where nothing is learned
 
 
@@ -138,15 +343,15 @@ def test_a_push_below_its_own_noise_is_not_shown(biped_core, begin, noise):
 def test_a_robot_that_slides_knows_the_friction(biped_core, begin, friction):
     """The contacts' pyramid |f_x| + |f_y| <= mu f_z gives between mu / sqrt(2) and mu."""
     core, push = biped_core(), Push((400.0, 400.0, 0.0), 0.1, 0.1)
-    walk(core, begin, 3.0, push)
+    self_model_walk(core, begin, 3.0, push)
     assert core.known.grip[0] == BIPED_BOUNDS.friction
-    walk(core, begin, 3.0, push, friction=friction)
+    self_model_walk(core, begin, 3.0, push, friction=friction)
     assert 0.99 * friction / math.sqrt(2.0) < core.known.grip[0] < 1.01 * friction
 
 
 def test_a_sole_may_slide_from_its_landing(biped_core, begin):
     core = biped_core()
-    walk(core, begin, 0.3)
+    self_model_walk(core, begin, 0.3)
     most = core.known.grip[0]
     core.gait.elapsed[0] = STANDING
 
@@ -176,3 +381,113 @@ def test_joint_noise_is_taken_for_no_slide(sensing):
         episodes.step(POLICY.predict(episodes.core.observation)[0])
         assert (episodes.core.known.grip == BIPED_BOUNDS.friction).all()
     assert not episodes.failure().any()
+
+
+LEFT, RIGHT = -1.0, 1.0  # sign of the canonical y on a stance foot
+
+
+def fresh(n: int = 2):
+    """Robots that know nothing yet; robot 1 is the one that learns."""
+    known = empty_self_model(n)
+    for k in range(n):
+        forget(known, k, BIPED_GAIT, 0.8)
+    return known
+
+
+def walk_step(known, x: float, y: float, weight: float = 0.25) -> list[float]:
+    """A step whose mean drift is (x, y) is over; returns the drift that is known then."""
+    known.step[1, :2], known.step[1, WEIGHT] = (weight * x, weight * y), weight
+    end_step(known, 1)
+    assert not known.step[1, : WEIGHT + 1].any()
+    return known.drift[1].tolist()
+
+
+def test_the_mean_of_two_steps_is_taken_over_by_halves():
+    known = fresh()
+    assert walk_step(known, 0.01, -0.03) == [0.0, 0.0]  # one step alone may be one-sided
+    assert known.step[1, LAST : LAST + 2].tolist() == [0.01, -0.03]
+    assert walk_step(known, 0.03, 0.01) == pytest.approx([0.5 * 0.02, 0.5 * -0.01])
+    assert walk_step(known, 0.03, 0.01) == pytest.approx([0.01 + 0.5 * 0.02, -0.005 + 0.5 * 0.015])
+    assert not known.drift[0].any()
+
+
+def test_a_step_with_a_push_and_the_one_after_it_teach_nothing():
+    known = fresh()
+    walk_step(known, 0.02, 0.0)
+    walk_step(known, 0.02, 0.0)
+    before = known.drift[1].tolist()
+    known.step[1, QUIET] = -1.0  # pushed
+    assert walk_step(known, 0.09, 0.09) == before
+    assert walk_step(known, 0.09, 0.09) == before  # it still recovers
+    assert walk_step(known, 0.04, 0.02) == before  # the first of two
+    assert walk_step(known, 0.04, 0.02) == pytest.approx([before[0] + 0.5 * (0.04 - before[0]), 0.01])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_drift_changes_slowly_and_has_a_bound(sign):
+    known, drifts = fresh(), []
+    for _ in range(12):
+        drifts.append(walk_step(known, sign * 0.3, -sign * 0.3)[0])
+    np.testing.assert_allclose(np.diff(drifts)[:4], sign * 0.02, atol=1e-15)  # half of at most 4 cm
+    assert drifts[-1] == sign * 0.1
+    assert known.drift[1, 1] == -sign * 0.1
+
+
+def test_a_model_counts_for_half_a_second_of_weighing():
+    """A tenth of a second 20 % heavier: (0.5 e^-0.2 m g + 0.1 x 1.2 m g) over (0.5 e^-0.2 + 0.1) m g."""
+    known, weight = fresh(), BIPED_GAIT.mass * GRAVITY
+    weigh(known, 1, BIPED_GAIT, 0.1 * 1.2 * weight, 0.0, 0.1)
+    past = 0.5 * math.exp(-0.2)
+    assert known.mass[1] == pytest.approx((past + 0.12) / (past + 0.1))
+    assert known.mass[0] == 1.0
+    weigh(known, 1, BIPED_GAIT, 1e6, 0.0, 0.1)
+    assert known.mass[1] == 2.0  # no more is believed
+    known = fresh()
+    weigh(known, 1, BIPED_GAIT, 0.1 * 1.02 * weight, 0.0, 0.1)
+    assert known.mass[1] == 1.0  # within a percent, by its 0.4 %
+
+
+def test_a_climbing_robot_is_not_a_heavier_one():
+    known, mass = fresh(), BIPED_GAIT.mass
+    weigh(known, 1, BIPED_GAIT, mass * (0.1 * GRAVITY + 0.5), 0.5, 0.1)
+    assert known.mass[1] == 1.0
+
+
+@pytest.mark.parametrize("stance", [LEFT, RIGHT])
+def test_jumps_are_those_in_the_heading_frame(stance):
+    """A steady push is seen with the other sign after a touchdown, and has not jumped."""
+    known, seen = fresh(), np.zeros(36)
+    known.felt[1] = 0.1, 0.2, 0.05
+    seen[34:36] = 0.1, stance * 0.2
+    show_push(known, 1, stance, 0.01, seen)
+    assert known.felt[1] == pytest.approx([0.1, 0.2, 0.04])  # less noise than was believed
+    assert seen[34:36].tolist() == [0.1, stance * 0.2]  # above twice 0.04 m
+    seen[34:36] = 0.1, stance * 0.3
+    show_push(known, 1, stance, 0.01, seen)
+    assert known.felt[1] == pytest.approx([0.1, 0.3, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("noise", "size", "shown"), [(0.05, 0.06, False), (0.05, 0.11, True), (0.02, 0.01, True)]
+)
+def test_a_push_is_shown_above_twice_its_noise_or_where_there_is_hardly_any(noise, size, shown):
+    known, seen = fresh(), np.zeros(36)
+    known.felt[1] = 0.6 * size, 0.8 * size, noise
+    seen[34:36] = 0.6 * size, 0.8 * size
+    show_push(known, 1, RIGHT, 0.0, seen)  # no time has passed: nothing is learned
+    assert known.felt[1].tolist() == [0.6 * size, 0.8 * size, noise]
+    assert bool(seen[34:36].any()) == shown
+
+
+@pytest.mark.parametrize("stance", [LEFT, RIGHT])
+def test_what_is_planned_on_is_moved_by_a_drift_that_counts(stance):
+    known, seen = fresh(), np.zeros(36)
+    known.drift[1] = 0.9 * rules.DRIFT_KNOWN, 0.0
+    show_drift(known, 1, stance, seen)
+    assert not seen.any()
+    known.drift[1] = 0.03, 0.02
+    show_drift(known, 1, stance, seen)
+    expected = np.zeros(36)
+    expected[[1, 3]], expected[[2, 4]] = 0.03, stance * 0.02
+    expected[34], expected[35] = -0.03, -stance * 0.02
+    np.testing.assert_array_equal(seen, expected)

@@ -1,11 +1,21 @@
+"""The undisturbed walk starts where it comes back to: the pendulum integrated over a step, numerically."""
+
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
+from push_recovery.controllers.model.nominal_gait import (
+    drifting_dcm_kernel,
+    nominal_gait,
+    nominal_start,
+    step_start_dcm,
+)
 from push_recovery.controllers.model.robot import RobotModel
+from scipy.integrate import solve_ivp
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
@@ -71,3 +81,41 @@ def test_bad_velocity(velocity):
 def test_pelvis_outside_the_box():
     with pytest.raises(InvalidValueError, match="pelvis_width"):
         nominal_gait(RobotModel(pelvis_width=0.6), LIMITS)
+
+
+@pytest.mark.parametrize("double_support", [0.0, 0.1])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.4, 0.1), (-0.2, -0.15)])
+def test_after_a_step_the_com_is_where_the_next_one_starts(velocity, double_support):
+    """x'' = omega^2 (x - z), z from the old foot to the new one in double support, then there."""
+    this, following = (
+        nominal_gait(ROBOT, LIMITS, (velocity[0], sign * velocity[1]), 0.0, double_support)
+        for sign in (1.0, -1.0)
+    )
+    start, after = (
+        nominal_start(gait, ROBOT.pelvis_width, ROBOT.omega, 0.0, double_support)
+        for gait in (this, following)
+    )
+    np.testing.assert_allclose(start.swing, [-this.length, following.width])
+
+    def motion(time, state):
+        share = max(1.0 - time / double_support, 0.0) if double_support else 0.0
+        return np.concatenate([state[2:], ROBOT.omega**2 * (state[:2] - share * start.swing)])
+
+    state, ends = np.concatenate([start.com, start.com_velocity]), (0.0, double_support, this.duration)
+    for begin, end in pairwise(ends):
+        if end > begin:
+            state = solve_ivp(motion, (begin, end), state, rtol=1e-11, atol=1e-13).y[:, -1]
+    # the next frame lies at the new sole, its y mirrored
+    np.testing.assert_allclose((state[:2] - [this.length, this.width]) * [1.0, -1.0], after.com, atol=1e-8)
+    np.testing.assert_allclose(state[2:] * [1.0, -1.0], after.com_velocity, atol=1e-8)
+
+
+@pytest.mark.parametrize(("delay", "double_support"), [(0.0, 0.0), (0.03, 0.0), (0.0, 0.1)])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.4, 0.1), (-0.2, -0.15)])
+def test_less_its_transfer_the_dcm_is_what_drifts_to_the_end_of_the_step(velocity, delay, double_support):
+    """From the old foot at p: xi_0 - p kappa(0) = (u_T + b) exp(-omega (T + delay))."""
+    gait = nominal_gait(ROBOT, LIMITS, velocity, delay, double_support)
+    dcm = np.array(step_start_dcm(gait, ROBOT.pelvis_width, ROBOT.omega, delay, double_support))
+    old_foot = np.array([-gait.length, 2 * ROBOT.pelvis_width - gait.width])
+    left = dcm - old_foot * transfer_weight(0.0, double_support, ROBOT.omega)
+    np.testing.assert_allclose(drifting_dcm_kernel(gait.row, ROBOT.omega, delay), left, atol=1e-14)

@@ -7,12 +7,189 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.model.capturability import max_recoverable_force
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.pendulum.env import PendulumCore
+from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from scipy.integrate import solve_ivp
 
-import push_recovery  # noqa: F401
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+
+
+def nominal(command=(0.0, 0.0)):
+    gait = nominal_gait(ROBOT, LIMITS, command)
+    start = nominal_start(gait, ROBOT.pelvis_width, ROBOT.omega)
+    return start, np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
+
+
+def make_core(scenario, hz=100.0, n=1):
+    core = PendulumCore(n, ROBOT, LIMITS, hz)
+    sign = -1 if scenario.stance_side == "left" else 1
+    start, gait = nominal((scenario.command.vx, sign * scenario.command.vy))
+    for k in range(n):
+        core.reset(k, scenario, start, gait, LIMITS.to_action(gait).astype(float))
+    return core
+
+
+def run(core, gait, cycles):
+    for _ in range(cycles):
+        core.step(gait[None].repeat(core.n, 0), np.zeros((core.n, 7)))
+    return core.state
+
+
+def test_one_cycle_equals_numerical_integration():
+    """x'' = omega^2 (x - cop - j/(mg) theta'') + F/m, theta'' = a; the push begins and ends inside."""
+    push = Push((180.0, -90.0, 0.0), 0.013, 0.0042)
+    core = make_core(Scenario("x", pushes=(push,)), hz=25.0)
+    s = core.state
+    before = np.concatenate([s.com[0], s.velocity[0], s.angle[0], s.rate[0]])
+    gait = np.array([0.0, 0.2, 0.65, 0.04, -0.03, 6.0, -4.0])
+    cop, trunk = np.array([0.04, 0.03]), np.array([6.0, 4.0])  # world frame: left stance mirrors y
+
+    def motion(t, y):
+        force = np.array(push.force[:2]) * (0.0042 <= t < 0.0172)
+        cmp = cop + ROBOT.trunk_inertia / ROBOT.weight * trunk
+        acceleration = ROBOT.omega**2 * (y[0:2] - cmp) + force / ROBOT.mass
+        return np.concatenate([y[2:4], acceleration, y[6:8], trunk])
+
+    y = before
+    for t0, t1 in ((0.0, 0.0042), (0.0042, 0.0172), (0.0172, 0.04)):
+        inside = 0.5 * (t0 + t1)
+        span = solve_ivp(lambda t, y, inside=inside: motion(inside, y), (t0, t1), y, rtol=1e-12, atol=1e-14)
+        y = span.y[:, -1]
+    run(core, gait, 1)
+    after = np.concatenate([s.com[0], s.velocity[0], s.angle[0], s.rate[0]])
+    assert after == pytest.approx(y, abs=1e-10)
+
+
+def test_push_estimate_explains_the_motion_of_the_dcm():
+    """delta = (xi - (e xi_before - (e - 1) cmp)) / (e - 1), e = exp(omega dt), in a cycle without events."""
+    push = Push((180.0, -90.0, 0.0), 0.05, 0.0042)
+    core = make_core(Scenario("x", pushes=(push,)), hz=50.0)
+    s, grow = core.state, math.exp(ROBOT.omega / 50.0)
+    gait = np.array([0.0, 0.2, 0.65, 0.04, -0.03, 6.0, -4.0])
+    for cycle in range(4):
+        before = s.com[0] + s.velocity[0] / ROBOT.omega
+        run(core, gait, 1)
+        after = s.com[0] + s.velocity[0] / ROBOT.omega
+        delta = (after - (grow * before - (grow - 1.0) * s.cmp[0])) / (grow - 1.0)
+        assert s.push[0] == pytest.approx(delta, abs=1e-12)
+        assert core.observation[0, 34:36] == pytest.approx(delta * [1, -1], abs=1e-12)  # left stance
+        if cycle == 1:  # the push lasts all of it
+            assert delta == pytest.approx(np.array([180.0, -90.0]) / (60.0 * ROBOT.omega**2))
+        if cycle == 3:
+            assert delta == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_a_touchdown_due_at_the_end_of_a_cycle_happens_in_it():
+    core = make_core(Scenario("x"))
+    _, gait = nominal()
+    run(core, gait, 65)  # T = 0.65 s
+    assert core.state.steps[0] == 1
+    assert core.observation[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert core.state.side[0] == 1
+
+
+def test_nominal_gait_closes_after_two_steps():
+    core = make_core(Scenario("x", command=Command(0.5, 0.0)))
+    _, gait = nominal((0.5, 0.0))
+    start = core.observation[0].copy()
+    run(core, gait, 130)
+    s = core.state
+    assert s.steps[0] == 2
+    assert s.side[0] == 0
+    assert s.stance[0] == pytest.approx([2 * 0.325, 0.0], abs=1e-12)
+    error = (core.observation[0] - start)[1:7]
+    assert np.abs(error).max() < 1e-11 * math.exp(ROBOT.omega * 1.3) * 100
+
+
+@pytest.mark.parametrize("hz", [33.0, 100.0, 250.0, 997.0])
+@pytest.mark.parametrize("start", [0.123456, GaitEvent(0, "left", 0.37), GaitEvent(1, "right", 0.0)])
+def test_impulse_is_exact_at_every_rate_and_moves_the_dcm_as_it_should(hz, start):
+    push = Push((35.0, 20.0, 0.0), 0.0777, start)
+    core, free = make_core(Scenario("x", pushes=(push,)), hz), make_core(Scenario("y"), hz)
+    _, gait = nominal()
+    for c in (core, free):
+        run(c, gait, round(0.9 * hz))
+    assert core.pushes.delivered[0, 0] == pytest.approx(np.array(push.impulse), abs=1e-9)
+    s, f = core.state, free.state
+    omega, end = ROBOT.omega, s.time[0]
+    began = core.pushes.start[0, 0]
+    shift = (s.com - f.com)[0] + (s.velocity - f.velocity)[0] / omega
+    # int F/(m omega) exp(omega (end - t)) dt over the push
+    growth = math.exp(omega * (end - began)) - math.exp(omega * (end - began - push.duration))
+    expected = np.array(push.force[:2]) / (ROBOT.mass * omega**2) * growth
+    assert shift == pytest.approx(expected, rel=1e-9, abs=1e-10)
+
+
+def test_outcome_does_not_depend_on_the_control_rate():
+    """Exact integration: the same inputs at 20 Hz and at 1000 Hz, with a touchdown inside the cycle."""
+    states = []
+    for hz, cycles in ((20.0, 14), (1000.0, 700)):
+        core = make_core(Scenario("x", pushes=(Push((20.0, 10.0, 0.0), 0.1, 0.21),)), hz)
+        s = run(core, nominal()[1], cycles)
+        states.append(np.concatenate([s.com[0], s.velocity[0], s.stance[0], [s.step_start[0]]]))
+    assert states[0] == pytest.approx(states[1], abs=1e-9)
+
+
+def test_trunk_stops_inelastically_and_hands_its_momentum_to_the_com():
+    core = make_core(Scenario("x"))
+    s = core.state
+    s.angle[0, 0], s.rate[0, 0] = ROBOT.trunk_angle_max - 0.01, 4.0
+    twin = make_core(Scenario("x"))
+    gait = nominal()[1]
+    run(core, gait, 1), run(twin, gait, 1)
+    assert s.angle[0, 0] == ROBOT.trunk_angle_max
+    assert s.rate[0, 0] == 0.0
+    left = 0.01 - 0.01 / 4.0  # after the stop, the velocity step j rate / (m h) grows like cosh
+    kick = ROBOT.trunk_inertia * 4.0 / (ROBOT.mass * ROBOT.com_height)
+    assert s.velocity[0, 0] - twin.state.velocity[0, 0] == pytest.approx(
+        kick * math.cosh(ROBOT.omega * left), rel=1e-9
+    )
+
+
+def test_pushing_against_the_stop_moves_nothing():
+    core, twin = make_core(Scenario("x")), make_core(Scenario("x"))
+    for c in (core, twin):
+        c.state.angle[0, 1] = -ROBOT.trunk_angle_max
+    gait = nominal()[1]
+    pressed = gait.copy()
+    pressed[6] = 10.0  # canonical, left stance: towards -y of the world
+    run(core, pressed, 5), run(twin, gait, 5)
+    assert core.state.com[0] == pytest.approx(twin.state.com[0], abs=1e-15)
+    assert core.state.angle[0, 1] == -ROBOT.trunk_angle_max
+
+
+def test_inputs_are_clipped_to_the_sole_and_the_torque():
+    core = make_core(Scenario("x"))
+    run(core, np.array([0.0, 0.2, 0.65, 9.0, 9.0, 99.0, 0.0]), 1)
+    assert core.state.cop[0] == pytest.approx([0.1, -0.05])
+    assert core.state.rate[0, 0] == pytest.approx(150.0 / 8.0 * 0.01)
+
+
+def test_robots_do_not_depend_on_each_other():
+    push = Push((40.0, 0.0, 0.0), 0.1, 0.3)
+    single, many = make_core(Scenario("x", pushes=(push,))), make_core(Scenario("y"), n=3)
+    start, gait = nominal()
+    many.reset(1, Scenario("x", pushes=(push,)), start, gait, LIMITS.to_action(gait).astype(float))
+    run(single, gait, 80), run(many, gait, 80)
+    assert np.array_equal(many.observation[1], single.observation[0])
+    assert not np.array_equal(many.observation[0], single.observation[0])
+
+
+def test_a_reset_looks_at_no_other_robot():
+    core, (start, gait) = make_core(Scenario("x"), n=3), nominal()
+    seen = core.observation.copy()
+    core.observation[:], core.margin[:] = 7.0, 7.0
+    core.reset(1, Scenario("x"), start, gait, LIMITS.to_action(gait).astype(float))
+    assert core.observation[1].tobytes() == seen[1].tobytes()
+    assert (core.observation[[0, 2]] == 7.0).all()
+    assert (core.margin == 7.0).tolist() == [True, False, True]
+
 
 ENV_ID = "PushRecovery/Pendulum-v0"
 

@@ -1,13 +1,83 @@
-import math
+"""Profiles as values, and that drawn scenarios have them while given ones run as they are.
 
+Scenarios for a robot of another size: forces, times, lengths and what follows from them, by hand.
+"""
+
+import math
+from dataclasses import replace
+
+import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.scenario.distribution import PushDistribution
-from push_recovery.envs.scenario.push import GaitEvent, Push
-from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.controllers.model.robot import SAME, Similarity
+from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
+from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
+from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
+from push_recovery.envs.scenario.scenario import (
+    EXACT,
+    HARDWARE,
+    Command,
+    CommandChange,
+    Scenario,
+    get_profile,
+)
 
-PUSH = Push((10.0, -20.0, 0.0), 0.1, GaitEvent(4, "left", 0.2))
+TURN = Command(0.3, turn=0.2)
+CHANGES = (CommandChange(2.0, Command(0.3, 0.1)), CommandChange(3.5, Command()))
+PUSH = Push((10.0, 0.0, 0.0), 0.1, 1.0)
+
+
+def test_json_round_trip_is_exact_and_has_no_key_without_changes():
+    scenario = Scenario("a", (PUSH,), Command(0.1), changes=CHANGES)
+    text = scenario.to_json()
+    assert Scenario.from_json(text) == scenario
+    assert Scenario.from_json(text).to_json() == text
+    assert "changes" not in Scenario("a", (PUSH,), Command(0.1)).to_dict()
+    assert Command.from_dict(TURN.to_dict()) == TURN
+    assert set(Command(0.1).to_dict()) == {"vx", "vy"}
+
+
+def test_mirror_is_an_involution():
+    scenario = Scenario("a", changes=CHANGES)
+    mirrored = scenario.mirrored()
+    assert mirrored.changes == (
+        CommandChange(2.0, Command(0.3, -0.1)),
+        CommandChange(3.5, Command(0.0, -0.0)),
+    )
+    assert mirrored.mirrored() == scenario
+    assert TURN.mirrored() == Command(0.3, turn=-0.2)
+
+
+def test_an_episode_waits_for_the_last_change():
+    assert Scenario("a", (PUSH,), changes=CHANGES).end_time(1.1) == 7.5
+    assert Scenario("a", (PUSH,), changes=CHANGES).end_time(5.0) == 9.0
+    assert Scenario("a", changes=CHANGES, duration=3.0).end_time(0.0) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Command(turn=0.61), r"Command.turn \[rad/s\] must be in \[-0.6, 0.6\], got 0.61"),
+        (lambda: CommandChange(0.0, Command()), r"CommandChange.time \[s\] must be in \(0, inf\], got 0"),
+        (lambda: CommandChange(math.inf, Command()), "must be finite, got inf"),
+        (lambda: CommandChange(1.0, 0.3), "CommandChange.command must be a Command, got 0.3"),  # type: ignore[arg-type]
+        (lambda: Scenario("a", changes=(PUSH,)), "must hold CommandChange objects, got Push"),  # type: ignore[arg-type]
+        (lambda: Scenario("a", changes=CHANGES[::-1]), "must rise in time, got 2 s after 3.5 s"),
+        (lambda: Scenario.from_dict({"id": "a", "changes": 3}), "scenario changes must be a list, got 3"),
+    ],
+)
+def test_an_impossible_change_is_refused(make, message):
+    with pytest.raises(InvalidValueError, match=message):
+        make()
+
+
+def test_an_unknown_key_is_refused():
+    with pytest.raises(PushRecoveryError, match="speed"):
+        Scenario.from_dict({"id": "a", "changes": [{"time": 1.0, "command": {}, "speed": 2}]})
+
+
+PUSH_SCENARIO = Push((10.0, -20.0, 0.0), 0.1, GaitEvent(4, "left", 0.2))
 
 
 def test_json_round_trip_is_exact():
@@ -19,8 +89,8 @@ def test_json_round_trip_is_exact():
         assert Scenario.from_json(text).to_json() == text
 
 
-def test_mirror_is_an_involution():
-    scenario = Scenario("a", (PUSH,), Command(0.3, 0.1), "right", noise_seed=3)
+def test_mirror_is_an_involution_scenario():
+    scenario = Scenario("a", (PUSH_SCENARIO,), Command(0.3, 0.1), "right", noise_seed=3)
     mirror = scenario.mirrored()
     assert mirror.stance_side == "left"
     assert mirror.command == Command(0.3, -0.1)
@@ -30,10 +100,10 @@ def test_mirror_is_an_involution():
 
 
 def test_end_time():
-    assert Scenario("a", (PUSH,)).end_time(3.0) == 7.0
-    assert Scenario("a", (PUSH,)).end_time(math.inf) == math.inf
+    assert Scenario("a", (PUSH_SCENARIO,)).end_time(3.0) == 7.0
+    assert Scenario("a", (PUSH_SCENARIO,)).end_time(math.inf) == math.inf
     assert Scenario("a", duration=60.0).end_time(0.0) == 60.0
-    assert Scenario("a", (PUSH,)).side_of_step(5) == "right"
+    assert Scenario("a", (PUSH_SCENARIO,)).side_of_step(5) == "right"
 
 
 @pytest.mark.parametrize(
@@ -78,3 +148,172 @@ def test_a_sensing_is_said_only_where_it_is_not_exact():
     assert onboard.mirrored().sensing == "onboard"
     with pytest.raises(UnknownNameError, match=r"sensing 'onbord'.*exact, onboard"):
         Scenario("a", sensing="onbord")
+
+
+PUSHED = Scenario("a", (Push((60.0, 0.0, 0.0), 0.1, 1.0),), noise_seed=7)
+
+
+def test_exact_changes_nothing():
+    off = replace(PUSHED, errors=ModelErrors(mass=0.1), physics=PhysicsOptions(time_step=0.001))
+    assert EXACT.applied(PUSHED) == PUSHED
+    assert EXACT.applied(off) == off
+
+
+def test_hardware_is_what_the_pages_say():
+    applied = HARDWARE.applied(PUSHED)
+    assert applied.to_dict()["errors"] == {
+        "friction": 0.7, "delay": 0.004, "joint_friction": 1.0, "armature": 0.03, "collisions": True,
+        "motor_power": 2000.0, "bus_power": 3000.0, "continuous_torque": 0.4,
+    }  # fmt: skip
+    assert applied.to_dict()["sensing"] == "onboard"
+    assert applied.to_dict()["physics"] == {"time_step": 0.001, "cone": "elliptic", "impratio": 10.0}
+    assert replace(applied, errors=PUSHED.errors, physics=PUSHED.physics, sensing="exact") == PUSHED
+
+
+def test_what_a_scenario_says_itself_stands():
+    own = replace(PUSHED, errors=ModelErrors(mass=0.1, friction=0.5), physics=PhysicsOptions(impratio=3.0))
+    applied = HARDWARE.applied(own)
+    assert (applied.errors.mass, applied.errors.friction, applied.errors.delay) == (0.1, 0.5, 0.004)
+    assert (applied.physics.impratio, applied.physics.time_step) == (3.0, 0.001)
+    assert HARDWARE.applied(own.mirrored()) == HARDWARE.applied(own).mirrored()
+
+
+def test_an_unknown_profile_is_named_with_the_valid_ones():
+    assert get_profile("hardware") is HARDWARE
+    with pytest.raises(UnknownNameError, match="did you mean 'hardware'"):
+        get_profile("hardwar")
+    with pytest.raises(UnknownNameError, match="profile"):
+        gym.make("push_recovery:PushRecovery/Biped-v0", profile="real")
+
+
+@pytest.mark.parametrize("env_id", ["Biped", "BipedResidual"])
+def test_an_environment_draws_robots_of_its_profile(env_id):
+    name = f"push_recovery:PushRecovery/{env_id}-v0"
+    drawn = []
+    for profile in ("exact", "hardware"):
+        env = gym.make(name, profile=profile)
+        env.reset(seed=3)
+        drawn.append(env.unwrapped.scenario)
+        env.reset(options={"scenario": PUSHED})
+        assert env.unwrapped.scenario == PUSHED
+        env.close()
+    assert drawn[1] == HARDWARE.applied(drawn[0])
+    assert drawn[1] != drawn[0]
+
+
+@pytest.mark.parametrize("env_id", ["Biped", "BipedResidual"])
+def test_a_vector_of_robots_has_the_profile_too(env_id):
+    seen = []
+    for profile in ("exact", "hardware"):
+        envs = gym.make_vec(
+            f"push_recovery:PushRecovery/{env_id}-v0", 2, "vector_entry_point", profile=profile
+        )
+        envs.reset(seed=3)
+        core = envs.unwrapped.core
+        seen.append((core.errors.delay.tolist(), core.simulations.models[1].opt.timestep, core.senses.of(1)))
+        alike = envs.unwrapped.episodes.alike(1)
+        assert alike.drawn(envs.unwrapped.push_distribution, np.random.default_rng(0)).errors.collisions == (
+            profile == "hardware"
+        )
+        envs.close()
+    assert seen == [([0, 0], 0.002, 0), ([2, 2], 0.001, 1)]
+
+
+@pytest.mark.parametrize(("sensing", "kind"), [(None, 1), ("exact", 0), ("onboard", 1)])
+def test_a_sensing_of_the_environment_stands_above_the_profile(sensing, kind):
+    env = gym.make("push_recovery:PushRecovery/Biped-v0", profile="hardware", sensing=sensing)
+    env.reset(seed=3)
+    assert env.unwrapped.episodes.core.senses.of(0) == kind
+    env.close()
+
+
+LARGER = Similarity(2.0, 2.25)  # twice as heavy, 1.5 times as slow
+EVENT = GaitEvent(4, "left", 0.25)
+
+
+def test_a_push_by_hand():
+    push = Push((10.0, -20.0, 30.0), 0.1, 2.0, "left_shank", (0.01, 0.02, -0.04), "heading")
+    assert push.scaled(LARGER) == Push(
+        (20.0, -40.0, 60.0), 0.1 * 1.5, 3.0, "left_shank", (0.0225, 0.045, -0.09), "heading"
+    )
+    assert push.scaled(LARGER).impulse_magnitude == pytest.approx(3.0 * push.impulse_magnitude)
+    assert Push((1.0, 0.0, 0.0), 0.1, EVENT).scaled(LARGER).start == EVENT
+
+
+def test_a_scenario_by_hand():
+    scenario = Scenario(
+        "one", (Push((1.0, 0.0, 0.0), 0.2, EVENT),), Command(0.2, -0.1, 0.3), "right", 2.0, 8.0, 7,
+        ModelErrors(friction=0.5, payload=3.0), (CommandChange(4.0, Command(0.1)),),
+        kicks=(Kick((0.1, 0.2, 0.0), 1.0),),
+    )  # fmt: skip
+    scaled = scenario.scaled(LARGER)
+    assert (scaled.id, scaled.stance_side, scaled.noise_seed) == ("one", "right", 7)
+    assert (scaled.settle_time, scaled.duration) == (3.0, 12.0)
+    assert scaled.command == Command(0.2 * 1.5, -0.1 * 1.5, 0.3 / 1.5)
+    assert scaled.changes == (CommandChange(6.0, Command(0.1 * 1.5)),)
+    assert scaled.kicks == (Kick((0.1 * 1.5, 0.2 * 1.5, 0.0), 1.5),)
+    assert scaled.errors == ModelErrors(friction=0.5, payload=6.0)
+    assert Scenario("open").scaled(LARGER).duration is None
+    assert scenario.scaled(SAME) == scenario
+
+
+def test_what_mirrors_scales():
+    scenario = Scenario(
+        "one", (Push((1.0, 2.0, 3.0), 0.2, EVENT, "left_foot", (0.1, 0.2, 0.3)),), Command(0.2, -0.1, 0.3)
+    )
+    assert scenario.mirrored().scaled(LARGER) == scenario.scaled(LARGER).mirrored()
+
+
+@pytest.mark.parametrize(("turn", "found"), [(0.6, 0.6), (-0.6, -0.6), (0.3, 0.6), (0.2, 0.4), (-0.2, -0.4)])
+def test_a_small_robot_turns_faster_up_to_the_bound(turn, found):
+    assert Command(turn=turn).scaled(Similarity(1.0, 0.25)).turn == found
+
+
+def test_errors_by_hand():
+    errors = ModelErrors(
+        mass=0.1, payload=1.0, trunk_com=(0.01, -0.02, 0.0), friction=0.7, slope_left=0.02, delay=0.004,
+        dcm_noise=0.002, joint_noise=0.001, floor_step=0.004, joint_friction=1.0, joint_damping=1.0,
+        armature=0.02, collisions=True, motor_power=1000.0, bus_power=2000.0, continuous_torque=0.5,
+    )  # fmt: skip
+    assert errors.scaled(LARGER) == ModelErrors(
+        mass=0.1, payload=2.0, trunk_com=(0.0225, -0.045, 0.0), friction=0.7, slope_left=0.02, delay=0.004,
+        dcm_noise=0.002 * 2.25, joint_noise=0.001, floor_step=0.004 * 2.25, joint_friction=4.5,
+        joint_damping=6.75, armature=0.02 * 10.125, collisions=True, motor_power=3000.0, bus_power=6000.0,
+        continuous_torque=0.5,
+    )  # fmt: skip
+    assert ModelErrors().scaled(LARGER) == ModelErrors()
+    ranges = ErrorRanges(payload=(0.0, 2.0), friction=(0.4, 1.0), trunk_com=(-0.01, 0.02))
+    assert ranges.scaled(LARGER) == ErrorRanges(
+        payload=(0.0, 4.0), friction=(0.4, 1.0), trunk_com=(-0.0225, 0.045)
+    )
+
+
+def test_a_profile_keeps_its_name_and_senses():
+    scaled = HARDWARE.scaled(LARGER)
+    assert (scaled.name, scaled.physics, scaled.sensing) == ("hardware", HARDWARE.physics, HARDWARE.sensing)
+    assert scaled.errors == HARDWARE.errors.scaled(LARGER)
+    assert EXACT.scaled(LARGER) == EXACT
+
+
+def test_drawing_and_scaling_change_places():
+    """To rounding; gait events and seeds are the same ones."""
+    ranges = PushDistribution(
+        turn=0.3,
+        errors=ErrorRanges(payload=(0.0, 5.0)),
+        settle_time=2.0,
+        push_duration_ratio=4.0,
+        pushes_max=3,
+    )
+    for seed in range(50):
+        drawn, later = (
+            ranges.scaled(LARGER).sample(np.random.default_rng(seed)),
+            ranges.sample(np.random.default_rng(seed)).scaled(LARGER),
+        )
+        assert (drawn.id, drawn.noise_seed) == (later.id, later.noise_seed)
+        assert drawn.stance_side == later.stance_side
+        for a, b in zip(drawn.pushes, later.pushes, strict=True):
+            assert a.start == b.start
+            assert (*a.force, a.duration) == pytest.approx((*b.force, b.duration))
+        parts = [(s.command.vx, s.command.vy, s.command.turn, s.settle_time) for s in (drawn, later)]
+        assert parts[0] == pytest.approx(parts[1])
+        assert drawn.errors.payload == pytest.approx(later.errors.payload)

@@ -1,20 +1,100 @@
+"""Every command that writes a directory leaves one alone that another run is writing to.
+
+Archives of Stable-Baselines3 on the command line.
+"""
+
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.cli.main import main
-from push_recovery.eval.cli.tools import Names
+from push_recovery.eval.cli.main import COMMANDS, main, one_line, parse
+from push_recovery.eval.cli.options import VelocityOptions
+from push_recovery.eval.cli.studies import Frontier
+from push_recovery.eval.cli.tools import Names, Tune
+from push_recovery.eval.output.rows import LOCK, Writer
+from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import SUITE_NAMES
 from push_recovery.eval.score.suites import SUITES, Suite, quick_suite, standard_suite
+from push_recovery.eval.tuning.study import TuningSettings
 
 import push_recovery
+
+
+def test_options_are_the_fields_of_a_dataclass():
+    options = parse(
+        "frontier", ["--policy", "a", "b", "--vx", "-0.5", "--grid", "5", "--body", "trunk", "--json"]
+    )
+    assert options == Frontier(policies=("a", "b"), vx=-0.5, grid=5.0, body="trunk", json=True)
+    assert parse("frontier", ["--policies", "a", "b"]) == Frontier(policies=("a", "b"))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -2.01, 2.01])
+def test_bounds_hold_for_options_made_in_python_too(value):
+    assert VelocityOptions(vx=-2.0, vy=2.0).vy == 2.0
+    with pytest.raises(InvalidValueError, match=r"--vy must be a number in \[-2, 2\]"):
+        VelocityOptions(vy=value)
+
+
+def test_tune_has_the_defaults_of_its_settings():
+    tune, settings = Tune().settings, TuningSettings(Tune().env, *Tune().policies)
+    for field in fields(TuningSettings):
+        assert getattr(tune, field.name) == getattr(settings, field.name)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_has_a_text(name, capsys):
+    with pytest.raises(SystemExit) as leave:
+        parse(name, ["--help"])
+    assert leave.value.code == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for option in re.sub(r" -{3,}", "", text).split(" --")[2:]:  # without the line below a group's title
+        assert len(option.partition("(default")[0].split()) > 1, option
+    assert not [form for form in ("{None}", "{[", "[INT", "[FLOAT") if form in text]
+
+
+FRAMED = """\
+╭─ Value error ─────────────────────────────╮
+│ Error parsing --seed: invalid literal for │
+│ int() with base 10: 'two'                 │
+│ ───────────────────────────────────────── │
+│ For full helptext, see x --help           │
+╰───────────────────────────────────────────╯
+"""
+BARE = """ Value error
+ -----------------------------------------
+  Error parsing --seed: invalid literal for
+  int() with base 10: 'two'
+  -----------------------------------------
+  For full helptext, see x --help
+
+"""
+
+
+@pytest.mark.parametrize("box", [FRAMED, BARE])
+def test_a_frame_becomes_one_line(box):
+    assert one_line(box) == "--seed must be an integer, got 'two'"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_errors_are_the_same_on_every_terminal(encoding):
+    done = subprocess.run(
+        [sys.executable, "-m", "push_recovery", "evaluate", "--sute", "quick"],
+        capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == (
+        "push-recovery: error: Unrecognized options: --sute, quick; did you mean --suite?\n"
+    )
 
 
 @pytest.fixture
@@ -297,3 +377,50 @@ def test_play_says_first_what_it_writes(policy, tmp_path, capsys):
     argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20"]
     assert main([*argv, "--out", str(tmp_path / "push.png")]) == 0
     assert said(capsys)[0] == f"one episode of {policy}: about 20 seconds"
+
+
+TOY = ("--env", toy.ENV_ID, "--suite", "SUITE", "--workers", "1")
+PENDULUM = ("--env", "PushRecovery/Pendulum-v0", "--policies", "stage-1")
+COMMANDS_ONE_WRITER = {
+    "evaluate": ("evaluate", *TOY, "--policies", "POLICY"),
+    "profiles": ("evaluate", *TOY, "--policies", "POLICY", "--profile", "hardware", "exact"),
+    "compare": ("compare", "POLICY", "random", *TOY),
+    "sensitivity": ("sensitivity", *TOY, "--sample", "2", "--policies", "POLICY"),
+    "frontier": ("frontier", *PENDULUM, "--directions", "1", "--workers", "1"),
+    "reproduce": ("reproduce", "limits", "--workers", "1"),
+    "tune": ("tune", *PENDULUM, "--trials", "1", "--workers", "1"),
+}
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("name", COMMANDS_ONE_WRITER)
+def test_a_second_writer_is_refused(tmp_path, capsys, name, overwrite):
+    Suite("head", "1", standard_suite().scenarios[:2]).save(tmp_path / "suite.json")
+    stands_for = {"SUITE": str(tmp_path / "suite.json")}
+    stands_for["POLICY"] = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
+    words = [stands_for.get(word, word) for word in COMMANDS_ONE_WRITER[name]]
+    out = tmp_path / "out"
+    place = out / "hardware" if name == "profiles" else out
+    with Writer(place):
+        assert main([*words, "--out", str(out), *(["--overwrite"] if overwrite else [])]) == 2
+        assert [path.name for path in place.iterdir()] == [LOCK]
+    (line,) = capsys.readouterr().err.splitlines()  # nothing is announced that will not be done
+    assert line.startswith("push-recovery: error: another run (process ")
+
+
+def test_the_command_takes_it_with_trust_alone(tmp_path, capsys):
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra train")
+    path, suite = tmp_path / "model.zip", tmp_path / "suite.json"
+    model = sb3.PPO("MlpPolicy", make_env(toy.ENV_ID), n_steps=8, batch_size=8, device="cpu", seed=3)
+    model.save(path)
+    Suite("head", "1", standard_suite().scenarios[:4]).save(suite)
+    words = ["--env", toy.ENV_ID, "--suite", str(suite), "--workers", "1"]
+    given = ["evaluate", "--policies", str(path), *words]
+    assert main([*given, "--out", str(tmp_path / "no")]) == 2
+    assert "--trust" in capsys.readouterr().err
+    assert main([*given, "--trust", "--out", str(tmp_path / "yes"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["policies"][str(path)]["episodes"] == 4
+    (first, *_) = (tmp_path / "yes" / "outcomes.jsonl").read_text().splitlines()
+    assert len(json.loads(first)["policy_sha256"]) == 64
+    other = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
+    assert main(["compare", str(path), other, *words, "--trust", "--out", str(tmp_path / "two")]) == 0

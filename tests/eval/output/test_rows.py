@@ -1,13 +1,187 @@
-"""Row files: what is written is on disk, and what cannot be read is named."""
+"""A file that cannot be written is refused before the work for it.
 
+One writer a directory, whatever becomes of the one that was there before.
+
+Row files: what is written is on disk, and what cannot be read is named.
+"""
+
+import fcntl
 import json
 import os
+import platform
+import re
 import resource
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.output.rows import RowFile, UnwrittenRowError
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.output.rows import (
+    LOCK,
+    RowFile,
+    UnwrittenRowError,
+    Writer,
+    machine_kind,
+    require_place,
+    source_commit,
+    versions,
+)
+from push_recovery.eval.reproduction.run import reproduce
+
+
+def test_a_folder_is_made_and_nothing_else(tmp_path):
+    require_place(tmp_path / "a" / "b" / "film.mp4")
+    assert list((tmp_path / "a").rglob("*")) == [tmp_path / "a" / "b"]
+
+
+def test_what_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "x.png").mkdir()
+    for name, words in (("file/x.png", "its folder is a file"), ("x.png", "Is a directory")):
+        with pytest.raises(InvalidValueError, match=rf"can't write to '{tmp_path / name}': {words}"):
+            require_place(tmp_path / name)
+
+
+def test_play_and_reproduce_ask_first(capsys, monkeypatch, tmp_path):
+    def work(*arguments, **options):
+        raise AssertionError("began to work")
+
+    monkeypatch.setattr("push_recovery.eval.cli.play.acting_in", work)
+    monkeypatch.setattr("push_recovery.eval.reproduction.run.open_store", work)
+    assert main(["play", "--out", "/dev/null/x.png"]) == 2
+    assert capsys.readouterr().err.startswith("push-recovery: error: can't write to '/dev/null/x.png': ")
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidValueError, match="can't write"):
+        reproduce(directory=tmp_path, page=tmp_path / "file" / "page.md")
+
+
+def test_versions_are_those_in_use():
+    found = versions()
+    assert found["numpy"] == np.__version__
+    assert found["mujoco"] == mujoco.__version__
+    assert found["python"] == platform.python_version()
+
+
+def test_the_kind_of_a_machine_does_not_name_it():
+    assert platform.node() not in machine_kind() or not platform.node()
+    assert platform.machine() in machine_kind()
+
+
+def test_no_commit_outside_a_repository(tmp_path):
+    (tmp_path / "file.py").write_text("")
+    assert source_commit(tmp_path / "file.py") is None
+    commit = source_commit(Path(__file__))
+    assert commit is None or len(commit.removesuffix("-dirty")) == 40
+
+
+def git(folder, *words):
+    subprocess.run(["git", "-c", "user.name=x", "-c", "user.email=x", *words], cwd=folder, check=True)  # noqa: S607
+
+
+def test_the_commit_is_that_of_the_repository_that_tracks_the_file(tmp_path):
+    file = tmp_path / "code.py"
+    file.write_text("1")
+    assert source_commit(file) is None
+    git(tmp_path, "init", "-q")
+    assert source_commit(file) is None  # a repository that does not know it, such as one around a venv
+    git(tmp_path, "add", "code.py")
+    git(tmp_path, "commit", "-qm", "x")
+    git(tmp_path, "tag", "-a", "v1", "-m", "x")
+    commit = source_commit(file)
+    assert commit is not None
+    assert re.fullmatch("[0-9a-f]{40}", commit)
+    file.write_text("2")
+    assert source_commit(file) == f"{commit}-dirty"
+    assert source_commit(Path("/nowhere/code.py")) is None
+
+
+HOLD = (
+    "import sys, time; from pathlib import Path; from push_recovery.eval.output.rows import Writer\n"
+    "held = Writer(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+)
+
+
+def hold(directory):
+    """Another process that writes to a directory."""
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(directory)], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"held\n"
+    return process
+
+
+def test_a_second_writer_is_refused_until_the_first_is_killed(tmp_path):
+    first = hold(tmp_path)
+    try:
+        for _ in range(2):  # the refusal itself takes nothing away from the first
+            with pytest.raises(InvalidValueError, match=rf"another run \(process {first.pid}\) is writing"):
+                Writer(tmp_path)
+    finally:
+        first.send_signal(signal.SIGKILL)
+        first.wait()
+        first.stdout.close()
+    assert (tmp_path / LOCK).exists()  # a kill leaves it behind, and it holds nobody off
+    Writer(tmp_path).release()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_second_writer_in_the_same_process_is_refused(tmp_path):
+    with Writer(tmp_path) as first:
+        with pytest.raises(InvalidValueError, match=rf"process {os.getpid()}"):
+            Writer(tmp_path)
+        first.release()
+        with Writer(tmp_path):
+            first.release()  # the second time; the lock is no longer its own
+            with pytest.raises(InvalidValueError, match="another run"):
+                Writer(tmp_path)
+
+
+def test_a_lock_on_a_file_that_has_been_removed_is_none(tmp_path, monkeypatch):
+    """The one who held it before released it between our opening of the file and our lock."""
+    lock, seen = fcntl.flock, []
+
+    def removed_once(file, how):
+        if not seen:
+            seen.append((tmp_path / LOCK).stat().st_ino)
+            (tmp_path / LOCK).rename(tmp_path / "removed")
+        lock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", removed_once)
+    with Writer(tmp_path):
+        assert (tmp_path / LOCK).stat().st_ino not in seen
+        with pytest.raises(InvalidValueError, match="another run"):
+            Writer(tmp_path)
+
+
+def test_another_directory_is_free(tmp_path):
+    with Writer(tmp_path / "a"), Writer(tmp_path / "b"), Writer(tmp_path / "a" / "below"):
+        assert (tmp_path / "a" / "below" / LOCK).is_file()
+
+
+def test_folders_made_for_it_go_where_nothing_was_written(tmp_path):
+    Writer(tmp_path / "a" / "b").release()
+    assert not (tmp_path / "a").exists()
+    with Writer(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "rows").touch()
+    assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["rows"]
+    (tmp_path / "mine").mkdir()
+    Writer(tmp_path / "mine").release()
+    assert (tmp_path / "mine").is_dir()
+
+
+def test_a_directory_that_cannot_be_written_to_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidValueError, match=r"can't write to the directory .*file/out"):
+        Writer(tmp_path / "file" / "out")
+    (tmp_path / LOCK).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InvalidValueError, match="can't write"):
+        Writer(tmp_path)
+    assert not (tmp_path / "elsewhere").exists()
+
 
 CONFIG = {"suite": "quick"}
 

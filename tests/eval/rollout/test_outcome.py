@@ -1,10 +1,26 @@
-"""What counts as recovered and why an episode does not, on rows written by hand."""
+"""What counts as recovered and why an episode does not, on rows written by hand.
 
+What an episode took: the sums by hand, and the same from the time histories of an episode.
+"""
+
+import math
+from types import SimpleNamespace
+
+import gymnasium as gym
+import numpy as np
 import pytest
+from push_recovery.controllers.whole_body.kinematics import NU, NV
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.limits_record import BoundsReport
+from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.outcome import NOT_SETTLED, Ending, Outcome, Score, failure_label
+from push_recovery.envs.wrappers import ActionHold
+from push_recovery.eval.record.record import record_episode
+from push_recovery.eval.rollout import outcome as effort
+from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.eval.rollout.outcome import NOT_SETTLED, EffortMeter, Ending, Outcome, Score, failure_label
 
 
 def row(recovered: bool, survived: bool, reason: str | None = None, impulse: float = 10.0) -> dict:
@@ -84,3 +100,127 @@ def test_a_row_tells_of_the_first_push_and_of_bounds_in_their_order():
     ):
         calm = Outcome.of(scenario, "p", Ending(False, 4.0, 1.0, None, 0.0), 400)
         assert (calm.psi_deg, calm.impulse, calm.first_limit) == (None, pytest.approx(impulse), None)
+
+
+PUSHED_EFFORT = Scenario("pushed", (polar_push(400.0, 1.0, 0.1, 0.3),), duration=1.2)
+
+
+class Episodes(SimpleNamespace):
+    """Two robots whose arrays a test writes; the second has sensors of its own."""
+
+    def __init__(self):
+        physics, judged = (SimpleNamespace(qvel=np.zeros((2, NV))) for _ in range(2))
+        physics.ctrl = np.zeros((2, NU))
+        super().__init__(
+            n=2,
+            control_hz=100.0,
+            core=SimpleNamespace(
+                margin=np.zeros(2),
+                truth=np.zeros((2, 36)),
+                physics=physics,
+                senses=SimpleNamespace(last=SimpleNamespace(judged=judged), onboard=np.array([False, True])),
+            ),
+            monitor=SimpleNamespace(
+                state=SimpleNamespace(
+                    touchdowns=np.array([3, 2]),
+                    error=np.array([[0.01, 9, 9], [0.02, 9, 9]]),
+                    speed_error=np.array([0.1, 0.2]),
+                )
+            ),
+            motion=lambda: SimpleNamespace(steps=np.array([7, 1])),
+        )
+
+
+@pytest.fixture
+def episodes(monkeypatch):
+    monkeypatch.setattr(effort, "_motors", lambda episodes: [0, 13])
+    return Episodes()
+
+
+def test_sums_over_periods_are_those_by_hand(episodes):
+    meter, core = EffortMeter(episodes), episodes.core
+    for k in range(2):
+        meter.begin(k)
+    core.margin[:] = 0.3, np.nan
+    core.truth[0, 15:17] = 0.1, -0.2  # pitch, roll
+    core.physics.ctrl[0, [0, 1, 13]] = 10.0, 999.0, -20.0  # the robot has no motor 1
+    core.physics.qvel[0, [6, 7, 19]] = -2.0, 99.0, 3.0
+    core.physics.ctrl[1, 0], core.physics.qvel[1, 6], core.senses.last.judged.qvel[1, 6] = 1.0, 50.0, 4.0
+    meter.look()
+    core.margin[0], core.truth[0, 15:17], core.physics.ctrl[0, 0] = 0.4, (0.15, 0.0), -30.0
+    meter.look()
+    assert meter.of(0) == {
+        "steps": 7,
+        "smallest_margin": 0.3,
+        "dcm_error": 0.01,
+        "velocity_error": 0.1,
+        "trunk_excursion": 0.2,
+        "peak_torque": 30.0,
+        "mean_torque": pytest.approx((10 + 20 + 30 + 20) / 4),
+        "energy": pytest.approx(0.01 * (10 * 2 + 20 * 3 + 30 * 2 + 20 * 3)),
+    }
+    assert meter.of(1) == {
+        "steps": 1,
+        "smallest_margin": None,  # never known
+        "dcm_error": 0.02,
+        "velocity_error": None,  # judged from the third touchdown on
+        "trunk_excursion": 0.0,
+        "peak_torque": 1.0,
+        "mean_torque": 0.5,
+        "energy": pytest.approx(0.01 * 2 * 4.0),  # of the true rate, not of what is sensed
+    }
+    meter.begin(0)
+    core.margin[0], core.truth[0], core.physics.ctrl[0] = 0.6, 0.0, 0.0
+    meter.look()
+    assert (meter.of(0)["smallest_margin"], meter.of(0)["peak_torque"], meter.of(0)["energy"]) == (0.6, 0, 0)
+    assert meter.of(1)["peak_torque"] == 1.0
+
+
+@pytest.fixture(scope="module")
+def biped():
+    env = gym.make("PushRecovery/Biped-v0", disable_env_checker=True)
+    yield env
+    env.close()
+
+
+def test_an_episode_tells_the_extremes_and_means_of_its_time_histories(biped):
+    record = record_episode(biped, load_policy("stage-1", biped), PUSHED_EFFORT, "stage-1")
+    told, columns = record.outcome.measures, record.columns
+    moving = {name: np.array(column)[1:] for name, column in columns.items()}  # the first one is the start
+    torques = np.abs([column for name, column in moving.items() if name.startswith("torque_")])
+    assert told["peak_torque"] == pytest.approx(torques.max(), abs=1e-6)
+    assert told["mean_torque"] == pytest.approx(torques.mean(), abs=1e-6)
+    assert told["smallest_margin"] == pytest.approx(moving["capture_margin"].min(), abs=1e-6)
+    leans = np.abs([moving["trunk_pitch"], moving["trunk_roll"]])
+    assert told["trunk_excursion"] == pytest.approx(leans.max(), abs=1e-6)
+    assert told["steps"] == columns["step"][-1]
+    weight = biped.unwrapped.robot.mass * 9.81
+    assert 0.01 * weight < told["energy"] < 10.0 * weight  # raised by its own weight through 1 cm, and 10 m
+
+
+def test_an_action_that_is_held_is_measured_in_every_period(biped):
+    class Still:
+        def predict(self, observation):
+            return np.zeros(7)
+
+    each = rollout(biped, Still(), PUSHED_EFFORT, "p")
+    held = rollout(ActionHold(biped, 4), Still(), PUSHED_EFFORT, "p")
+    assert held.measures == each.measures
+    assert held.env_steps == math.ceil(each.env_steps / 4)
+    assert "step" not in vars(biped.unwrapped.episodes)  # nothing is left behind
+    row = held.to_dict()
+    assert row["measures"] == held.measures
+
+
+def test_joints_that_are_held_take_no_effort():
+    """Arms that are held have rates after those of the joints that control moves; one period by hand."""
+    episodes = BipedEpisodes(1, robot=ARMS_HELD)
+    episodes.begin(0, PUSHED_EFFORT)
+    meter = EffortMeter(episodes)
+    meter.begin(0)
+    episodes.step(np.zeros((1, 7), np.float32))
+    meter.look()
+    physics = episodes.core.physics
+    assert physics.qvel.shape[1] > NV
+    work = np.abs(physics.ctrl[0] * physics.qvel[0, NV - NU : NV]).sum() * 0.01
+    assert meter.of(0)["energy"] == pytest.approx(work, abs=1e-5)

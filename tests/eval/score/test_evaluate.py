@@ -1,19 +1,103 @@
+"""The bounds that bipeds meet, from rollouts to tables.
+
+`compare` on rows written by hand, where surviving and recovering differ.
+"""
+
 import json
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.envs.scenario.push import Push, polar_push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import PresetFile
+from push_recovery.controllers.whole_body.limits import BOUNDS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.rollout.episodes import rollout, rollout_batch
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.outcome import Score, failure_label
-from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, make_chunks
-from push_recovery.eval.score.evaluate import compare, evaluate
+from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, Runner, make_chunks
+from push_recovery.eval.score.evaluate import (
+    COLUMNS,
+    bound_cells,
+    bound_summary,
+    compare,
+    evaluate,
+    fall_cell,
+    first_bounds,
+)
+from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, scan
 from push_recovery.eval.score.suites import Suite, standard_suite
+
+
+def row(survived, first, **shares):
+    return {"survived": survived, "recovered": survived, "first_limit": first, "limit_shares": shares}
+
+
+ROWS = [
+    row(False, "cop", cop=0.5, contact=0.2),
+    row(False, "contact", contact=0.4),
+    row(False, "cop", cop=0.1),
+    row(True, "cop", cop=0.2),
+    row(True, None),
+    {**row(True, "contact", contact=0.9), "recovered": False},  # stands unsettled: neither
+]
+
+
+def test_falls_and_recoveries_are_counted_apart():
+    summary = bound_summary(ROWS)
+    assert summary["falls"] == {
+        "cop": {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
+        "contact": {"first": 1, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
+    }
+    assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
+    assert first_bounds(ROWS) == "cop 2, contact 1"
+    assert first_bounds(ROWS[3:]) == "-"
+
+
+def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
+    shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
+    falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
+    longest = sorted(("contact", "leg_reach"), key=BOUNDS.index)  # of equal ones in the order of the bounds
+    assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
+    assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
+
+
+def test_cells_follow_the_order_of_the_limits():
+    cells = bound_cells(ROWS)
+    assert [cell[0] for cell in cells] == [name for name in BOUNDS if name in {"cop", "contact"}]
+    assert cells[0] == ("cop", "2", "0.67", "0.20", "0.50", "0.10")
+    assert {len(cell) for cell in cells} == {len(COLUMNS)}
+    assert bound_cells(ROWS[4:5]) == []
+
+
+def test_an_outcome_says_what_was_met_and_when_the_same_alone_and_in_a_batch():
+    env = make_env("PushRecovery/Biped-v0")
+    policy = load_policy("two-stage", env)
+    pushes = {"weak": 1.0, "strong": 250.0, "far too strong": 900.0}
+    scenarios = [Scenario(n, (polar_push(f, 1.0, 0.1, 0.5),), settle_time=0.6) for n, f in pushes.items()]
+    batch = {out.scenario_id: out for out in rollout_batch(BipedEpisodes(3), policy, scenarios, "two-stage")}
+    for scenario in scenarios:
+        assert rollout(env, policy, scenario, "two-stage").to_dict() == batch[scenario.id].to_dict()
+    weak, strong, lost = (batch[name] for name in pushes)
+    assert (weak.first_limit, weak.limits_met, weak.limit_shares) == (None, {}, {})
+    assert strong.limits_met[strong.first_limit] == min(strong.limits_met.values()) >= 0.5
+    assert sum(lost.limit_shares.values()) > sum(strong.limit_shares.values())
+    assert len(lost.limits_met) >= len(strong.limits_met)
+
+
+def test_an_environment_without_a_record_meets_nothing():
+    env = make_env("PushRecovery/Pendulum-v0")
+    scenario = Scenario("hard", (polar_push(900.0, 1.0, 0.1, 0.5),), settle_time=0.5)
+    out = rollout(env, load_policy("two-stage", env), scenario, "two-stage")
+    assert (out.first_limit, out.limits_met, out.limit_shares) == (None, {}, {})
+
 
 SUITE = Suite("head", "1", standard_suite().scenarios[:24])
 
@@ -186,3 +270,163 @@ def test_bad_names_fail_before_any_work(policies, tmp_path):
         make_env("gymnasium:CartPole-v1")
     assert not (tmp_path / "a").exists()
     assert isinstance(make_env(toy.ENV_ID), gym.Env)
+
+
+SUITE_COMPARE = Suite("ten", "1", standard_suite().scenarios[:10])
+#        both  only a    only b  neither
+OF_A = [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]  # recovered
+OF_B = [1, 1, 0, 0, 0, 0, 1, 0, 0, 0]
+A_STOOD = [1, 1, 1, 1, 1, 1, 1, 1, 0, 0]  # survived
+B_STOOD = [1, 1, 1, 1, 1, 1, 1, 1, 1, 0]
+
+
+def test_pairs_are_counted_by_what_recovered(tmp_path):
+    a, b = (
+        toy.save_policy(tmp_path / f"{name}.safetensors", gain) for name, gain in (("a", 0.2), ("b", 8.0))
+    )
+    evaluate(SUITE_COMPARE, toy.ENV_ID, [a, b], 1, tmp_path / "out")
+    path = tmp_path / "out" / "outcomes.jsonl"
+    place = {scenario.id: i for i, scenario in enumerate(SUITE_COMPARE.scenarios)}
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    for row in rows:
+        i, (recovered, survived) = (
+            place[row["scenario_id"]],
+            {a: (OF_A, A_STOOD), b: (OF_B, B_STOOD)}[row["policy"]],
+        )
+        row["recovered"], row["survived"] = bool(recovered[i]), bool(survived[i])
+        row["failure_reason"] = None if survived[i] else "height"
+    path.write_text("".join(json.dumps(row) + "\n" for row in reversed(rows)))
+    found = compare(a, b, SUITE_COMPARE, toy.ENV_ID, directory=tmp_path / "out").to_dict()
+    assert (found["a"], found["b"], found["suite"], found["pairs"]) == (a, b, "ten", 10)
+    assert [found[key] for key in ("both", "only_a", "only_b", "neither")] == [2, 4, 1, 3]
+    assert found["rate_difference"] == pytest.approx(0.3)
+    assert found["mcnemar_p"] == pytest.approx(2 * (5 + 1) / 2**5)  # at least 4 of 5, both tails
+    assert (found["survived_a"], found["survived_b"]) == (8, 9)
+    low, high = found["ci95"]
+    assert low < 0.3 < high
+    turned = compare(b, a, SUITE_COMPARE, toy.ENV_ID, directory=tmp_path / "out").to_dict()
+    assert (turned["only_a"], turned["only_b"], turned["rate_difference"]) == (1, 4, pytest.approx(-0.3))
+    assert turned["ci95"] == pytest.approx([-high, -low], abs=0.11)  # of a grid of tenths
+
+
+ENV_ID = "PushRecovery/Biped-v0"
+SUITE_BIPED = Suite("head", "1", standard_suite().scenarios[:3])
+
+
+def test_workers_and_order_change_nothing_biped(tmp_path):
+    names = ["stage-1", "two-stage"]
+    alone = evaluate(SUITE_BIPED, ENV_ID, names, 1, tmp_path / "a")
+    many = evaluate(SUITE_BIPED, ENV_ID, names[::-1], 2, tmp_path / "b")
+    assert json.dumps([alone.rows[n] for n in names]) == json.dumps([many.rows[n] for n in names])
+
+
+def test_bench_has_the_keys_of_the_contract(capsys):
+    assert main(["bench", "--seconds", "1", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["raw_physics_rtf"] > 0
+    assert content["single_env_rtf"] > 0
+    for key in ("stage_1_us", "stage_2_us", "plan_us", "whole_body_us"):
+        assert 0 < content[key]["median"] <= content[key]["p99"]
+
+
+ENV_ID_PENDULUM = "PushRecovery/Pendulum-v0"
+SUITE_PENDULUM = Suite("head", "1", standard_suite().scenarios[:12])
+
+
+@pytest.fixture(scope="module")
+def runner():
+    return Runner(ENV_ID_PENDULUM)
+
+
+@pytest.mark.parametrize("name", ["two-stage", "random"])
+def test_order_changes_nothing(runner, name):
+    first = [runner.run((name, scenario)).to_dict() for scenario in SUITE_PENDULUM.scenarios[:6]]
+    second = [runner.run((name, scenario)).to_dict() for scenario in SUITE_PENDULUM.scenarios[5::-1]]
+    assert json.dumps(first) == json.dumps(second[::-1])
+
+
+def test_two_stage_recovers_more_than_passive(runner):
+    recovered = {
+        name: sum(runner.run((name, scenario)).recovered for scenario in SUITE_PENDULUM.scenarios)
+        for name in ("passive", "two-stage")
+    }
+    assert recovered["two-stage"] > recovered["passive"]
+
+
+@pytest.mark.parametrize("psi", [-90.0, 30.0, 90.0])
+def test_mirrored_scenario_has_the_mirrored_outcome(runner, psi):
+    push = polar_push(300.0, np.radians(psi), 0.1, GaitEvent(4, "left", 0.3))
+    scenario = Scenario("push", (push,), Command(0.2, 0.1))
+    a, b = (runner.run(("two-stage", s)) for s in (scenario, scenario.mirrored()))
+    assert (a.survived, a.recovered, a.failure_reason, a.env_steps) == (
+        b.survived,
+        b.recovered,
+        b.failure_reason,
+        b.env_steps,
+    )
+    assert a.total_reward == pytest.approx(b.total_reward, rel=1e-9)
+
+
+def test_an_unpushed_walk_recovers_at_every_command(runner):
+    for vx, vy in [(0.0, 0.0), (0.5, 0.0), (-0.25, 0.0), (0.0, 0.2), (0.0, -0.2)]:
+        outcome = runner.run(("two-stage", Scenario("calm", (), Command(vx, vy), duration=6.0)))
+        assert outcome.recovered
+        assert outcome.end_time == pytest.approx(6.0, abs=0.011)
+
+
+def test_frontier_lies_under_the_limit(runner):
+    from push_recovery.controllers.model.capturability import max_recoverable_force
+
+    for psi in (-90.0, 90.0):
+        row = scan(runner, ScanJob(FrontierSettings(ENV_ID_PENDULUM, 50.0), "two-stage", psi))
+        limit = max_recoverable_force(runner.env.unwrapped.robot, np.radians(psi))  # type: ignore[attr-defined]
+        assert 0.5 * limit < row["survived_N"] <= limit
+
+
+PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+
+
+@pytest.fixture
+def preset(tmp_path):
+    path = tmp_path / "tuned.json"
+    PresetFile(
+        "biped",
+        {},
+        {"two-stage": {"beta_dcm": 900.0}},
+        {"limits": {"duration_max": 0.7}, "gait": {"apex": 0.08}},
+    ).save(path)
+    return path
+
+
+def test_an_id_with_a_preset_makes_robot_and_arm_of_the_file(preset):
+    env = make_env(f"{BIPED}@{preset}")
+    assert env.unwrapped.limits.duration_max == 0.7
+    assert env.unwrapped.core.settings.apex == 0.08
+    policy = load_policy("two-stage", env)
+    assert (policy.config.beta_dcm, policy.limits.duration_max) == (900.0, 0.7)
+    assert (
+        load_policy("stage-1", env).config.beta_dcm == make_policy("stage-1", preset="biped").config.beta_dcm
+    )
+
+
+def test_rows_of_a_preset_that_has_changed_are_refused(tmp_path, preset, capsys):
+    suite, out = str(tmp_path / "suite.json"), str(tmp_path / "out")
+    Suite("two", "1", standard_suite().scenarios[:2]).save(Path(suite))
+    options = ["evaluate", "--env", PENDULUM, "--policies", "stage-1", "--workers", "1", "--json"]
+    options += ["--suite", suite, "--preset", str(preset), "--out", out]
+    assert main(options) == 0
+    assert json.loads(capsys.readouterr().out)["env"] == f"{PENDULUM}@{preset}"
+    assert main(options) == 0
+    preset.write_text(preset.read_text().replace("900.0", "901.0"))
+    assert main(options) == 2
+    assert "differs in: preset_sha256" in capsys.readouterr().err
+
+
+def test_bad_presets_are_bad_input(tmp_path, capsys):
+    assert main(["evaluate", "--preset", "bipd"]) == 2
+    assert "unknown preset 'bipd'; did you mean 'biped'?" in capsys.readouterr().err
+    assert main(["frontier", "--preset", str(tmp_path / "absent.json")]) == 2
+    assert "cannot read preset file" in capsys.readouterr().err
+    (tmp_path / "p.json").write_text("{}")
+    with pytest.raises(InvalidValueError, match="is no preset file"):
+        make_env(f"{PENDULUM}@{tmp_path / 'p.json'}")

@@ -1,20 +1,201 @@
+"""A point's settings as a preset, and the space that a preset starts.
+
+Which trial counts as the best one.
+
+What a preset file says of its search, from rows written by hand.
+"""
+
 import json
+import sys
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings import load_preset
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.settings import PresetFile, load_preset, named_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
 from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
-from push_recovery.eval.tuning.study import CANDIDATE, TuningSettings, tune
+from push_recovery.eval.tuning.space import Dimension, Space
+from push_recovery.eval.tuning.study import (
+    CANDIDATE,
+    Search,
+    TuningSettings,
+    Z,
+    best_of,
+    clearly_worse,
+    comparison,
+    estimate,
+    findings,
+    preset_of,
+    race,
+    rungs,
+    space_of,
+    tune,
+)
 from push_recovery.eval.tuning.variants import tune_arms
 
+SETTINGS = TuningSettings("PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8)
+
+
+def test_all_that_is_tuned_becomes_the_arms_own():
+    values = {
+        "planner": {"beta_dcm": 123.0, "touchdown_delay": 0.007}, "gait": {"apex": 0.05},
+        "gains": {"swing_kp": 321.0},
+    }  # fmt: skip
+    preset = preset_of(SETTINGS, values, {"by": "hand"})
+    assert preset.base == "biped"
+    assert preset.planner == preset.biped == {}
+    robot = {"gait": {"apex": 0.05}, "gains": {"swing_kp": 321.0}}
+    assert preset.arms == {"two-stage": {**values["planner"], "biped": robot}}
+    assert preset.found == {"by": "hand"}
+    assert preset.config("two-stage").beta_dcm == 123.0
+    assert preset.config("stage-1") == named_preset("biped").config("stage-1")
+    assert preset.robot("stage-1") == named_preset("biped").robot()
+
+
+def test_the_planner_holds_its_plan_when_the_gait_machine_commits_the_foot():
+    preset = preset_of(SETTINGS, {"gait": {"commit": 0.035}})
+    assert preset.robot("two-stage")["gait"]["commit"] == preset.config("two-stage").freeze == 0.035
+    assert preset.robot()["gait"]["commit"] == preset.config("stage-1").freeze != 0.035
+
+
+def test_what_the_start_says_of_an_arm_stays_beside_what_is_tuned(tmp_path):
+    first = preset_of(SETTINGS, {"planner": {"beta_dcm": 123.0, "beta_trunk": 5.0}, "gait": {"apex": 0.05}})
+    first.save(tmp_path / "first.json")
+    settings = TuningSettings(
+        "PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8, preset=str(tmp_path / "first.json")
+    )
+    again = preset_of(settings, {"planner": {"beta_dcm": 7.0}, "gait": {"early": 0.01}})
+    robot = {"gait": {"apex": 0.05, "early": 0.01}}
+    assert again.arms == {"two-stage": {"beta_dcm": 7.0, "beta_trunk": 5.0, "biped": robot}}
+
+
+def test_a_search_starts_where_the_arm_is(tmp_path):
+    own = {"touchdown_delay": 0.009, "biped": {"gait": {"apex": 0.05}}}
+    PresetFile("biped", arms={"two-stage": own}).save(tmp_path / "own.json")
+    start = {"space": "both", "scenarios": 8, "preset": str(tmp_path / "own.json")}
+    found = {}
+    for name in ("two-stage", "stage-1"):
+        space = space_of(TuningSettings("PushRecovery/Biped-v0", name, **start))
+        found[name] = space.settings([0.0] * len(space.start))
+    assert found["two-stage"]["gait"]["apex"] == 0.05
+    assert found["two-stage"]["planner"]["touchdown_delay"] == 0.009
+    assert found["stage-1"]["gait"]["apex"] == named_preset("biped").robot()["gait"]["apex"]
+
+
+BOX = Space(tuple(Dimension("g", f"x{i}", -4.0, 4.0, 1.0) for i in range(4)), (0.0,) * 4)
+TARGET = np.array([2.0, -1.0, 0.5, 6.0])  # the last one outside the box
+
+
+def run(seed: int, trials: int) -> list[np.ndarray]:
+    search = Search(BOX, seed)
+    points = []
+    for _ in range(trials):
+        points.append(search.ask())
+        search.tell(points[-1], -float(np.sum((points[-1] - TARGET) ** 2)))
+    return points
+
+
+def test_search_finds_the_best_point_of_the_box():
+    np.testing.assert_allclose(run(1, 600)[-1], [2.0, -1.0, 0.5, 4.0], atol=0.02)
+
+
+def test_proposals_are_a_function_of_seed_and_scores():
+    first = np.array(run(5, 40))
+    assert np.array_equal(first, run(5, 40))
+    assert not np.array_equal(first, run(6, 40))
+    assert (np.abs(first) <= 4.0).all()
+
+
+def test_search_needs_two_fields():
+    with pytest.raises(InvalidValueError, match=r"^a search needs at least 2 fields, got 1$"):
+        Search(Space(BOX.dimensions[:1], (0.0,)), 0)
+
+
+def test_missing_package_names_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    with pytest.raises(MissingExtraError, match=r"^cmaes is not installed.*'push-recovery\[tune\]'$"):
+        Search(BOX, 0)
+
+
+def test_estimate_is_exact_for_a_constant_difference():
+    best = np.linspace(0.0, 0.9, 64)
+    assert estimate(best[:16] - 0.1, best) == pytest.approx(best.mean() - 0.1)
+    assert estimate(best, ()) == pytest.approx(best.mean())
+
+
+def test_clearly_worse_is_the_one_sided_bound_of_the_paired_difference():
+    """k losses in n pairs: mean -k/n, sample variance (k/n)(1 - k/n) n/(n-1)."""
+    n, best = 64, np.ones(128)
+    for losses in range(8):
+        values = np.ones(n)
+        values[:losses] = 0.0
+        p = losses / n
+        bound = -p + Z * np.sqrt(p * (1 - p) / (n - 1))
+        assert clearly_worse(values, best) == (bound < 0.0), losses
+    assert not clearly_worse(np.zeros(128), best)  # nothing is left to save
+
+
+def test_race_stops_at_the_rung_where_a_trial_is_clearly_worse():
+    assert rungs(256) == [64, 128, 256]
+    best = [1.0] * 256
+    assert len(race(lambda a, b: [0.0] * (b - a), 256, best)) == 64
+    assert len(race(lambda a, b: [1.0] * (b - a), 256, best)) == 256
+    assert len(race(lambda a, b: [0.0] * (b - a), 256, [])) == 256  # no best yet
+    asked = []
+    race(lambda a, b: asked.append((a, b)) or best[a:b], 256, best)
+    assert asked == [(0, 64), (64, 128), (128, 256)]
+
+
+def trial(number, score, stopped=False):
+    return {"trial": number, "score": score, "stopped": stopped}
+
+
+def test_the_best_has_met_every_scenario_and_of_equal_ones_came_first():
+    rows = [trial(0, 0.4), trial(1, 0.6), trial(2, 0.9, stopped=True), trial(3, 0.6), trial(4, 0.5)]
+    assert best_of(rows)["trial"] == 1
+    assert best_of(rows[2:])["trial"] == 3
+
+
+def row(number, values, stopped=False):
+    return {
+        "trial": number, "values": values, "score": sum(values) / len(values), "stopped": stopped,
+        "scenarios": len(values),
+    }  # fmt: skip
+
+
+# recovered by both, by the best alone (three times), by the start alone, by neither (0.5 stands unsettled)
+START = row(0, [1.0, 0.5, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0])
+BEST = row(2, [1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.0])
+
+
+def test_recoveries_are_paired_and_scores_are_not_recoveries():
+    found = comparison(START, BEST)
+    assert found["start"] == {"score": 3.0 / 8.0, "recovered": 2}
+    assert found["best"] == {"score": 5.5 / 8.0, "recovered": 4}
+    assert (found["scenarios"], found["only_best"], found["only_start"]) == (8, 3, 1)
+    assert found["rate_difference"] == pytest.approx(0.25)
+    assert found["mcnemar_p"] == pytest.approx(2 * (4 + 1) / 2**4)  # at least 3 of 4, both tails
+    low, high = found["ci95"]
+    assert low < 0.25 < high
+
+
+def test_held_out_compares_start_with_best_and_episodes_are_added_up():
+    rows = [START, row(1, [0.0, 0.0], stopped=True), BEST]
+    config = {"tune": {"seed": 3}, "suites": [], "code": "c", "space": {}}
+    found = findings(config, 6, rows, {0: row(0, [1.0, 0.0]), 2: row(2, [0.0, 0.0])})
+    assert (found["trials"], found["stopped_early"], found["episodes"], found["trial"]) == (2, 1, 22, 2)
+    assert found["tuning"] == comparison(START, BEST)
+    assert (found["held_out"]["start"]["recovered"], found["held_out"]["best"]["recovered"]) == (1, 0)
+    assert (found["tune"], found["code"]) == ({"seed": 3}, "c")
+    assert ", 6 trials a generation" in found["by"]
+
+
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
-SETTINGS = TuningSettings(
+SETTINGS_STUDY = TuningSettings(
     PENDULUM,
     "stage-1+cop",
     seed=3,
@@ -27,7 +208,7 @@ TRIALS = 8  # more than a generation
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    return tune(SETTINGS, TRIALS, directory=tmp_path_factory.mktemp("study"))
+    return tune(SETTINGS_STUDY, TRIALS, directory=tmp_path_factory.mktemp("study"))
 
 
 def rows(directory):
@@ -35,10 +216,10 @@ def rows(directory):
 
 
 def test_the_same_seed_gives_the_same_study(study, tmp_path):
-    again = tune(SETTINGS, TRIALS, directory=tmp_path)
+    again = tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
     assert rows(tmp_path) == rows(study.directory)
     assert again.path.read_bytes() == study.path.read_bytes()
-    other = tune(TuningSettings(**{**vars(SETTINGS), "seed": 4}), 1, directory=tmp_path / "other")
+    other = tune(TuningSettings(**{**vars(SETTINGS_STUDY), "seed": 4}), 1, directory=tmp_path / "other")
     assert other.trials[1]["point"] != study.trials[1]["point"]
 
 
@@ -49,15 +230,15 @@ def test_a_killed_study_goes_on_to_the_same_end(study, tmp_path, kept):
     (tmp_path / "outcomes.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:40])
     (tmp_path / "config.json").write_bytes((study.directory / "config.json").read_bytes())
     (tmp_path / CANDIDATE).write_text("{")
-    tune(SETTINGS, TRIALS, directory=tmp_path)
+    tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
     assert rows(tmp_path) == rows(study.directory)
     assert (tmp_path / "preset.json").read_bytes() == study.path.read_bytes()
     assert not (tmp_path / CANDIDATE).exists()
 
 
 def test_more_trials_go_on_where_fewer_ended(study, tmp_path):
-    tune(SETTINGS, 3, directory=tmp_path)
-    whole = tune(SETTINGS, TRIALS, directory=tmp_path)
+    tune(SETTINGS_STUDY, 3, directory=tmp_path)
+    whole = tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
     assert whole.trials == study.trials
     assert whole.path.read_bytes() == study.path.read_bytes()
 
@@ -66,12 +247,12 @@ def test_the_preset_file_scores_what_the_study_says(study):
     """Loaded by name, the file gives the episodes of the best trial."""
     scenarios = tuning_suite(TUNING, 8).scenarios
     for trial, path in ((study.best, str(study.path)), (study.start, "default")):
-        episodes = preset_episodes(PENDULUM, 3, path, SETTINGS.policy)
-        policy = preset_policy(SETTINGS.policy, episodes, path)
+        episodes = preset_episodes(PENDULUM, 3, path, SETTINGS_STUDY.policy)
+        policy = preset_policy(SETTINGS_STUDY.policy, episodes, path)
         found = {o.scenario_id: worth(o) for o in rollout_batch(episodes, policy, scenarios, "p")}
         assert [found[s.id] for s in scenarios] == trial["values"]
     preset = load_preset(str(study.path))
-    assert preset.config(SETTINGS.policy).beta_dcm == study.best["settings"]["planner"]["beta_dcm"]
+    assert preset.config(SETTINGS_STUDY.policy).beta_dcm == study.best["settings"]["planner"]["beta_dcm"]
     assert preset.config("two-stage") == load_preset("default").config()
 
 
@@ -95,14 +276,14 @@ def test_workers_change_nothing(study):
         def run(self, task, jobs):
             return reversed([(number, task(None, job)) for number, job in enumerate(jobs)])
 
-    scorer = Scorer(PENDULUM, SETTINGS.policy, 3)
+    scorer = Scorer(PENDULUM, SETTINGS_STUDY.policy, 3)
     scorer._pool = LastFirst()  # type: ignore[assignment]
     scenarios = tuning_suite(TUNING, 8).scenarios
     assert scorer.values(study.path, scenarios) == study.best["values"]
 
 
 def test_a_directory_of_another_study_is_refused(study):
-    other = TuningSettings(**{**vars(SETTINGS), "seed": 4})
+    other = TuningSettings(**{**vars(SETTINGS_STUDY), "seed": 4})
     with pytest.raises(
         InvalidValueError, match=r"holds results of another configuration \(differs in: tune\)"
     ):
@@ -115,7 +296,7 @@ def test_a_trial_at_another_point_is_refused(study, tmp_path):
     changed[1]["point"][0] += 0.5
     (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
     with pytest.raises(InvalidValueError, match="has trial 1 at another point than this search asks for"):
-        tune(SETTINGS, TRIALS, directory=tmp_path)
+        tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
 
 
 SUITES = "tuning", "tuning-varied", "tuning-punches"
@@ -137,11 +318,11 @@ SUITES = "tuning", "tuning-varied", "tuning-punches"
 )  # fmt: skip
 def test_bad_settings_are_refused(changes, message):
     with pytest.raises((InvalidValueError, UnknownNameError), match=message):
-        TuningSettings(**{**vars(SETTINGS), **changes})
+        TuningSettings(**{**vars(SETTINGS_STUDY), **changes})
 
 
 def test_pushes_are_of_every_kind_where_the_robot_takes_them():
-    assert SETTINGS.suite == "tuning"
+    assert SETTINGS_STUDY.suite == "tuning"
     assert TuningSettings(BIPED, "stage-1").suite == "tuning-varied"
     spoilt = {"errors": ModelErrors(mass=0.1)}
     assert TuningSettings(BIPED, "stage-1", **spoilt).suite == "tuning"  # type: ignore[arg-type]
@@ -168,7 +349,7 @@ def test_a_second_search_in_a_directory_is_refused(study, tmp_path):
     """Either would score what the other had written as the preset that is being run."""
     before = (study.directory / "outcomes.jsonl").read_bytes()
     with Writer(study.directory), pytest.raises(InvalidValueError, match="another run"):
-        tune(SETTINGS, TRIALS, directory=study.directory, overwrite=True)
+        tune(SETTINGS_STUDY, TRIALS, directory=study.directory, overwrite=True)
     with Writer(tmp_path), pytest.raises(InvalidValueError, match="another run"):
-        tune_arms(SETTINGS, [SETTINGS.policy], TRIALS, directory=tmp_path)
+        tune_arms(SETTINGS_STUDY, [SETTINGS_STUDY.policy], TRIALS, directory=tmp_path)
     assert (study.directory / "outcomes.jsonl").read_bytes() == before

@@ -1,0 +1,214 @@
+"""Films say what happened: the right push, the right outcome, at the right time, in files of a known size.
+
+Six moments of a push, drawn when they come.
+"""
+
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.record.film import (
+    BAD,
+    BEFORE,
+    GOOD,
+    HEAD,
+    LEGEND,
+    LINE,
+    LINGER,
+    LONGEST,
+    PANEL,
+    STRIP,
+    Camera,
+    Moments,
+    Row,
+    Shot,
+    compose,
+    disagreements,
+    film_name,
+    gif_bytes,
+    mp4_bytes,
+    sheet,
+    side_by_side,
+    strip,
+)
+from push_recovery.eval.record.film import STRIP_PANEL as MOMENT
+from push_recovery.eval.score.evaluate import Evaluation
+from push_recovery.eval.score.suites import Suite, standard_suite
+
+PENDULUM = "PushRecovery/Pendulum-v0"
+
+
+def shot(policy="two-stage", end=3.0, grey=0, **told):
+    """An episode of 100 Hz with a push of 30 N s to the right at 1 s, whose pictures are of one grey."""
+    camera = Camera(0.01, 50.0)
+    frame = np.full((48, 64, 3), grey, np.uint8)
+    push = {"impulse": (0.0, -30.0, 0.0), "start": 1.0}
+    info = {"push": push, "failure_reason": None, "recovered_at": None} | told
+    count = round(100 * end)
+    for i in range(count + 1):
+        env = SimpleNamespace(render=lambda: frame)
+        camera(SimpleNamespace(env=env, info={**info, "time": i / 100}, ended=i == count))
+    return Shot(policy, camera)
+
+
+def has(picture, colour):
+    return bool((picture == colour).all(axis=-1).any())
+
+
+def test_a_camera_keeps_frames_at_its_rate_and_the_last_one():
+    camera = shot(end=0.63).camera
+    np.testing.assert_allclose(np.diff(camera.times)[:-1], 0.02)
+    assert camera.times[-1] == 0.63
+    assert camera.push_start == 1.0
+    assert camera.times[shot().camera.frame_at(-0.5)] == pytest.approx(0.5)
+
+
+def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
+    fell = shot("stage-1", end=1.8, failure_reason="com_height")
+    stood = shot(recovered_at=2.2)
+    assert (fell.push, fell.ending) == ("30.0 N s to the right", "fell after 0.8 s (sank too low)")
+    assert stood.ending == "recovered after 1.2 s"
+    width, line = PANEL[0], slice(2 + 2 * LINE, HEAD)
+    for after, told in ((0.7, (False, False)), (1.0, (True, False)), (1.3, (True, True))):
+        picture = compose([fell, stood], after, 0.5)
+        found = has(picture[line, :width], BAD), has(picture[line, width:], GOOD)
+        assert found == told, after
+
+
+def test_a_contact_sheet_has_six_moments_and_tells_its_markers():
+    sheet = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, recovered_at=2.2)))))
+    assert sheet.shape[1] >= len(STRIP) * MOMENT[0]
+    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(STRIP) * MOMENT[0]
+    below = sheet[MOMENT[1] + LINE :]
+    assert all(has(below, colour) for colour in LEGEND.values())
+    fell = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, failure_reason="com_height")))))
+    assert (fell[MOMENT[1] + LINE :] != below).any()  # words of another ending
+
+
+def test_each_policy_has_its_own_picture_and_the_markers_are_told():
+    picture = compose([shot(grey=40), shot(grey=90)], 0.0, 0.5)
+    assert picture.shape[1] >= 2 * PANEL[0]
+    middle = HEAD + PANEL[1] // 2
+    assert picture[middle, PANEL[0] // 2].tolist() == [40] * 3
+    assert picture[middle, -PANEL[0] // 2].tolist() == [90] * 3
+    assert all(has(picture[HEAD + PANEL[1] :], colour) for colour in LEGEND.values())
+
+
+def test_the_path_of_a_long_file_is_cut_at_its_front():
+    short, long, other = (
+        compose([shot("a" * count + name)], 0.0, 1.0)
+        for count, name in (
+            (300, "/mine.safetensors"),
+            (400, "/mine.safetensors"),
+            (300, "/yours.safetensors"),
+        )
+    )
+    np.testing.assert_array_equal(short, long)
+    assert (short != other).any()
+
+
+def test_a_film_ends_shortly_after_all_is_decided():
+    frames = side_by_side([shot(end=1.8, failure_reason="com_height"), shot(recovered_at=2.2)], 0.5, 25.0)
+    assert len(frames) == pytest.approx((BEFORE + 1.2 + LINGER) * 50, abs=2)
+    never = side_by_side([shot(end=9.0)], 0.5, 25.0)
+    assert len(never) == pytest.approx((BEFORE + LONGEST) * 50, abs=2)
+
+
+def test_a_gif_stays_below_its_limit_at_its_rate_and_keeps_colours():
+    random = np.random.default_rng(0)
+    noise = [random.integers(0, 255, (200, 300, 3), np.uint8) for _ in range(6)]
+    for frame in noise:
+        frame[:40, :40] = (200, 30, 25)
+    content = gif_bytes(noise, 12.5, [(200, 30, 25)], limit=60_000)
+    assert len(content) < 60_000
+    film = Image.open(io.BytesIO(content))
+    assert (film.n_frames, film.info["duration"], film.info["loop"]) == (6, 80, 0)
+    assert film.width < 300
+    assert film.width / film.height == pytest.approx(1.5, abs=0.05)
+    assert film.convert("RGB").getpixel((5, 5)) == (200, 30, 25)
+    assert Image.open(io.BytesIO(gif_bytes(noise, 12.5))).size == (300, 200)
+
+
+def test_an_mp4_has_every_frame_at_its_rate():
+    imageio = pytest.importorskip("imageio.v2", reason="needs the extra view")
+    pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
+    frames = [np.full((64, 96, 3), 20 * i, np.uint8) for i in range(8)]
+    with imageio.get_reader(io.BytesIO(mp4_bytes(frames, 25.0)), format="mp4") as reader:
+        assert reader.get_meta_data()["fps"] == 25.0
+        greys = [float(frame.mean()) for frame in reader]
+    np.testing.assert_allclose(greys, [20 * i for i in range(8)], atol=6)
+
+
+def evaluation(tmp_path, **recovered):
+    """Rows of which nothing is known but who recovers."""
+    suite = Suite("few", "1", standard_suite().scenarios[: len(next(iter(recovered.values())))])
+    rows = {name: [{"recovered": end == "R"} for end in ends] for name, ends in recovered.items()}
+    return Evaluation(suite, PENDULUM, rows, tmp_path, 0.0)
+
+
+def test_both_sides_of_a_disagreement_take_turns(tmp_path):
+    found = disagreements(evaluation(tmp_path, a="RRRR-R", b="R---R-"))
+    assert [one.place for one in found] == [1, 4, 2, 3, 5]
+    assert {one.policies for one in found} == {("a", "b")}
+
+
+def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(tmp_path):
+    found = disagreements(evaluation(tmp_path, a="RR-", b="R--", c="R-R"))
+    assert {one.place: one.policies for one in found} == {1: ("a", "b"), 2: ("a", "c")}
+
+
+def test_names_of_films_hold_no_path():
+    assert film_name(3, "../a b/ü") == "0003-.._a_b_"
+
+
+def test_compare_films_what_its_rows_say(tmp_path, capsys):
+    pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
+    suite = tmp_path / "suite.json"
+    (first, *_) = standard_suite().scenarios
+    Suite("few", "1", (first,)).save(suite)
+    argv = ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", str(suite), "--workers", "1"]
+    out = tmp_path / "out"
+    assert main([*argv, "--out", str(out), "--film", "discordant", "--films", "1"]) == 0
+    told = capsys.readouterr()
+    assert f"films: {out / 'films'}" in told.out
+    assert "films of 1 of the 1 pushes on which the policies disagree: about 20 seconds" in told.err
+    gif, mp4 = sorted((out / "films").iterdir())
+    assert gif.stat().st_size < 1_000_000
+    assert (gif.suffix, mp4.suffix, gif.stem) == (".gif", ".mp4", mp4.stem)
+    assert main([*argv, "--film", "all"]) == 2
+    assert "discordant" in capsys.readouterr().err
+
+
+def watched(push_at: float, end: float, period: float = 0.01) -> Moments:
+    """An episode whose picture at each time is of one grey: the time in hundredths of a second."""
+    moments, now = Moments(), [0.0]
+    env = SimpleNamespace(render=lambda: np.full((24, 32, 3), round(100 * now[0]) % 256, np.uint8))
+    for k in range(round(end / period) + 1):
+        now[0] = k * period
+        push = {"start": push_at} if now[0] >= push_at else None
+        info = {"time": now[0], "push": push}
+        moments(SimpleNamespace(env=env, info=info, ended=k == round(end / period)))
+    return moments
+
+
+def test_it_draws_at_its_moments_after_the_push_and_at_the_end():
+    whole = watched(1.0, 4.0)
+    np.testing.assert_allclose(whole.after, STRIP, atol=0.0101)
+    assert [int(frame[0, 0, 0]) for frame in whole.frames] == [
+        round(100 * (1 + t)) % 256 for t in whole.after
+    ]
+    short = watched(1.0, 1.63)
+    np.testing.assert_allclose(short.after, [*STRIP[:3], 0.63], atol=0.0101)
+    assert watched(5.0, 4.0).frames == []
+
+
+def test_a_sheet_has_a_row_for_each_policy():
+    picture = Image.open(io.BytesIO(sheet([Row("a", watched(1.0, 4.0)), Row("b", watched(1.0, 1.63))])))
+    grey = np.asarray(picture.convert("L"), dtype=int)
+    first, second = np.array_split(grey, 2)
+    assert picture.width == pytest.approx(900)
+    assert (first[-60:-30, -60:-30] < 250).all()  # the last moment of the first
+    assert (second[-60:-30, -60:-30] > 250).all()  # the second had fallen before it

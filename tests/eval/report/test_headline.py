@@ -1,0 +1,221 @@
+"""Who recovers more, on rows whose 2 x 2 tables are known.
+
+Pairs and the pushes that set them apart, on rows whose tables are known.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from push_recovery.eval.output.statistics import PairedCounts
+from push_recovery.eval.report.episodes import SIGNS, scenario_lines
+from push_recovery.eval.report.headline import (
+    p_words,
+    pair_cells,
+    pairs_with_best,
+    points,
+    profile_figure,
+    ranked,
+    rate_cells,
+    recipes_of,
+    seed_part,
+    strata_of,
+    sureness,
+    verdict,
+)
+from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
+from push_recovery.eval.score.suites import quick_suite
+from scipy import stats
+
+LABELS = {"p": "P", "q": "Q", "t": "T"}
+
+
+def test_the_leader_is_the_one_that_recovers_most(evaluation):
+    found = evaluation({"p": "rrffffff", "q": "rrrrrrrs", "t": "fffrrrff"})
+    assert ranked(found) == ["q", "t", "p"]
+    said = verdict(found, LABELS)
+    # only Q 4, only T 0: p = 2 / 2^4
+    assert said.startswith("Q recovers from 7 of 8 pushes (87.5 %), 4 more than T: too few to say")
+    assert "+50.0 points" in said
+    assert "p = 0.12" in said
+
+
+def test_a_lead_that_is_sure():
+    # 12 : 0 and 9 : 1, p = 2 / 2^12 and 2 (1 + 10) / 2^10
+    assert sureness(PairedCounts(20, 12, 0, 5)).startswith("a lead that chance hardly makes")
+    assert sureness(PairedCounts(20, 9, 1, 5)).startswith("a lead that chance is unlikely to make")
+    assert "p = 0.021" in sureness(PairedCounts(20, 9, 1, 5))
+
+
+def test_one_policy_and_equal_policies(evaluation):
+    # Wilson (1927) of 2 of 4, z = 1.96
+    assert verdict(evaluation({"p": "rrff"}), LABELS) == (
+        "P recovers from 2 of 4 pushes (50.0 %); 95 % interval 15.0 to 85.0 %."
+    )
+    equal = evaluation({"p": "rrff", "q": "ffrr"})
+    assert verdict(equal, LABELS) == "P and Q recover from equally many pushes, 2 of 4 pushes (50.0 %)."
+
+
+def test_recovered_and_survived_have_their_own_cells(evaluation):
+    (cells,) = rate_cells(evaluation({"p": "rssf"}), LABELS)
+    assert cells[0] == "P"
+    assert cells[1] == "25.0 % (1)"
+    assert cells[3] == "75.0 % (3)"
+    assert cells[2] == "4.6 to 69.9 %"  # Wilson of 1 of 4
+    assert cells[4] == "30.1 to 95.4 %"  # of 3 of 4, its mirror image
+
+
+@pytest.mark.parametrize(
+    ("p", "words"), [(0.0123, "p = 0.012"), (1.0, "p = 1"), (3e-7, "p < 0.0001"), (2e-4, "p = 0.0002")]
+)
+def test_p_in_words(p, words):
+    assert p_words(p) == words
+
+
+def test_points_have_signs():
+    assert points(0.0314) == "+3.1"
+    assert points(-0.0314) == "\N{MINUS SIGN}3.1"
+
+
+COMMAND = Command(("evaluate",), (("--suite", ("quick",)),))
+
+
+def test_every_pair_has_its_counts_the_better_one_first(evaluation):
+    cells = pair_cells(evaluation({"p": "rrffff", "q": "rfrrrr", "t": "ffffff"}), LABELS)
+    assert [cell[:5] for cell in cells] == [
+        ("Q and P", "1", "4", "1", "0"), ("Q and T", "0", "5", "0", "1"), ("P and T", "0", "2", "0", "4"),
+    ]  # fmt: skip
+    assert cells[0][5].startswith("+50.0 (")
+    # 2 (1 + 5) / 2^5, 2 / 2^5 and 2 / 2^2; Holm: three times the least, the others twice and once at least
+    assert [cell[6] for cell in cells] == ["0.38", "0.062", "0.5"]
+    assert [cell[7] for cell in cells] == ["0.75", "0.19", "0.75"]
+
+
+def test_the_best_is_told_apart_from_each_other_one(evaluation):
+    found = evaluation({"p": "rrfsff", "q": "rfrrff"})
+    (pair,) = pairs_with_best(found, LABELS, "hardware", COMMAND)
+    assert (pair.a, pair.b) == ("Q", "P")
+    assert {one.scenario_id for one in pair.only_a} == {"quick-0002", "quick-0003"}
+    assert [one.scenario_id for one in pair.only_b] == ["quick-0001"]
+    assert [one.impulse for one in pair.only_a] == sorted(one.impulse for one in pair.only_a)
+    by_id = {one.scenario_id: one for one in pair.only_a}
+    assert by_id["quick-0003"].loser == "stays up, does not settle"
+    assert by_id["quick-0002"].loser == "falls at 3.2 s (com_height, first cop)"
+    assert by_id["quick-0002"].commands[1] == (
+        "push-recovery play --suite quick --profile hardware --scenario quick-0002 --policy p "
+        "--out quick-0002-p.png"
+    )
+    assert pairs_with_best(evaluation({"p": "rf"}), LABELS, "exact", COMMAND) == []
+
+
+def test_a_line_for_every_push(evaluation):
+    found = evaluation({"p": "rsf", "q": "rrf"})
+    lines = scenario_lines(found, {found.suite.scenarios[1].id: 0.824})
+    assert [line.kind for line in lines] == ["all", "some", "none"]
+    assert [line.signs[0][0] for line in lines] == [SIGNS["recovered"], SIGNS["survived"], SIGNS["fell"]]
+    assert [line.share for line in lines] == ["", "0.82", ""]
+    effort = "margin 25 cm, lean 29 deg, 7.9 kJ"
+    assert [line.signs[0][1] for line in lines] == [
+        effort,
+        f"stays up, does not settle; {effort}",
+        f"falls at 3.2 s (com_height, first cop); {effort}",
+    ]
+    for rows in found.rows.values():
+        for row in rows:
+            row["measures"]["smallest_margin"] = None
+    assert scenario_lines(found, {})[0].signs[0][1] == ""
+
+
+def test_a_scenario_in_words():
+    scenario = next(s for s in quick_suite().scenarios if len(s.pushes) == 2 and s.command.turn)
+    push, words = scenario.pushes[0], scenario_words(scenario)
+    assert words.startswith(f"{push.body}, {push.impulse_magnitude:.0f} N s ")
+    assert words.endswith(f" within {push.duration:.2f} s, double, turning")
+    assert outcome_words(
+        {"recovered": False, "survived": False, "failure_reason": "low", "end_time": 1.0}
+    ) == ("falls at 1.0 s (low)")
+
+
+def test_files_are_told_by_folder_and_stem_where_that_tells_them_apart():
+    names = ["two-stage", "runs/a/policy.safetensors", "x/a/policy.safetensors", "runs/b/policy.safetensors"]
+    assert short_labels(names) == {
+        "two-stage": "two-stage", names[1]: names[1], names[2]: names[2], names[3]: "b/policy"
+    }  # fmt: skip
+
+
+LETTERS = "rrfsrrrfrrsf" * 8  # 96 pushes
+LABELS_TRAINING_SEEDS = {
+    name: name for name in ("residual", "residual-seed1", "two-stage", "residual-hardware")
+}
+
+
+def shifted(by: int) -> str:
+    return LETTERS[by:] + LETTERS[:by]
+
+
+def test_a_recipe_is_what_differs_by_its_seed_alone():
+    labels = {
+        **LABELS_TRAINING_SEEDS,
+        "file": "residual-Biped-v0-seed12/policy",
+        "other": "residual-Biped-v0-seed3/policy",
+    }
+    assert recipes_of(labels) == {
+        "residual": ["residual", "residual-seed1"],
+        "two-stage": ["two-stage"],
+        "residual-hardware": ["residual-hardware"],
+        "residual-Biped-v0/policy": ["file", "other"],
+    }
+
+
+def test_strata_are_directions_and_quarters_of_the_impulses():
+    rows = [{"impulse": float(k), "psi_deg": 45.0 * (k // 4)} for k in range(32)]
+    quarters = [k * 4 // 32 for k in range(32)]
+    pairs = [(k // 4, quarters[k]) for k in range(32)]
+    strata = strata_of(rows)
+    assert sorted(set(strata.tolist())) == list(range(len(set(pairs))))
+    assert all((strata[i] == strata[j]) == (pairs[i] == pairs[j]) for i in range(32) for j in range(32))
+    assert len(set(strata_of([{"impulse": 1.0, "psi_deg": None}] * 8).tolist())) == 4  # of kicks: quarters
+
+
+def test_nothing_is_shown_without_several_seeds(evaluation):
+    found = evaluation({"residual": LETTERS, "two-stage": LETTERS})
+    assert seed_part(found, {name: name for name in found.rows}) is None
+
+
+def test_the_tables_hold_the_numbers_of_their_definitions(evaluation):
+    words = {"residual": LETTERS, "residual-seed1": shifted(5), "two-stage": shifted(1).replace("r", "s", 20)}
+    found = evaluation(words)
+    part = seed_part(found, {name: name for name in found.rows})
+    assert part is not None
+    strata = strata_of(found.rows["two-stage"])
+    assert part.strata == len(set(strata.tolist()))
+    rates = {
+        name: np.array([
+            np.mean([word[i] == "r" for i in np.flatnonzero(strata == k)]) for k in range(part.strata)
+        ]) for name, word in words.items()
+    }  # fmt: skip
+    (row,) = part.rows
+    counts = [word.count("r") for name, word in words.items() if name != "two-stage"]
+    assert row[:3] == ("residual", "2", f"{np.mean(counts):.1f} ({min(counts)} to {max(counts)})")
+    middle, low, high = numbers(row[3])
+    both = np.array([rates["residual"], rates["residual-seed1"]])
+    assert middle == pytest.approx(100.0 * stats.trim_mean(both.ravel(), 0.25), abs=0.05)
+    assert low <= middle <= high
+    ((name, other, said),) = part.against
+    assert (name, other) == ("residual", "two-stage")
+    u = [stats.mannwhitneyu(both[:, k], [rates["two-stage"][k]]).statistic / 2 for k in range(part.strata)]
+    assert numbers(said)[0] == pytest.approx(100.0 * np.mean(u), abs=0.5)
+
+
+def test_the_profile_falls_where_fewer_strata_are_recovered():
+    """Every stratum of one policy is at a half, of the other at nothing or all."""
+    strata = np.repeat([0, 1], 4)
+    svg = profile_figure(
+        {"even": np.tile([1.0, 0.0], 4)[None], "uneven": np.repeat([1.0, 0.0], 4)[None]}, strata
+    )
+    assert "even" in svg
+    assert "uneven" in svg
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"[\d.]+", text)]

@@ -1,0 +1,169 @@
+"""What a robot's legs and motors let its steps be, by the inertias of the bodies themselves.
+
+A robot out of a model: heights and steps that its legs allow, files that an environment takes.
+"""
+
+import json
+from dataclasses import replace
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.capturability import max_recoverable_force
+from push_recovery.controllers.settings import load_preset, named_preset
+from push_recovery.envs.biped.core import biped_settings
+from push_recovery.envs.robots.adapt import load_robot
+from push_recovery.envs.robots.biped import BIPED, ROBOT, biped, spec
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
+from push_recovery.envs.robots.description import RobotDescription, robot_description
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.robot_tools.new_robot import (
+    new_robot,
+    reachable_steps,
+    scale_of,
+    scaled_settings,
+    sole_acceleration,
+    standing_height,
+)
+from push_recovery.eval.rollout.environments import EnvName, make_env, preset_digest
+
+ROLL, PITCH = 1, 2  # of the biped's hip, which turns first
+LEG = "left_thigh", "left_shank", "left_foot"
+
+
+def weaker(factor: float) -> CompiledRobot:
+    """The biped, its hip motors with a share of their torque."""
+    base = robot_description("biped")
+
+    def spec():
+        made = base.spec()
+        for motor in made.actuators:
+            if "hip" in motor.name:
+                motor.forcerange = [factor * bound for bound in motor.forcerange]
+        return made
+
+    return compiled_robot(RobotDescription(f"weaker {factor}", spec, base.plan, base.com_height))
+
+
+def test_a_hip_swings_all_that_hangs_from_it():
+    """By the parallel axes of thigh, shank and foot, and the motor's armature."""
+    body = biped()
+    model, data = body.model, body.in_reference_posture()
+    found = []
+    for place in (ROLL, PITCH):
+        joint = body.indices.legs[0][place]
+        axis, anchor = data.xaxis[joint], data.xanchor[joint]
+        inertia = model.dof_armature[model.jnt_dofadr[joint]]
+        for name in LEG:
+            part = model.body(name).id
+            arm, frame = data.xipos[part] - anchor, data.ximat[part].reshape(3, 3)
+            inertia += model.body_inertia[part] @ (frame.T @ axis) ** 2
+            inertia += model.body_mass[part] * (arm @ arm - (arm @ axis) ** 2)
+        height = anchor[2] - data.site_xpos[body.indices.soles[0], 2]
+        found.append(body.motors[0, 2 + place] * height / inertia)
+    assert sole_acceleration(body) == pytest.approx(min(found), rel=1e-9)
+
+
+def test_weak_hips_make_the_shortest_step_longer_and_leave_the_nominal_one():
+    weak, own = weaker(0.25), named_preset("biped").robot()
+    assert scale_of(weak).swing == pytest.approx(0.25)
+    box, other = scaled_settings(weak).robot(), own["limits"]
+    assert box["limits"]["duration_min"] == pytest.approx(2.0 * other["duration_min"], rel=1e-4)
+    assert box["limits"]["duration_min"] + box["limits"]["duration_max"] == pytest.approx(
+        other["duration_min"] + other["duration_max"], abs=1e-3
+    )
+    assert box["gains"]["swing_max"] == pytest.approx(0.25 * own["gains"]["swing_max"], rel=1e-4)
+
+
+def test_very_weak_hips_leave_room_between_the_shortest_and_the_longest_step():
+    limits = scaled_settings(weaker(0.04)).robot()["limits"]  # five times the shortest step
+    assert limits["duration_min"] == pytest.approx(5.0 * 0.115, rel=1e-4)
+    assert limits["duration_max"] == pytest.approx(1.2 * limits["duration_min"], abs=1e-3)
+
+
+LEG_NEW_ROBOT, HIP, ANKLE = (
+    0.72,
+    0.69,
+    0.06,
+)  # of the biped: straight leg, hips and ankles over the floor where it walks [m]
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "mine.xml"
+    path.write_text(spec().to_xml(), encoding="utf-8")
+    return path
+
+
+def test_the_biped_stands_as_high_as_it_walks():
+    assert standing_height(ROBOT) == pytest.approx(BIPED.com_height, abs=0.006)
+
+
+def test_steps_end_where_the_legs_do():
+    """Half a step is a side of the triangle of hip and ankle, whose long side is at most a straight leg."""
+    steps = reachable_steps(ROBOT, 0.8)
+    low = HIP - ANKLE - 0.24 * 0.8
+    longest = 2.0 * (LEG_NEW_ROBOT**2 - low**2) ** 0.5
+    assert 0.7 * longest < steps["length_max"] <= longest + 0.05
+    assert steps["length_min"] < -0.5
+    assert steps["width_max"] > 0.6
+
+
+def test_a_range_of_the_ankle_ends_a_step():
+    stiff = spec()
+    for side in ("left", "right"):
+        stiff.joint(f"{side}_ankle_roll").range = [-10.0, 10.0]  # degrees
+    narrow = reachable_steps(replace(ROBOT, name="stiff", spec=lambda: stiff.copy()), 0.8)
+    assert narrow["width_max"] < 0.6 < reachable_steps(ROBOT, 0.8)["width_max"]
+
+
+def test_the_bipeds_own_model_gives_its_robot_again(model):
+    robot = new_robot(str(model), "mine")
+    found = robot.body.robot
+    assert found.mass == pytest.approx(60.0)
+    assert (found.foot_length, found.foot_width) == pytest.approx((0.2, 0.1))
+    assert found.trunk_inertia == pytest.approx(8.0, rel=0.01)
+    assert robot.preset.robot()["gains"]["swing_kp"] == pytest.approx(341.0, rel=0.02)
+    box = biped_settings("biped").of_robot(found).limits
+    alike = [max_recoverable_force(found, psi, 0.1, limits=box) for psi in (0.0, 0.7853981633974483)]
+    assert robot.limits[:2] == pytest.approx(alike, rel=0.05)
+
+
+def test_the_command_writes_what_an_environment_takes(model, tmp_path, capsys):
+    assert main(["robot", "new", str(model), "--out", str(tmp_path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    path = tmp_path / "mine.robot.json"
+    assert told["files"] == [str(path), str(tmp_path / "mine.preset.json")]
+    assert told["waist"] == ["waist_pitch", "waist_roll"]
+    assert len(told["limit_N"]) == 8
+    assert load_preset(load_robot(str(path)).preset).found["robot"] == told["robot"]
+    assert EnvName.parse(str(path)).label == "mine"
+    assert set(preset_digest(str(path))) == {"robot_sha256"}
+    env = make_env(str(path))
+    assert env.unwrapped.robot.mass == pytest.approx(60.0)
+    assert env.unwrapped.core.body is compiled_robot(load_robot(str(path)))
+    env.close()
+
+
+def test_the_command_tells_what_it_guessed_for_review(model, tmp_path, capsys):
+    assert main(["robot", "new", str(model), "--out", str(tmp_path), "--name", "mine"]) == 0
+    told = capsys.readouterr().out
+    assert "left_hip_yaw, left_hip_roll, left_hip_pitch, left_knee, left_ankle_pitch, left_ankle_roll" in told
+    assert "0.2 x 0.1 and 0.2 x 0.1" in told
+    assert "push-recovery evaluate --env" in told
+
+
+def test_joints_without_a_torque_are_told(tmp_path):
+    model = spec()
+    for actuator in list(model.actuators):
+        model.delete(actuator)
+    path = tmp_path / "weak.xml"
+    path.write_text(model.to_xml(), encoding="utf-8")
+    with pytest.raises(
+        InvalidValueError, match=r"does not tell the largest torque of waist_pitch, waist_roll, left"
+    ):
+        new_robot(str(path), "weak")
+
+
+def test_a_name_that_is_no_file_name_is_refused(model, capsys):
+    assert main(["robot", "new", str(model), "--name", "../x"]) == 2
+    assert "letters, digits" in capsys.readouterr().err

@@ -1,0 +1,242 @@
+"""When a row of a sequence acts, on observations written by hand.
+
+Attempts and searches on pushes far from any limit: light ones, and one that nobody answers.
+"""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.observation import ELAPSED
+from push_recovery.controllers.policies.residual import default_residual_scale
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.eval.hindsight import (
+    NEIGHBOURS,
+    RECOVERED,
+    CeilingSettings,
+    Searcher,
+    Sequence,
+    SequencePolicy,
+    generator_of,
+    moment_of_push,
+    neighbours,
+    run_attempts,
+)
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.search import LEAST, MOST, SequenceRule, begun
+
+PUSH = polar_push(500.0, np.radians(170.0), 0.1, GaitEvent(4, "left", 0.3))
+SCENARIO = Scenario("s", (PUSH, Push((0.0, 100.0, -50.0), 0.2, 3.0, "trunk")), Command(0.2), noise_seed=3)
+
+
+def test_neighbours_are_a_grid_about_the_push_without_itself():
+    found = neighbours(SCENARIO)
+    assert len(found) == NEIGHBOURS == 24
+    assert len({one.id for one in found}) == 24
+    forces = [np.hypot(*one.pushes[0].force[:2]) / 500.0 for one in found]
+    turns = [np.degrees(one.pushes[0].direction) for one in found]
+    turns = [turn % 360.0 - 170.0 for turn in turns]
+    grid = {(round(force, 9), round(turn, 9)) for force, turn in zip(forces, turns, strict=True)}
+    assert grid == {
+        (f, t) for f in (0.98, 0.99, 1.0, 1.01, 1.02) for t in (-2, -1, 0, 1, 2) if (f, t) != (1.0, 0)
+    }
+
+
+def test_all_pushes_change_alike_and_nothing_else_does():
+    for one in neighbours(SCENARIO):
+        first, second = one.pushes
+        ratio = np.hypot(*first.force[:2]) / 500.0
+        assert second.force[2] == pytest.approx(-50.0 * ratio)
+        assert np.hypot(*second.force[:2]) == pytest.approx(100.0 * ratio)
+        turn = (first.direction - PUSH.direction + np.pi) % (2 * np.pi) - np.pi
+        assert second.direction == pytest.approx(np.pi / 2 + turn)
+        assert (second.duration, second.start, second.body) == (0.2, 3.0, "trunk")
+        assert (one.command, one.noise_seed) == (SCENARIO.command, SCENARIO.noise_seed)
+
+
+PLANNER = "two-stage", BIPED, BIPED_LIMITS, "biped"
+POLICY = make_policy(*PLANNER)
+ELAPSES = (0.30, 0.31, 0.01, 0.02, 0.03, 0.0, 0.01)  # steps end before the third and the sixth look
+ROWS = np.zeros((2, 7), np.float32)
+ROWS[0, 0], ROWS[1, 2] = 0.5, -0.25
+
+
+@pytest.fixture(scope="module")
+def seen() -> np.ndarray:
+    """Observations (7, 36) of one robot, at the times of ELAPSES."""
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, Scenario("s"))
+    rows = np.repeat(episodes.core.observation, len(ELAPSES), axis=0)
+    rows[:, ELAPSED] = ELAPSES
+    return rows
+
+
+def replayed(policy, seen) -> np.ndarray:
+    state, out = None, []
+    for row in seen:
+        action, state = policy.predict(row, state)
+        out.append(action)
+    return np.array(out)
+
+
+def corrected(seen, rows, scale: float = 1.0) -> np.ndarray:
+    base = POLICY.predict(seen)[0]
+    shift = default_residual_scale(BIPED_LIMITS, scale) * np.array(rows, np.float32)
+    return np.where(shift == 0.0, base, np.clip(base + shift, -1, 1))
+
+
+@pytest.mark.parametrize(
+    ("period", "rows"),
+    [(0, "0011122"), (1, "-011122"), (2, "--00011"), (5, "-----00"), (9, "-------")],
+)
+def test_each_row_lasts_a_step_from_its_period_on(seen, period, rows):
+    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(period, ROWS.tolist())})
+    policy.begin_scenario(Scenario("s"))
+    expected = [ROWS[int(one)] if one in "01" else np.zeros(7) for one in rows]
+    np.testing.assert_array_equal(replayed(policy, seen), corrected(seen, expected))
+
+
+def test_without_a_sequence_the_planner_acts_bit_for_bit(seen):
+    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
+    policy.begin_scenario(Scenario("other"))
+    np.testing.assert_array_equal(replayed(policy, seen), POLICY.predict(seen)[0])
+
+
+def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
+    policy = SequencePolicy(*PLANNER, 3.0, {"s": Sequence(0, ROWS.tolist())})
+    policy.begin_scenario(Scenario("s"))
+    actions = replayed(policy, seen[:1])
+    np.testing.assert_array_equal(actions, corrected(seen[:1], ROWS[:1], 3.0))
+    assert np.abs(actions).max() <= 1.0
+
+
+def test_a_policy_starts_anew_with_an_episode_and_pickles(seen):
+    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
+    copied = pickle.loads(pickle.dumps(policy))  # noqa: S301
+    for one in (policy, copied):
+        one.begin_scenario(Scenario("s"))
+        _, state = one.predict(seen[1])
+        action, _ = one.predict(seen[2], state, episode_start=np.array([True]))
+        np.testing.assert_array_equal(action, corrected(seen[2:3], ROWS[:1])[0])
+
+
+def test_robots_of_a_batch_are_in_their_own_steps(seen):
+    rule = SequenceRule(*PLANNER, 1.0)
+    corrections = np.stack([ROWS, -ROWS])
+    progress = begun(corrections)
+    _, progress = rule.act(np.stack([seen[1], seen[1]]), progress)
+    actions, progress = rule.act(np.stack([seen[2], seen[1]]), progress)
+    np.testing.assert_array_equal(actions[0], corrected(seen[2:3], ROWS[1:])[0])
+    np.testing.assert_array_equal(actions[1], corrected(seen[1:2], -ROWS[:1])[0])
+    assert progress.step.tolist() == [1, 0]
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [[[0.0] * 6], [[1.5] + [0.0] * 6], [[NAN] * 7], [0.0] * 7, [[0.0] * 7, [0.0]], [["a"] * 7], 10**400],
+)
+def test_impossible_sequences_are_refused(rows):
+    with pytest.raises(InvalidValueError, match=r"rows of 7 numbers in \[-1, 1\]"):
+        Sequence(0, rows)
+
+
+@pytest.mark.parametrize("period", [-1, 1.5, "3", 10**12])
+def test_an_impossible_period_is_refused(period):
+    with pytest.raises(InvalidValueError, match="the period of a sequence must be an integer"):
+        Sequence(period, ROWS.tolist())
+
+
+LIGHT = Scenario(
+    "light", (polar_push(150.0, 1.0, 0.1, GaitEvent(1, "right", 0.4)),), Command(0.1), settle_time=2.0
+)
+HOPELESS = Scenario("hopeless", (polar_push(6000.0, 1.0, 0.1, 0.31),))
+SETTINGS = CeilingSettings(population=4, generations=2, elites=2)
+
+
+@pytest.fixture(scope="module")
+def searcher() -> Searcher:
+    return Searcher(make_env("PushRecovery/Biped-v0"), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def walker() -> BipedEpisodes:
+    return BipedEpisodes(1)
+
+
+@pytest.mark.parametrize("scenario", [LIGHT, HOPELESS, HARDWARE.applied(LIGHT)])
+def test_the_moment_is_the_period_in_which_the_push_begins(searcher, walker, scenario):
+    snapshot, period = moment_of_push(walker, searcher.rule, scenario)
+    assert snapshot.time == pytest.approx(0.01 * period)
+    walker.restore(0, snapshot)
+    assert walker.core.pushes.delivered[0].tolist() == [[0.0, 0.0, 0.0]]
+    walker.step(np.zeros((1, 7), np.float32))
+    assert snapshot.time <= walker.core.pushes.start[0, 0] < snapshot.time + 0.01
+
+
+def test_there_is_no_moment_without_a_push(searcher, walker):
+    assert moment_of_push(walker, searcher.rule, Scenario("calm", duration=0.5)) is None
+    late = replace(LIGHT, duration=0.2)
+    assert moment_of_push(walker, searcher.rule, late) is None
+    row = searcher.row(late)
+    assert (row["attempts"], row["corrections"], row["recovered"]) == (0, None, False)
+
+
+@pytest.mark.parametrize("profile", ["exact", "hardware"])
+def test_attempts_are_the_ordinary_rollouts_of_their_sequences(searcher, walker, profile):
+    """Outcome of every attempt, and its worth from what the environment's info says of the margin."""
+    scenario = LIGHT if profile == "exact" else HARDWARE.applied(LIGHT)
+    moment = moment_of_push(walker, searcher.rule, scenario)
+    corrections = np.random.default_rng(1).uniform(-1, 1, (4, 4, 7)).astype(np.float32)
+    corrections[0] = 0.0
+    robots = BipedEpisodes(6)
+    came = run_attempts(robots, searcher.rule, moment.snapshot, [scenario] * 4, corrections)
+    assert came.outcomes[0].recovered
+    assert not all(outcome.recovered for outcome in came.outcomes)
+    for rows, outcome, value in zip(corrections, came.outcomes, came.values, strict=True):
+        worth = []
+
+        def watch(robot, worth=worth):
+            if robot.info["time"] > moment.snapshot.time + 1e-9 and robot.info["failure_reason"] is None:
+                worth.append(min(max(robot.info["capture_margin"], LEAST), MOST) - LEAST)
+
+        sequences = {scenario.id: Sequence(moment.period, rows.astype(float).tolist())}
+        replay = SequencePolicy(*searcher._planner, sequences)
+        whole = rollout(searcher.env, replay, scenario, "attempt", watch)
+        assert whole.env_steps == outcome.env_steps + moment.period
+        from_there = {"env_steps", "total_reward", "measures"}  # what counts from where an attempt begins
+        same = replace(whole, **{name: getattr(outcome, name) for name in from_there})
+        assert same == outcome
+        assert value == pytest.approx(0.01 * sum(worth) + RECOVERED * outcome.recovered)
+
+
+def test_a_push_that_the_planner_recovers_is_answered_without_corrections(searcher):
+    row = searcher.row(LIGHT)
+    assert row["recovered"]
+    assert row["attempts"] == SETTINGS.population
+    assert np.abs(row["corrections"]).max() == 0.0
+    assert row["neighbours"] == 24
+
+
+def test_a_search_without_an_answer_spends_its_budget_and_keeps_its_best(searcher):
+    row = searcher.row(HOPELESS)
+    assert not row["recovered"]
+    assert (row["attempts"], row["neighbours"]) == (SETTINGS.budget, None)
+    assert np.shape(row["corrections"]) == (4, 7)
+    assert row == searcher.row(HOPELESS)
+
+
+def test_draws_hang_on_the_scenario_and_the_seed_alone():
+    first = generator_of(0, LIGHT).random(4).tolist()
+    assert generator_of(0, replace(LIGHT)).random(4).tolist() == first
+    for other in (generator_of(1, LIGHT), generator_of(0, replace(LIGHT, noise_seed=1))):
+        assert other.random(4).tolist() != first

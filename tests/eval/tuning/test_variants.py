@@ -1,0 +1,79 @@
+"""Several arms searched one after the other: one budget, directories of their own, one record.
+
+The tables of a study on numbers written by hand.
+"""
+
+from types import SimpleNamespace
+
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.settings import load_preset
+from push_recovery.eval.tuning.space import Dimension, Space
+from push_recovery.eval.tuning.study import TuningSettings, tune
+from push_recovery.eval.tuning.variants import field_cells, score_cells, tune_arms
+
+SETTINGS = TuningSettings("PushRecovery/Pendulum-v0", "stage-1", scenarios=8, held_out=8)
+ARMS = ["stage-1", "fixed-time"]
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    return tune_arms(SETTINGS, ARMS, 2, directory=tmp_path_factory.mktemp("arms"))
+
+
+def test_every_arm_has_the_search_that_it_would_have_alone(found, tmp_path):
+    alone = tune(TuningSettings(**{**vars(SETTINGS), "policy": "fixed-time"}), 2, directory=tmp_path)
+    assert list(found.studies) == ARMS
+    assert found.studies["fixed-time"].trials == alone.trials
+    assert found.studies["fixed-time"].path.read_bytes() == alone.path.read_bytes()
+    assert found.studies["fixed-time"].directory == found.directory / "fixed-time"
+
+
+def test_the_record_has_what_is_best_for_each_arm_and_how_it_was_found(found):
+    record = load_preset(str(found.path))
+    for name in ARMS:
+        study = found.studies[name]
+        assert record.config(name) == study.preset.config(name)
+        assert record.found[name] == study.preset.found
+        assert record.found[name]["trials"] == 2
+    assert record.config("two-stage") == load_preset("default").config("two-stage")
+
+
+def test_a_second_run_adds_arms_and_runs_nothing_again(found, tmp_path):
+    first = tune_arms(SETTINGS, ARMS[:1], 2, directory=tmp_path)
+    seen = []
+    both = tune_arms(
+        SETTINGS, ARMS, 2, directory=tmp_path, on_trial={"fixed-time": lambda row, best: seen.append(row)}
+    )
+    assert both.studies["stage-1"].trials == first.studies["stage-1"].trials
+    assert len(seen) == 2
+    assert both.path.read_bytes() == found.path.read_bytes()
+
+
+def test_names_fail_before_the_first_search(tmp_path):
+    with pytest.raises(UnknownNameError, match="unknown policy to tune 'random'"):
+        tune_arms(SETTINGS, ["stage-1", "random"], 1, directory=tmp_path)
+    with pytest.raises(InvalidValueError, match=r"^arm 'stage-1' is given more than once$"):
+        tune_arms(SETTINGS, ["stage-1", "stage-1"], 1, directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+ENTRY = {
+    "start": {"score": 0.25, "recovered": 2}, "best": {"score": 0.75, "recovered": 6}, "scenarios": 8,
+    "rate_difference": 0.5, "ci95": [-0.125, 0.875], "mcnemar_p": 0.0625,
+}  # fmt: skip
+
+
+def test_start_stands_before_best():
+    cells = score_cells("held_out", ENTRY)
+    assert cells == ("held out", "0.250 (2/8)", "0.750 (6/8)", "+0.500 (-0.125 to +0.875)", "0.0625")
+
+
+def test_the_fields_that_moved_most_come_first_whatever_their_way():
+    dimensions = tuple(Dimension("g", name, -10.0, 10.0, 1.0) for name in "abc")
+    study = SimpleNamespace(
+        space=Space(dimensions, (0.0, 1.0, 2.0)),
+        start={"settings": {"g": {"a": 0.0, "b": 1.0, "c": 2.0}}},
+        best={"settings": {"g": {"a": 0.5, "b": -2.0, "c": 3.0}}, "point": [0.5, -3.0, 1.0]},
+    )
+    assert field_cells(study, 2) == [("g.b", "1", "-2", "-3.00"), ("g.c", "2", "3", "+1.00")]  # type: ignore[arg-type]

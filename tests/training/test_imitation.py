@@ -1,0 +1,200 @@
+"""The learner: what it sees, what it gives, and that it comes close to what it is shown.
+
+Rounds of imitation on the biped: who leads, what is kept, and that a run is repeatable.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.joint_control import PREVIOUS_ACTION
+from push_recovery.envs.joint.taught import TaughtEpisodes
+from push_recovery.training.imitation import (
+    HIDDEN,
+    Collector,
+    ImitationSettings,
+    Round,
+    Student,
+    imitate,
+    imitate_once,
+    normalisation_of,
+)
+
+
+def linear_task(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Observations, and targets that are a linear function of those that are not hidden."""
+    rng = np.random.default_rng(1)
+    observations = rng.normal(2.0, 3.0, (n, 58)).astype(np.float32)
+    weights = rng.normal(0.0, 0.005, (58, 14))
+    weights[HIDDEN] = 0.0
+    return observations, (observations @ weights).astype(np.float32)
+
+
+def test_it_comes_close_to_what_it_is_shown():
+    observations, targets = linear_task(2000)
+    student = Student(ImitationSettings(layers=(32,)))
+    student.see(observations)
+    losses = [student.fit(observations, targets, 3e-3) for _ in range(300)]
+    assert losses[-1] < 0.01 * losses[0]
+    np.testing.assert_allclose(student.act(observations.astype(float)), targets, atol=0.1)
+
+
+def test_the_previous_action_is_hidden():
+    observations, _ = linear_task(100)
+    student = Student(ImitationSettings())
+    student.see(observations)
+    changed = observations.astype(float)
+    changed[:, HIDDEN] += 1.0
+    np.testing.assert_allclose(student.act(changed), student.act(observations.astype(float)), atol=1e-5)
+    assert (HIDDEN.start, HIDDEN.stop) == (PREVIOUS_ACTION, 55)
+
+
+def test_other_entries_have_their_mean_and_variance():
+    observations, _ = linear_task(5000)
+    seen = normalisation_of(observations).apply(observations.astype(float))
+    rest = np.delete(seen, HIDDEN, axis=1)
+    np.testing.assert_allclose(rest.mean(axis=0), 0.0, atol=1e-3)
+    np.testing.assert_allclose(rest.std(axis=0), 1.0, atol=1e-3)
+
+
+def test_its_numpy_network_gives_the_same_targets():
+    observations, _ = linear_task(10)
+    student = Student(ImitationSettings())
+    student.see(observations)
+    forward = student.mlp().forward(student.normalisation.apply(observations.astype(float)))
+    np.testing.assert_allclose(np.clip(forward, -1, 1), student.act(observations.astype(float)), atol=1e-6)
+
+
+def test_the_mean_of_the_weights_is_the_result_once_it_has_begun():
+    """w <- w + share (v - w) after each step, v what the steps lead to."""
+    observations, targets = linear_task(64)
+    student = Student(ImitationSettings(layers=(8,)))
+    student.see(observations)
+    student.begin_mean(0.25)
+    mean, found = None, None
+    for _ in range(3):
+        student.fit(observations, targets, 1e-2)
+        now = student.network[0].weight.detach().numpy().copy()
+        mean = now if mean is None else mean + 0.25 * (now - mean)
+        found = student.mlp().weights[0]
+    np.testing.assert_allclose(found, mean, atol=1e-6)
+    assert np.abs(found - now).max() > 1e-4
+
+
+def test_weights_follow_from_the_seed_alone():
+    first, again, other = (Student(ImitationSettings(seed=seed)).mlp().weights for seed in (3, 3, 4))
+    assert all((a == b).all() for a, b in zip(first, again, strict=True))
+    assert (first[0] != other[0]).any()
+
+
+def test_the_learner_takes_over_bit_by_bit():
+    settings = ImitationSettings(shown_rounds=3, growth=0.03, free_share=0.9, rounds=100, learning_rate=1e-3)
+    assert [settings.free(number) for number in (0, 2, 3, 10, 90)] == pytest.approx([0, 0, 0.19, 0.4, 0.9])
+    assert [settings.rate(number) for number in (0, 50, 99)] == pytest.approx([1e-3, 5e-4, 1e-4])
+    assert [settings.last_rate(batch) for batch in (0, 4000, 8000)] == pytest.approx([1e-3, 5e-4, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"robots": 0}, "robots must be an integer"),
+        ({"rounds": -1}, "rounds must be an integer"),
+        ({"free_share": 1.1}, r"free_share must be in \[0, 1\], got 1.1"),
+        ({"learning_rate": float("nan")}, "learning_rate must be positive and finite"),
+        ({"layers": (0,)}, "layers must be widths >= 1"),
+        ({"pushes": 3}, "pushes must be"),
+    ],
+)
+def test_impossible_settings_are_refused(change, message):
+    with pytest.raises(InvalidValueError, match=message):
+        ImitationSettings(**change)
+
+
+SMALL = ImitationSettings(
+    robots=4, rounds=4, periods=25, batches=5, batch_size=64, layers=(16,), shown_rounds=2, last_batches=5
+)
+
+
+def nothing(observations: np.ndarray) -> np.ndarray:
+    return np.zeros((len(observations), 14), np.float32)
+
+
+@pytest.fixture(scope="module")
+def runs() -> list:
+    """The same run twice: its policy, and what was told of each round."""
+    found = []
+    for _ in range(2):
+        told: list[Round] = []
+        found.append((imitate(SMALL, report=told.append), told))
+    return found
+
+
+def test_equal_settings_give_equal_weights(runs):
+    (first, told), (again, told_again) = runs
+    for a, b in zip(first.network.weights, again.network.weights, strict=True):
+        assert a.tobytes() == b.tobytes()
+    assert told == told_again
+
+
+def test_every_round_adds_its_samples(runs):
+    told = runs[0][1]
+    assert [one.number for one in told] == [0, 1, 2, 3]
+    assert told[0].samples == 100  # the planner walks, every one of its states is good
+    assert told[0].samples < told[1].samples < told[3].samples <= 400
+    assert told[0].alone == told[1].alone == 0.0
+
+
+def test_the_policy_acts_in_the_environment_of_joint_targets(runs):
+    policy = runs[0][0]
+    assert policy.description.env_id == "PushRecovery/BipedJoint-v0"
+    assert policy.predict(np.zeros((3, 58)))[0].shape == (3, 14)
+
+
+def test_a_run_that_is_done_is_not_done_again(tmp_path, runs):
+    """What is read back is what was learned; other settings are refused, and half a policy is none."""
+    path = tmp_path / "imitated"
+    tiny = replace(SMALL, rounds=1, periods=5)
+    first = imitate_once(tiny, path)
+    told: list[Round] = []
+    again = imitate_once(tiny, path, told.append)
+    assert told == []
+    assert again.network.weights[0].tobytes() == first.network.weights[0].tobytes()
+    with pytest.raises(InvalidValueError, match="of other settings of imitation"):
+        imitate_once(replace(tiny, seed=1), path)
+    path.with_suffix(".json").unlink()
+    imitate_once(tiny, path, told.append)
+    assert len(told) == 1
+
+
+def test_while_the_teacher_leads_robots_walk_whatever_the_learner_asks():
+    episodes = TaughtEpisodes(4)
+    collector = Collector(SMALL, episodes, np.random.default_rng(0))
+    shown = [collector.collect(nothing, 0) for _ in range(4)]
+    assert sum(one.falls for one in shown) == 0
+    assert (episodes.core.gait.steps >= 2).all()
+    assert np.abs(shown[-1].targets).max() <= 1.0
+
+
+def test_a_learner_that_knows_nothing_falls_and_its_robots_begin_anew():
+    episodes = TaughtEpisodes(4)
+    settings = ImitationSettings(robots=4, periods=200, shown_rounds=0, free_share=1.0, growth=10.0)
+    shown = Collector(settings, episodes, np.random.default_rng(0)).collect(nothing, 1)
+    assert shown.alone == pytest.approx(8.0)
+    assert shown.falls >= 3
+    assert (episodes.failure() == 0).all()
+    assert len(shown.observations) == len(shown.targets) < 800  # falls are left out
+
+
+def test_what_is_shown_is_the_teachers_own_target():
+    """A sample is the observation before a period and what the teacher asks in it."""
+    episodes, other = TaughtEpisodes(2), TaughtEpisodes(2)
+    settings = ImitationSettings(robots=2, periods=1, unpushed=1.0)
+    collector = Collector(settings, episodes, np.random.default_rng(0))
+    first = collector.collect(nothing, 0)
+    for k in range(2):
+        other.begin(k, episodes._scenarios[k])
+    np.testing.assert_array_equal(first.observations, other.seen.astype(np.float32))
+    other.lead(np.ones(2, np.bool_))
+    other.step(np.zeros((2, 14), np.float32))
+    np.testing.assert_allclose(first.targets, other.targets, atol=1e-7)

@@ -1,0 +1,138 @@
+"""The policy network sees the first inputs only, the value network all; what is exported acts alike.
+
+PPO that starts from a policy acts as that policy, and lets it rest while its value is learned.
+"""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.training.builders import completed, make_env, make_ppo, make_vec_env
+from push_recovery.training.from_sb3 import export_policy
+from push_recovery.training.imitation import ImitationSettings, imitate
+from push_recovery.training.networks import AsymmetricPolicy, ValueFirst, start_from
+from push_recovery.training.settings import TrainingSettings
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from torch import nn
+
+SETTINGS = TrainingSettings(n_envs=2, walks=2, critic=("push", "sensing"), policy_layers=(8,), n_steps=8)
+
+
+def made():
+    env = make_env(SETTINGS)
+    settings = completed(SETTINGS, env)
+    venv = make_vec_env(settings, env, 0)
+    model = make_ppo(settings, venv, 0, None)
+    torch.nn.init.normal_(model.policy.action_net.weight, generator=torch.Generator().manual_seed(0))
+    return env, settings, venv, model
+
+
+def test_only_the_value_hangs_on_what_the_policy_does_not_see():
+    _, _, _, model = made()
+    policy = model.policy
+    assert isinstance(policy, AsymmetricPolicy)
+    seen = torch.zeros((1, 83), requires_grad=True)
+    policy.get_distribution(seen).distribution.mean.sum().backward()
+    assert (seen.grad[0, :45] != 0).any()
+    assert not seen.grad[0, 45:].any()
+    seen.grad = None
+    policy.predict_values(seen).sum().backward()
+    assert (seen.grad[0, :45] != 0).any()
+    assert (seen.grad[0, 45:] != 0).all()
+
+
+def test_the_exported_policy_acts_as_the_trained_one_without_the_rest(tmp_path):
+    env, settings, venv, model = made()
+    model.learn(16)
+    policy = export_policy(model, venv, env, settings)
+    assert policy.network.weights[0].shape == (8, 45)
+    rows = venv.venv.reset()
+    ours = policy.network.forward(policy.normalisation.apply(rows[:, :45].astype(np.float64)))
+    theirs = model.policy.get_distribution(
+        torch.from_numpy(venv.normalize_obs(rows)).float()
+    ).distribution.mean
+    np.testing.assert_allclose(ours, theirs.detach().numpy(), atol=1e-5)
+    policy.save(tmp_path / "policy")
+    assert NetworkPolicy.load(tmp_path / "policy").observation_size == 36
+    model.save(tmp_path / "model.zip")
+    again = type(model).load(tmp_path / "model.zip")
+    np.testing.assert_array_equal(
+        again.policy.mlp_extractor.policy_net[0].weight.detach(),
+        model.policy.mlp_extractor.policy_net[0].weight.detach(),
+    )
+
+
+SETTINGS_START = ImitationSettings(
+    robots=2, rounds=1, periods=10, batches=3, batch_size=8, layers=(16, 8), last_batches=2
+)
+
+
+class Joints(gym.Env):
+    """Spaces of a robot under joint targets; what it sees is noise."""
+
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (58,))
+    action_space = gym.spaces.Box(-1.0, 1.0, (14,))
+
+    def reset(self, **kwargs):
+        super().reset(**kwargs)
+        return self.np_random.normal(size=58).astype(np.float32), {}
+
+    def step(self, action):
+        return (
+            self.np_random.normal(size=58).astype(np.float32),
+            float(-np.square(action).sum()),
+            False,
+            False,
+            {},
+        )
+
+
+def make(layers=(16, 8), **options) -> tuple[PPO, VecNormalize]:
+    venv = VecNormalize(DummyVecEnv([Joints]), norm_reward=False, **{"clip_obs": 10.0, **options})
+    kwargs = {"net_arch": {"pi": list(layers), "vf": [8]}, "activation_fn": nn.Tanh}
+    return PPO("MlpPolicy", venv, n_steps=32, batch_size=16, policy_kwargs=kwargs, device="cpu"), venv
+
+
+@pytest.fixture(scope="module")
+def policy():
+    return imitate(SETTINGS_START)
+
+
+def test_ppo_acts_as_the_policy_it_starts_from(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    observations = np.random.default_rng(0).normal(size=(20, 58))
+    actions = model.predict(venv.normalize_obs(observations), deterministic=True)[0]
+    np.testing.assert_allclose(actions, policy.predict(observations)[0], atol=1e-5)
+
+
+def test_the_normalisation_stays(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    model.learn(64)
+    np.testing.assert_allclose(venv.obs_rms.mean, policy.normalisation.mean, atol=1e-6)
+    np.testing.assert_allclose(venv.obs_rms.var, policy.normalisation.variance, rtol=1e-6)
+
+
+def test_the_value_is_learned_first(policy):
+    model, venv = make()
+    start_from(policy, model, venv)
+    model.learn(64, callback=ValueFirst(1000))
+    np.testing.assert_array_equal(model.policy.action_net.weight.detach(), policy.network.weights[-1])
+    value = model.policy.value_net.weight.detach().clone()
+    model.learn(64, callback=ValueFirst(0))
+    assert (model.policy.action_net.weight.detach().numpy() != policy.network.weights[-1]).any()
+    assert (model.policy.value_net.weight.detach() != value).any()
+
+
+def test_other_layers_are_refused(policy):
+    with pytest.raises(InvalidValueError, match=r"needs its layers, .* set policy_layers"):
+        start_from(policy, *make(layers=(16,)))
+
+
+def test_another_normalisation_is_refused(policy):
+    with pytest.raises(InvalidValueError, match="are not the environments'"):
+        start_from(policy, *make(clip_obs=5.0))

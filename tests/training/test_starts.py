@@ -1,0 +1,215 @@
+"""Walks that are put back at the moment of a push."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.joint.env import JointResidualEpisodes
+from push_recovery.envs.scenario.distribution import PushDistribution
+from push_recovery.training.starts import (
+    DIRECTIONS,
+    EARLIEST,
+    LATEST,
+    PushStarts,
+    ResetStarts,
+    SuccessTable,
+    Uncorrected,
+    relative,
+    take_walks,
+)
+
+
+def test_pushes_of_even_odds_are_all_taken_and_sure_ones_by_the_floor():
+    table = SuccessTable(100.0, 0.1)
+    for share, probability in ((0.0, 0.1), (0.5, 1.0), (1.0, 0.1), (0.25, 0.1 + 0.9 * 0.75)):
+        table.shares[2, 3] = share
+        assert table.probability((2, 3)) == pytest.approx(probability)
+    assert SuccessTable(100.0, 1.0).probability((0, 0)) == 1.0
+
+
+def test_bins_are_eighths_of_a_turn_and_twenty_newton_seconds():
+    table = SuccessTable(90.0, 0.1)
+    assert table.shares.shape == (DIRECTIONS, 5)
+    assert table.bin_of(0.0, 0.0) == (0, 0)
+    assert table.bin_of(math.radians(44.9), 19.9) == (0, 0)
+    assert table.bin_of(math.radians(45.1), 20.0) == (1, 1)
+    assert table.bin_of(-1e-9, 90.0) == (7, 4)
+    assert table.bin_of(-math.pi / 2 - 0.1, 1e3) == (5, 4)
+
+
+def test_bins_of_another_robot_have_their_own_width():
+    table = SuccessTable(45.0, 0.1, 10.0)
+    assert table.shares.shape == (DIRECTIONS, 5)
+    assert table.bin_of(0.0, 19.9) == (0, 1)
+    assert table.bin_of(0.0, 45.0) == (0, 4)
+
+
+def test_a_share_follows_what_is_told_of_its_bin_alone():
+    table = SuccessTable(40.0, 0.1)
+    table.tell((1, 0), True)
+    table.tell((4, 1), False)
+    assert table.shares[1, 0] == pytest.approx(0.525)
+    assert table.shares[4, 1] == pytest.approx(0.475)
+    assert (table.shares == 0.5).sum() == table.shares.size - 2
+    for _ in range(200):
+        table.tell((1, 0), True)
+    assert table.shares[1, 0] == pytest.approx(1.0, abs=1e-4)
+
+
+HARD = PushDistribution(impulse_min=100.0, impulse_max=110.0, settle_time=1.5)
+EASY = PushDistribution(impulse_min=5.0, impulse_max=6.0, push_duration=0.2, settle_time=1.0)
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    return BipedEpisodes(4)
+
+
+@pytest.fixture(scope="module")
+def walks(episodes):
+    walker = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    return take_walks(episodes, walker, HARD, 6, np.random.default_rng(3))
+
+
+def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
+    assert len(walks) == 6
+    assert len({walk.time for walk in walks}) == 6
+    assert len({walk.scenario.noise_seed for walk in walks}) == 6
+    assert len({walk.scenario.command for walk in walks}) > 3
+    assert all(EARLIEST <= walk.time <= LATEST + 0.01 and not walk.scenario.pushes for walk in walks)
+
+
+def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
+    """Row for row of what both robots have: the one planner is outside, the other within."""
+    corrected = JointResidualEpisodes(4)
+    own = take_walks(corrected, Uncorrected(14), HARD, 6, np.random.default_rng(3))
+    for mine, planned in zip(own, walks, strict=True):
+        assert mine.scenario == planned.scenario
+        for name in ("simulation.state", "gait.stance", "gait.heading"):
+            np.testing.assert_array_equal(mine.rows[name], planned.rows[name])
+
+
+def starts(episodes, walks, easy_share, floor=1.0, seed=0):
+    return PushStarts(episodes, walks, HARD, EASY, easy_share, floor, np.random.default_rng(seed))
+
+
+def scenario_of(episodes, k):
+    return episodes.state_snapshot(k).scenario
+
+
+@pytest.mark.parametrize(("easy_share", "pushes"), [(0.0, HARD), (1.0, EASY)])
+def test_a_robot_goes_on_from_a_walk_and_is_pushed_within_the_period(episodes, walks, easy_share, pushes):
+    beginning = starts(episodes, walks, easy_share)
+    for k in range(4):
+        beginning.begin(k)
+        now, scenario = episodes.motion().time[k], scenario_of(episodes, k)
+        assert any(now == walk.time for walk in walks)
+        (push,) = scenario.pushes
+        assert now <= push.start < now + 0.01
+        assert push.duration == pushes.push_duration
+        assert pushes.impulse_min <= math.hypot(*push.force[:2]) * push.duration <= pushes.impulse_max
+        assert (scenario.duration, scenario.settle_time) == (None, pushes.settle_time)
+
+
+def test_only_hard_pushes_are_counted(episodes, walks):
+    hard, easy = starts(episodes, walks, 0.0), starts(episodes, walks, 1.0)
+    for beginning in (hard, easy):
+        beginning.begin(0)
+        beginning.ended(0, True)
+    assert (hard.tables["pelvis"].shares != 0.5).sum() == 1
+    assert (easy.tables["pelvis"].shares == 0.5).all()
+
+
+def test_kinds_that_are_always_recovered_from_are_drawn_seldom(episodes, walks):
+    """Half of the directions at the floor of 0.05: of 200 pushes about 1 in 21 comes from there."""
+    beginning = starts(episodes, walks, 0.0, floor=0.05)
+    beginning.tables["pelvis"].shares[:4] = 1.0
+    seen = []
+    for _ in range(200):
+        beginning.begin(0)
+        seen.append(beginning._bins[0][1][0])
+    assert 2 <= sum(place < 4 for place in seen) <= 22
+
+
+def test_each_body_has_a_table_of_its_own(episodes, walks):
+    """A foot that is always recovered from is drawn at the floor of 0.05."""
+    pushes = replace(HARD, bodies=("trunk", "left_foot"))
+    beginning = PushStarts(episodes, walks, pushes, EASY, 0.0, 0.05, np.random.default_rng(0))
+    beginning.tables["left_foot"].shares[:] = 1.0
+    seen = []
+    for _ in range(200):
+        beginning.begin(0)
+        (push,) = scenario_of(episodes, 0).pushes
+        assert beginning._bins[0][0] == push.body
+        seen.append(push.body)
+    assert 2 <= seen.count("left_foot") <= 22
+    beginning.ended(0, True)
+    assert (beginning.tables["trunk"].shares != 0.5).sum() == (seen[-1] == "trunk")
+
+
+def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
+    """And the push is counted by the impulse of all of them together, of either kind of start."""
+    pushes = replace(HARD, pushes_max=3, push_duration=0.05, push_duration_ratio=4.0)
+    parts = pushes, EASY, 0.0, 1.0
+    at_push = PushStarts(episodes, walks, *parts, np.random.default_rng(2))
+    at_reset = ResetStarts(episodes, *parts, np.random.default_rng(2))
+    counts = set()
+    for _ in range(40):
+        for beginning in (at_push, at_reset):
+            beginning.begin(0)
+            _, (_, impulses) = beginning._bins[0]
+            assert impulses == 5  # 100 to 110 N s, in bins of 20
+        at_push.begin(0)
+        first, *later = scenario_of(episodes, 0).pushes
+        counts.add(1 + len(later))
+        assert 0.05 <= first.duration <= 0.2
+        step, side = episodes.core.gait.steps.item(0), episodes.core.gait.stance.item(0)
+        for push in later:
+            pause = push.start.step - step
+            assert 1 <= pause <= 4
+            step, side = push.start.step, (side + pause) % 2
+            assert push.start.side == ("left", "right")[side]
+    assert counts == {1, 2, 3}
+
+
+def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():
+    def walk(stance, heading):
+        rows = {"gait.stance": np.array(stance), "gait.heading": np.array(heading)}
+        return SimpleNamespace(rows=rows)
+
+    left, right = relative(0.7, walk(0, 0.2)), relative(0.7, walk(1, 0.2))
+    assert abs(left) == pytest.approx(0.5)
+    assert left == -right
+    assert relative(0.7 + 2 * math.pi, walk(0, 0.2)) == pytest.approx(left)
+
+
+def reset_starts(episodes, easy_share, floor=1.0):
+    return ResetStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(5))
+
+
+@pytest.mark.parametrize(("easy_share", "pushes"), [(0.0, HARD), (1.0, EASY)])
+def test_starts_at_a_reset_are_drawn_from_the_distribution(episodes, easy_share, pushes):
+    beginning = reset_starts(episodes, easy_share)
+    beginning.begin(1)
+    rng = np.random.default_rng(5)
+    rng.random()  # whether it is an easy one
+    assert scenario_of(episodes, 1) == pushes.sample(rng)
+    assert episodes.motion().time[1] == 0.0
+    beginning.ended(1, True)
+    assert (beginning.tables["pelvis"].shares != 0.5).sum() == 1 - easy_share
+
+
+def test_at_a_reset_too_what_is_never_recovered_from_is_drawn_seldom(episodes):
+    """Directions are those in the world: pushes to the left are hopeless, and 1 in 21 is one of them."""
+    beginning = reset_starts(episodes, 0.0, floor=0.05)
+    beginning.tables["pelvis"].shares[:4] = 0.0
+    left = 0
+    for _ in range(200):
+        beginning.begin(0)
+        (push,) = scenario_of(episodes, 0).pushes
+        left += push.force[1] > 0.0
+    assert 2 <= left <= 22
