@@ -9,7 +9,9 @@ n robots whose action is a residual on a policy: `PushRecovery/BipedResidual-v0`
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -27,10 +29,12 @@ from ..controllers.policies.residual import (
     check_residual_scale,
     default_residual_scale,
 )
-from ..controllers.policies.two_stage import make_policy
+from ..controllers.policies.two_stage import POLICY_NAMES, make_policy
+from ..controllers.settings import PlannerConfig
 from ..controllers.validation import require_kind
+from .episode.action_meaning import note_hold, note_residual
 from .episode.episodes import GaitEpisodes, check_hold
-from .episode.gym_env import check_action
+from .episode.gym_env import check_action, spaces_of
 from .episode.info import Info, put
 from .episode.vector_env import Actions, GaitVectorEnv, Mask
 from .scenario.distribution import PushDistribution
@@ -54,6 +58,8 @@ class ActionHold(gym.Wrapper, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, periods=periods)
         gym.Wrapper.__init__(self, env)
         self.periods = periods
+        if periods > 1:
+            self.action_space = note_hold(env.action_space, periods)
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Step the wrapped environment with one action until it is due for the next."""
@@ -69,6 +75,18 @@ class ActionHold(gym.Wrapper, RecordConstructorArgs):
         if terms:
             info["reward_terms"] = terms
         return observation, reward, terminated, truncated, info
+
+
+def residual_meaning(policy: Policy, preset: str, rule: ResidualRule) -> dict[str, Any]:
+    """What residuals correct, in the words of a policy file; a policy without a name has none there."""
+    name, config = getattr(policy, "name", None), getattr(policy, "config", None)
+    return {
+        "policy": name if name in POLICY_NAMES else None,
+        "preset": preset,
+        "scale": tuple(rule.scale.tolist()),
+        "config": asdict(config) if isinstance(config, PlannerConfig) else None,
+        "gate": rule.gate,
+    }
 
 
 class ResidualAction(gym.Wrapper, RecordConstructorArgs):
@@ -126,7 +144,11 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
             gate=recorded,
         )
         gym.Wrapper.__init__(self, env)
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
+        preset_below = str(getattr(unwrapped, "preset", "")) if preset is None else preset
+        residual = residual_meaning(self.policy, preset_below, self._rule)
+        self.action_space = note_residual(
+            gym.spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32), space, residual
+        )
         self._observation: NDArray[Any] | None = None
         self._policy_state: Any = None
         self._episode_start = True
@@ -277,6 +299,9 @@ class ResidualVectorEnv(GaitVectorEnv):
         self.policy: Policy = as_policy(policy)
         self._rule = ResidualRule(self.policy, robot, limits, self.scale, gate)
         self.gate = self._rule.gate
+        below = spaces_of(episodes)[1]
+        residual = residual_meaning(self.policy, episodes.preset if preset is None else preset, self._rule)
+        self.single_action_space = note_hold(note_residual(copy.deepcopy(below), below, residual), self.hold)
         self._base, self._residual = np.zeros((2, self.num_envs, GAIT_SIZE), np.float32)
         self._statuses = np.full(self.num_envs, None, dtype=object)
         self._planned = np.zeros(self.num_envs, np.bool_)  # whether the three above are of this episode

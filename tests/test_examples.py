@@ -35,6 +35,18 @@ def test_the_readmes_loop_runs():
     assert re.fullmatch(r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n", run("-c", loop))
 
 
+def test_the_readmes_model_trains_in_a_gate_and_is_scored_on_what_it_was_trained_on():
+    pytest.importorskip("stable_baselines3", reason="needs the extra train")
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.S)
+    model = next(block for block in blocks if "PPO" in block)
+    ask = (
+        "from push_recovery import load_policy\n"
+        "policy = load_policy(model, gym.make('push_recovery:PushRecovery/Biped-v0')).description\n"
+        "print(policy.hold, policy.residual.policy, policy.residual.gate)"
+    )
+    assert run("-c", model + ask) == "2 two-stage (0.03, 0.1)\n"
+
+
 CODE = {  # page -> what its code prints
     "play": r"True 0\.\d+ m\n",
     "start": r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n",

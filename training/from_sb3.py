@@ -177,6 +177,8 @@ STATISTICS = "vecnormalize.pkl"  # beside the archive, where it was trained on n
 class ArchivePolicy:
     """Acts as the model of an archive, without exploration; workers load it for themselves.
 
+    `load_policy` makes it act by what the model was trained in, see `model_policy`.
+
     Args:
         path: of the archive, FILE.zip.
         sha256: of what was read when the policy was named; other content is refused later.
@@ -196,12 +198,12 @@ class ArchivePolicy:
 
     def predict(self, observation: Any, deterministic: bool = True) -> tuple[Any, None]:
         """The model's action, in the way of Stable-Baselines3."""
-        model, statistics = self._loaded
+        model, statistics = self.loaded
         seen = observation if statistics is None else statistics.normalize_obs(observation)
         return model.predict(seen, deterministic=deterministic)[0], None
 
     @cached_property
-    def _loaded(self) -> tuple[Any, Any]:
+    def loaded(self) -> tuple[Any, Any]:
         """The model, and the statistics of its observations or None."""
         archive, *statistics = _contents(self.path)
         if hashlib.sha256(b"".join((archive, *statistics))).hexdigest() != self.sha256:

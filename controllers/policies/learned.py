@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -179,7 +180,7 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
             env_id=about["env_id"],
             robot=_record(RobotModel, about["robot"], "robot"),
             limits=_record(GaitLimits, about["limits"], "limits"),
-            residual=None if residual is None else _residual(residual),
+            residual=None if residual is None else read_residual(residual),
             hold=about["hold"],
             inputs=tuple(about["inputs"]),
         )
@@ -247,7 +248,12 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         raise InvalidValueError(f"the policy weights {path}: {error}") from error
 
 
-def _residual(values: Any) -> ResidualBase:
+def read_residual(values: Any) -> ResidualBase:
+    """What a residual corrects, from the dict of its fields.
+
+    Raises:
+        InvalidValueError: other keys, or impossible values.
+    """
     residual = _record(ResidualBase, values, "residual")
     if residual.config is None:
         return residual
@@ -267,36 +273,21 @@ def _record(kind: type[T], values: Any, name: str) -> T:
 PolicyState = tuple[NDArray[Any], ...] | None
 
 
-class NetworkPolicy:
-    """A learned policy with the signature of Stable-Baselines3's predict.
+class LearnedPolicy(ABC):
+    """Whatever learned, with the signature of Stable-Baselines3's predict: its action, held and corrected.
 
     With `hold` k > 1 the learned action is renewed every k calls while the planner below replans in each; the
     count travels in `state`, which the caller hands back, and starts anew where `episode_start` is True.
 
     Args:
-        network: Normalised observation -> action mean.
-        normalisation: Of the observation.
         description: What the policy was made for.
         base: The policy that a residual corrects; by default made from the description.
     """
 
-    def __init__(
-        self,
-        network: Mlp,
-        normalisation: Normalisation,
-        description: PolicyDescription,
-        base: Policy | None = None,
-    ):
-        inputs, actions = network.sizes[0], network.sizes[-1]
-        if normalisation.mean.size != inputs:
-            raise InvalidValueError(
-                f"the network takes {inputs} inputs, the normalisation {normalisation.mean.size}"
-            )
+    def __init__(self, description: PolicyDescription, base: Policy | None = None):
         residual = description.residual
-        if residual is not None and actions != GAIT_SIZE:
-            raise InvalidValueError(f"a gait residual has {GAIT_SIZE} actions, this network {actions}")
-        self.network = network
-        self.normalisation = normalisation
+        if residual is not None and self.action_size != GAIT_SIZE:
+            raise InvalidValueError(f"a gait residual has {GAIT_SIZE} actions, not {self.action_size}")
         self.description = description
         if residual is not None and base is None:
             base = residual.make(description.robot, description.limits)
@@ -304,17 +295,20 @@ class NetworkPolicy:
         if residual is not None and base is not None:
             scale = np.asarray(residual.scale, dtype=np.float32)
             self.rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
-        self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
 
     @property
+    @abstractmethod
     def observation_size(self) -> int:
         """Length of the observation."""
-        return self.network.sizes[0] - input_size(self.description.inputs, 0)
 
     @property
+    @abstractmethod
     def action_size(self) -> int:
         """Length of the action."""
-        return self.network.sizes[-1]
+
+    @abstractmethod
+    def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
+        """Learned actions (n, action_size) in [-1, 1] of observations (n, observation_size)."""
 
     def predict(
         self,
@@ -347,11 +341,6 @@ class NetworkPolicy:
         learned = self._learned(rows, None if self.rule is None else self.rule.below(rows))
         return learned[0] if single else learned
 
-    def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
-        """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
-        rows, _ = self._rows(observation)
-        return self._inputs.rows(rows, None if self.rule is None else self.rule.below(rows))
-
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
         for name, mine, theirs in (
@@ -364,19 +353,6 @@ class NetworkPolicy:
                     f"{differences(asdict(mine), asdict(theirs))}"
                 )
 
-    def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
-        """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""
-        return write_policy(self.network, self.normalisation, self.description, path, training)
-
-    @classmethod
-    def load(cls, path: str | Path, base: Policy | None = None) -> NetworkPolicy:
-        """Read a policy from PATH.safetensors and PATH.json; nothing in them can run code."""
-        parts = read_policy(path)
-        try:
-            return cls(*parts, base)
-        except InvalidValueError as error:
-            raise InvalidValueError(f"policy description {policy_paths(path)[1]}: {error}") from error
-
     def _rows(self, observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
         values = as_doubles(observation)
         if values.ndim not in {1, 2} or values.shape[-1] != self.observation_size:
@@ -387,10 +363,6 @@ class NetworkPolicy:
         if not np.all(np.isfinite(values)):
             raise InvalidValueError(f"the observation is not finite: {values}")
         return np.atleast_2d(values), values.ndim == 1
-
-    def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
-        inputs = self.normalisation.apply(self._inputs.rows(rows, below))
-        return np.clip(self.network.forward(inputs), np.float32(-1), np.float32(1))
 
     def _held(
         self,
@@ -418,3 +390,62 @@ class NetworkPolicy:
             those = None if below is None else Below(below.base[due], below.opening[due])
             held[due] = self._learned(rows[due], those)
         return held, ((periods + 1) % self.description.hold, held)
+
+
+class NetworkPolicy(LearnedPolicy):
+    """A learned policy whose network numpy runs.
+
+    Args:
+        network: Normalised observation -> action mean.
+        normalisation: Of the observation.
+        description: What the policy was made for.
+        base: The policy that a residual corrects; by default made from the description.
+    """
+
+    def __init__(
+        self,
+        network: Mlp,
+        normalisation: Normalisation,
+        description: PolicyDescription,
+        base: Policy | None = None,
+    ):
+        if normalisation.mean.size != network.sizes[0]:
+            raise InvalidValueError(
+                f"the network takes {network.sizes[0]} inputs, the normalisation {normalisation.mean.size}"
+            )
+        self.network = network
+        self.normalisation = normalisation
+        super().__init__(description, base)
+        self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
+
+    @property
+    def observation_size(self) -> int:
+        """Length of the observation."""
+        return self.network.sizes[0] - input_size(self.description.inputs, 0)
+
+    @property
+    def action_size(self) -> int:
+        """Length of the action."""
+        return self.network.sizes[-1]
+
+    def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
+        """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
+        rows, _ = self._rows(observation)
+        return self._inputs.rows(rows, None if self.rule is None else self.rule.below(rows))
+
+    def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
+        """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""
+        return write_policy(self.network, self.normalisation, self.description, path, training)
+
+    @classmethod
+    def load(cls, path: str | Path, base: Policy | None = None) -> NetworkPolicy:
+        """Read a policy from PATH.safetensors and PATH.json; nothing in them can run code."""
+        parts = read_policy(path)
+        try:
+            return cls(*parts, base)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"policy description {policy_paths(path)[1]}: {error}") from error
+
+    def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
+        inputs = self.normalisation.apply(self._inputs.rows(rows, below))
+        return np.clip(self.network.forward(inputs), np.float32(-1), np.float32(1))

@@ -151,6 +151,10 @@ class GaitEpisodes(ABC, Generic[C]):
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""
 
+    def action_settings(self) -> dict[str, Any]:
+        """Settings that an action's meaning depends on, beside robot, gait box and planning rate."""
+        return {}
+
     @property
     def seen(self) -> Array:
         """What policies see, (n, observation_size); the array of the moment, written in place."""

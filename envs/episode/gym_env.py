@@ -19,6 +19,7 @@ from ...controllers.validation import require_integer
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import RobotSnapshot
+from .action_meaning import meaning_of, note
 from .episodes import GaitEpisodes
 from .info import InfoReader
 
@@ -71,11 +72,10 @@ def _clip(values):  # pragma: no cover
 
 
 def spaces_of(episodes: GaitEpisodes) -> tuple[Any, Any]:
-    """Observation space and action space of one robot of such episodes."""
-    return (
-        spaces.Box(-np.inf, np.inf, (episodes.observation_size,), np.float64),
-        spaces.Box(-1.0, 1.0, (episodes.action_size,), np.float32),
-    )
+    """Observation space and action space of one robot of such episodes, each with a note of what it is."""
+    seen = spaces.Box(-np.inf, np.inf, (episodes.observation_size,), np.float64)
+    action = spaces.Box(-1.0, 1.0, (episodes.action_size,), np.float32)
+    return note(seen, {"environment": episodes.name}), note(action, meaning_of(episodes))
 
 
 def check_push_distribution(

@@ -17,6 +17,7 @@ from ...controllers.validation import require_integer
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import RobotSnapshot
+from .action_meaning import note_hold
 from .episodes import Core, GaitEpisodes, Held, check_hold, hold_action
 from .gym_env import check_action, check_push_distribution, check_scenario, spaces_of
 from .info import Info, InfoReader, overwrite
@@ -98,7 +99,8 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         self.core: Core = episodes.core
         self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
         self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
-        spaces = self.single_observation_space, self.single_action_space = spaces_of(episodes)
+        seen, action = spaces_of(episodes)
+        spaces = self.single_observation_space, self.single_action_space = seen, note_hold(action, self.hold)
         self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
         self._info = InfoReader(episodes)
         self._rngs: list[np.random.Generator | None] = [None] * self.num_envs

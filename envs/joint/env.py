@@ -270,6 +270,11 @@ class JointResidualEpisodes(OnJointsEpisodes):
             n, self.policy, self.scale, self.preset, self.control_hz, threads, *own, gate
         )
 
+    def action_settings(self) -> dict[str, Any]:
+        """The planner below, and how much of a residual is added when."""
+        gate = None if self.gate is None else list(self.gate.band)
+        return {"planner": self.policy, "scale": self.scale, "gate": gate}
+
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         band = "without a gate" if self.gate is None else f"with the gate {self.gate.band}"
         return super()._made_for(scenario) | {"planner below": f"{self.policy} {band}"}

@@ -16,6 +16,7 @@ import importlib
 import inspect
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -147,25 +148,32 @@ def source_of(what: Any) -> bytes:
 
 
 POLICY_SUFFIXES = (".safetensors", ".json")
+MODELS = "...training.model_policy"  # a package after this one, loaded only where there is a model
+OF_MODELS = {("stable_baselines3.common.base_class", "BaseAlgorithm"),
+             ("stable_baselines3.common.policies", "BasePolicy")}  # fmt: skip
+ARCHIVE = "ArchivePolicy"  # of the same package: a model of Stable-Baselines3 in a file
 FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE")
 
 
 def load_policy(policy: Any, env: gym.Env) -> Policy:
     """A policy for an environment: by name, file or MODULE:ATTRIBUTE, or an object with `predict`.
 
-    An attribute may be an object with `predict`, or a class or function that makes one without arguments.
+    An attribute may be an object with `predict`, or a class or function that makes one without arguments. A
+    model of Stable-Baselines3 does here what it did in the environment of its training, hold, residual and
+    normalisation included.
 
     Raises:
         UnknownNameError: no such name; lists the valid ones.
-        InvalidValueError: the file cannot be read, the policy was made for other spaces, or can't act.
+        InvalidValueError: the file cannot be read, the policy was made for other spaces, or can't act; a
+            model was trained in an environment that is not like this one, or doesn't say in which.
     """
     policy = acting(policy)
     if not isinstance(policy, str):
-        return as_policy(policy)
+        return _load_object(policy, env)
     if is_policy_file(policy):
         return _load_file(policy, env)
     if is_attribute(policy):
-        return as_policy(acting(import_attribute(policy)[1], policy))
+        return _load_object(acting(import_attribute(policy)[1], policy), env)
     return make_policy(policy, env)
 
 
@@ -264,6 +272,14 @@ def _refuse_archive(name: str) -> None:
         )
     if name.endswith(".py"):
         raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")
+
+
+def _load_object(policy: Any, env: gym.Env) -> Policy:
+    """An object with `predict`; models of Stable-Baselines3 by what they were trained in."""
+    kinds = {(kind.__module__, kind.__name__) for kind in type(policy).__mro__}
+    if not (kinds & OF_MODELS or type(policy).__name__ == ARCHIVE):
+        return as_policy(policy)
+    return import_module(MODELS, __package__).model_policy(policy, env)
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
