@@ -216,7 +216,7 @@ def test_it_works_in_a_thread():
 PARENT = """
 import sys
 sys.path.insert(0, sys.argv[1])
-import test_pool
+import test_processes
 from push_recovery.eval.output.processes import WorkerPool
 if __name__ == "__main__":
     pool = WorkerPool(2, test_pool.base, 0)
