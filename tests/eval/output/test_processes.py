@@ -219,9 +219,9 @@ sys.path.insert(0, sys.argv[1])
 import test_processes
 from push_recovery.eval.output.processes import WorkerPool
 if __name__ == "__main__":
-    pool = WorkerPool(2, test_pool.base, 0)
-    print(*pool.run(test_pool.rest, [0, 0]), flush=True)
-    list(pool.run(test_pool.rest, [1000, 1000]))
+    pool = WorkerPool(2, test_processes.base, 0)
+    print(*pool.run(test_processes.rest, [0, 0]), flush=True)
+    list(pool.run(test_processes.rest, [1000, 1000]))
 """
 
 
