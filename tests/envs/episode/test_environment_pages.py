@@ -42,14 +42,35 @@ BUILDERS = {
 
 
 def section(name, title):
-    text = (DOCS / "environments" / f"{PAGES[name]}.md").read_text(encoding="utf-8")
-    return text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    """Text of a section, after those sections that it refers to: "as for [Biped](biped.md#info)"."""
+    return "\n".join(text for _, text in parts(PAGES[name], title))
+
+
+def parts(page, title):
+    """(page, text) of the sections that a section refers to, and of itself."""
+    text = (DOCS / "environments" / f"{page}.md").read_text(encoding="utf-8")
+    own = text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    anchor = title.lower().replace(" ", "-")
+    others = re.findall(rf"[Aa]s for \[[\w ]+\]\((\w+)\.md#{anchor}\)", own)
+    return [part for other in others for part in parts(other, title)] + [(page, own)]
 
 
 def rows(name, title):
-    """Cells of the section's first table, without its head."""
-    lines = [line for line in section(name, title).splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    """Cells of the section's first table, without its head, after the rows that it refers to.
+
+    A row of the same names stands in the place of the one that is referred to, and numbers go on.
+    """
+    found = {}
+    for page, text in parts(PAGES[name], title):
+        table = "".join(line + "\n" for line in text.splitlines() if line.startswith("|"))
+        before = len(found)
+        for line in table.splitlines()[2:]:
+            cells = [cell.strip() for cell in line.strip("|").split("|")]
+            if cells[0].isdigit():
+                found[page, cells[0]] = [str(int(cells[0]) + before), *cells[1:]]
+            else:
+                found[cells[0]] = cells
+    return list(found.values())
 
 
 def names(cells):
