@@ -58,19 +58,26 @@ def parts(page, title):
 def rows(name, title):
     """Cells of the section's first table, without its head, after the rows that it refers to.
 
-    A row of the same names stands in the place of the one that is referred to, and numbers go on.
+    A row of the page's own takes the place of the one that is referred to. Of two other pages the numbers
+    of the second go on from the first's.
     """
-    found = {}
-    for page, text in parts(PAGES[name], title):
-        table = "".join(line + "\n" for line in text.splitlines() if line.startswith("|"))
+    *others, (_, own) = parts(PAGES[name], title)
+    found = []
+    for _, text in others:
         before = len(found)
-        for line in table.splitlines()[2:]:
-            cells = [cell.strip() for cell in line.strip("|").split("|")]
-            if cells[0].isdigit():
-                found[page, cells[0]] = [str(int(cells[0]) + before), *cells[1:]]
-            else:
-                found[cells[0]] = cells
-    return list(found.values())
+        found += [[str(int(c[0]) + before), *c[1:]] if c[0].isdigit() else c for c in cells_of(text)]
+    return list({key(cells): cells for cells in (*found, *cells_of(own))}.values())
+
+
+def key(cells):
+    """Number and name of a numbered row, or the names in the first cell."""
+    return tuple(cells[: 1 + cells[0].isdigit()])
+
+
+def cells_of(text):
+    """Cells of a section's table, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
 def names(cells):
