@@ -50,8 +50,7 @@ def test_the_readmes_model_trains_in_a_gate_and_is_scored_on_what_it_was_trained
 CODE = {  # page -> what its code prints
     "play": r"True 0\.\d+ m\n",
     "start": r"52\.8 N s to the right: (recovered|fell) after \d\.\d s.*\n",
-    "your_policy": r"0 [0-3]\n",
-    "your_suite": r"2 [0-9a-f]{12}\n",
+    "your_own": r"0 [0-3]\n2 [0-9a-f]{12}\n",
 }
 
 

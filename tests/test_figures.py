@@ -87,6 +87,6 @@ def test_pages_that_tell_of_the_same_run_tell_the_same():
         assert [recovered, survived] == [headline[policy][1], headline[policy][3]]
     _, profiles = cells_of("README.md", "push-recovery evaluate --suite varied ")
     for column, figures in enumerate(("--suite varied;", "--suite varied --profile exact hardware;")):
-        head, kinds = cells_of("docs/losses.md", f"push-recovery evaluate {figures}")
+        head, kinds = cells_of("docs/generated/losses.md", f"push-recovery evaluate {figures}")
         told = dict(zip(head[2:], kinds["all"][1:], strict=True))
         assert told == {policy: profiles[policy][column] for policy in told}

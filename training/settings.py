@@ -59,7 +59,7 @@ class TrainingSettings:
     gate: Annotated[tuple[float, ...] | None, arg(metavar="{None|SHUT OPEN}")] = DEFAULT_GATE
     """DCM errors at which the gate of a residual begins to open and is open [m]; None: always open"""
     teacher: bool = False
-    """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/imitation.md) rather
+    """whether a policy on joints begins as what the planner shows (DAgger, minutes; docs/training.md) rather
     than untrained"""
     initial: Annotated[str | None, arg(metavar="{None|NAME|FILE}")] = None
     """policy that the run begins as, with its layers and inputs; None: untrained, or as the teacher shows"""

@@ -182,7 +182,7 @@ class WorkerOptions(JsonOption):
     """Number of processes; it changes no result."""
     ray: Address = None
     """Run on a Ray cluster instead (extra `ray`): HOST:PORT, auto, or local for one of this machine alone
-    with --workers processes; changes no result (docs/your_machine.md)."""
+    with --workers processes; changes no result (docs/your_own.md)."""
 
     @cached_property
     def processes(self) -> int:

@@ -107,8 +107,8 @@ class Sensitivity(EnvOptions, RunningOptions):
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
     """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
     variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/sensitivity.md; by default
-    all of them)."""
+    """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/generated/sensitivity.md;
+    by default all of them)."""
 
     def run(self) -> None:
         """Run the variations, print a table for each policy or the object, write the reports."""

@@ -123,7 +123,7 @@ class Curves(Options):
     ceiling: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
         default=None, metadata=within(0, 1)
     )
-    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/ceiling.md)."""
+    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/search.md)."""
     out: Directory = None
     """Directory for curves.png and curves.svg (default: runs/curves)."""
 

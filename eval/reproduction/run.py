@@ -1,6 +1,6 @@
 """From sections by name to rows, numbers, tables, pictures and a page in one directory.
 
-The page that holds the paper's claims against this run: docs/reproduction.md.
+The page that holds the paper's claims against this run: docs/generated/reproduction.md.
 
 From sections by name to rows, numbers, tables and pictures in one directory.
 """
@@ -41,7 +41,7 @@ The paper is F. Nazemi, A. Yousefi-Koma, F. A. Shirazi, M. Khadiv, "A Reactive a
 Pattern Generator for Robust Bipedal Locomotion". This page holds each of its claims against what was
 measured here on `PushRecovery/Pendulum-v0`. **A command writes this page**:
 
-    push-recovery reproduce --page docs/reproduction.md
+    push-recovery reproduce --page docs/generated/reproduction.md
 
 Every number outside the column "paper" was measured by that run, and a second run gives the same numbers
 bit for bit. The command also writes every number as JSON, all tables, and the figures as SVG and PNG into
@@ -52,7 +52,7 @@ How to read the numbers:
 - A largest force is the largest one before the first failure, to 1 N (in the ablations to 5 N).
 - The direction psi counts counter-clockwise from forward. The left foot is the stance foot, so psi 90 is
   inward.
-- F\\* is the [closed-form limit](limits.md) of single support. A controller that stops its trunk before
+- F\\* is the [closed-form limit](../limits.md) of single support. A controller that stops its trunk before
   the trunk's limit cannot do better.
 """
 GAP = """## Where the last percent go

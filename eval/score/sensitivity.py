@@ -192,7 +192,7 @@ COLUMNS = ("variation", "recovered", "survived", "lost", "gained", "difference o
 NOTE = (
     "Lost and gained: pushes that the exact robot recovers from and this one does not, and the other way "
     "round. Difference: rate of recovery minus that of the exact robot, with its 95 % score interval "
-    "(Newcombe). p: exact McNemar. What a variation is: docs/sensitivity.md.\n"
+    "(Newcombe). p: exact McNemar. What a variation is: docs/generated/sensitivity.md.\n"
 )
 
 

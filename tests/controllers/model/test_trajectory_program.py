@@ -26,7 +26,7 @@ ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
 WIDE = RobotModel(pelvis_width=0.3)  # the narrowest step leaves the DCM between the feet
 OTHER = RobotModel(mass=45.0, com_height=1.1, foot_width=0.06)
-PAGE = Path(__file__).parents[3] / "docs" / "limits.md"
+PAGE = Path(__file__).parents[3] / "docs" / "generated" / "limits.md"
 OUTWARD = ((math.pi, 0.0), (math.pi / 2, -math.pi / 2))  # psi towards (low, high) of each axis
 
 

@@ -42,13 +42,41 @@ BUILDERS = {
 
 
 def section(name, title):
-    text = (DOCS / "environments" / f"{PAGES[name]}.md").read_text(encoding="utf-8")
-    return text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    """Text of a section, after those sections that it refers to: "as for [Biped](biped.md#info)"."""
+    return "\n".join(text for _, text in parts(PAGES[name], title))
+
+
+def parts(page, title):
+    """(page, text) of the sections that a section refers to, and of itself."""
+    text = (DOCS / "environments" / f"{page}.md").read_text(encoding="utf-8")
+    own = text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    anchor = title.lower().replace(" ", "-")
+    others = re.findall(rf"[Aa]s for \[[\w ]+\]\((\w+)\.md#{anchor}\)", own)
+    return [part for other in others for part in parts(other, title)] + [(page, own)]
 
 
 def rows(name, title):
-    """Cells of the section's first table, without its head."""
-    lines = [line for line in section(name, title).splitlines() if line.startswith("|")]
+    """Cells of the section's first table, without its head, after the rows that it refers to.
+
+    A row of the page's own takes the place of the one that is referred to. Of two other pages the numbers
+    of the second go on from the first's.
+    """
+    *others, (_, own) = parts(PAGES[name], title)
+    found = []
+    for _, text in others:
+        before = len(found)
+        found += [[str(int(c[0]) + before), *c[1:]] if c[0].isdigit() else c for c in cells_of(text)]
+    return list({key(cells): cells for cells in (*found, *cells_of(own))}.values())
+
+
+def key(cells):
+    """Number and name of a numbered row, or the names in the first cell."""
+    return tuple(cells[: 1 + cells[0].isdigit()])
+
+
+def cells_of(text):
+    """Cells of a section's table, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
