@@ -36,7 +36,7 @@ from ..envs.biped.env import BipedEpisodes
 from ..envs.scenario.push import Push
 from ..envs.scenario.scenario import Scenario
 from ..envs.snapshot import RobotSnapshot
-from .rollout.episodes import Ints, Slots, batch_episodes, rollout, run_episodes
+from .rollout.episodes import Ints, Observer, Slots, batch_episodes, rollout, run_episodes
 from .rollout.outcome import Outcome
 from .rollout.workers import Runner
 from .search import Actions, CrossEntropy, Progress, SearchSettings, SequenceRule, as_text, begun, worth
@@ -152,25 +152,6 @@ class Sequence:
             )
 
 
-class AttemptsPolicy:
-    """Acts for n robots that were put back at the moment of a push, each with its own corrections.
-
-    Args:
-        rule: how they are added.
-        corrections: (n, steps, 7) of the robots in the order in which they begin.
-    """
-
-    def __init__(self, rule: SequenceRule, corrections: Actions):
-        self._rule, self._corrections = rule, corrections
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[Actions, Progress]:
-        """Actions (n, 7) for a batch, and the progress to hand in next time."""
-        progress = begun(self._corrections) if state is None else Progress(*state)
-        return self._rule.act(observation, progress)
-
-
 class SequencePolicy:
     """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
 
@@ -221,38 +202,45 @@ class SequencePolicy:
         return begun(np.array([self._sequence.corrections], np.float32), self._sequence.period)
 
 
-RECOVERED = 1e3  # worth of a recovery: above that of everything else
+RECOVERED = 1e3  # value of a recovery: above that of everything else
 
 
 class Attempts(NamedTuple):
-    """What became of n attempts, in their order."""
+    """Results of n attempts, in their order."""
 
     outcomes: list[Outcome]  # times since reset; steps and reward since the snapshot
-    values: NDArray[np.float64]  # (n,) see `RestoredSlots`
+    values: NDArray[np.float64]  # (n,) see `run_attempts`
 
 
-class RestoredSlots(Slots):
-    """Robots that begin their scenarios where another robot was when it was pushed.
+class _Standing(Observer):
+    """Value of each robot's attempt so far: the integral of `worth` over the time that it stands [m s]."""
 
-    The value of an attempt is  int worth(m) dt  over the time that the robot stands, m its capture margin:
-    the longer it stands and the nearer it stays to what can be captured, the more [m s]; RECOVERED more where
-    it has recovered.
-    """
+    def __init__(self, n: int):
+        self.values = np.zeros(n)
 
-    def __init__(self, episodes: BipedEpisodes, snapshot: RobotSnapshot):
-        super().__init__(episodes)
-        self._snapshot, self.values = snapshot, np.zeros(episodes.n)
+    def begin(self, robots: Slots, k: int, scenario: Scenario) -> None:
+        """Nothing is worth anything yet."""
 
-    def _enter(self, k: int, scenario: Scenario) -> None:
-        """Put robot k back, in a scenario that goes on from there."""
-        self.episodes.restore(k, self._snapshot, scenario)
+    def after_step(self, robots: Slots, rows: Ints) -> None:
+        """Add the planning period of the robots `rows`."""
+        episodes = robots.episodes
+        standing = rows[episodes.failure()[rows] == 0]
+        self.values[standing] += worth(episodes.core.margin[standing]) / episodes.control_hz
 
-    def step(self, rows: Ints, actions: Any) -> list[int]:
-        """One planning period of the robots in `rows`."""
-        ended = super().step(rows, actions)
-        standing = rows[self.episodes.failure()[rows] == 0]
-        self.values[standing] += worth(self.episodes.core.margin[standing]) / self.episodes.control_hz
-        return ended
+
+@dataclass(frozen=True)
+class _Attempt:
+    """Policy of robots that begin at the moment of a push: corrections (n, steps, 7) in their order."""
+
+    rule: SequenceRule
+    corrections: Actions
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Progress]:
+        """Actions (n, 7) for a batch, and the progress to hand in next time."""
+        progress = begun(self.corrections) if state is None else Progress(*state)
+        return self.rule.act(observation, progress)
 
 
 def run_attempts(
@@ -262,7 +250,11 @@ def run_attempts(
     scenarios: list[Scenario],
     corrections: Actions,
 ) -> Attempts:
-    """Run attempts to their ends.
+    """Run attempts to their ends, each on a robot that begins where another one was when it was pushed.
+
+    The value of an attempt is  int worth(m) dt  over the time that the robot stands, m its capture margin:
+    the longer it stands and the nearer it stays to what can be captured, the more [m s]; RECOVERED more where
+    it has recovered.
 
     Args:
         episodes: of as many robots as there are attempts, or more; what they held before is lost.
@@ -271,11 +263,12 @@ def run_attempts(
         scenarios: that goes on from there, for each attempt.
         corrections: (n, steps, 7) in [-1, 1].
     """
-    slots = RestoredSlots(episodes, snapshot)
-    found = dict(run_episodes(slots, AttemptsPolicy(rule, corrections), scenarios, "attempt"))
+    slots = Slots(episodes, enter=lambda k, scenario: episodes.restore(k, snapshot, scenario))
+    standing = _Standing(episodes.n)
+    found = dict(run_episodes(slots, _Attempt(rule, corrections), scenarios, "attempt", standing))
     outcomes = [found[number] for number in range(len(scenarios))]
     recovered = np.array([outcome.recovered for outcome in outcomes])
-    return Attempts(outcomes, slots.values[: len(scenarios)] + RECOVERED * recovered)
+    return Attempts(outcomes, standing.values[: len(scenarios)] + RECOVERED * recovered)
 
 
 CEILING = "ceiling"  # label of the rows
@@ -372,4 +365,4 @@ def _searcher(env: gym.Env, settings: CeilingSettings) -> Searcher:
 def search_row(runner: Runner, job: SearchJob) -> Row:
     """The task of `parallel`: the row of one push."""
     settings, scenario = job
-    return _searcher(runner.env_of(settings.policy), settings).row(scenario)
+    return _searcher(runner.acting(settings.policy).env, settings).row(scenario)

@@ -23,13 +23,27 @@ OPTIONAL = ("state", "episode_start", "deterministic")  # of `predict`, beside t
 
 
 class Policy(Protocol):
-    """Whatever acts: the signature of Stable-Baselines3's predict."""
+    """Whatever acts: the signature of Stable-Baselines3's predict.
+
+    Two class attributes are optional, see `declares`. `batchable`: `predict` takes n observations as well as
+    one, each row of its actions and of its state (a tuple of arrays) hangs on that robot alone, and it needs
+    no `reset` and no `begin_scenario`; such a policy acts for many robots at once. `memoryless`: it has no
+    state.
+    """
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
         """Actions for one observation or a batch, and the state to hand in next time."""
         ...
+
+
+def declares(policy: object, name: str) -> bool:
+    """Whether the class of a policy says by a true attribute of its own that a property holds.
+
+    It is not inherited: a subclass may act in another way, and has to say so itself.
+    """
+    return name in vars(type(policy)) and bool(getattr(policy, name))
 
 
 class PlainPolicy:
@@ -65,6 +79,11 @@ class PlainPolicy:
         """Begin an episode, where the policy has such a method; the seed only where it takes one."""
         if self._reset is not None:
             self._reset(**({"seed": seed} if self._seeded else {}))
+
+    @property
+    def batchable(self) -> bool:
+        """Whether the policy says that it is."""
+        return declares(self.policy, "batchable")
 
     @property
     def config(self) -> Any:
@@ -115,6 +134,8 @@ Actions = NDArray[np.float32]
 
 class RandomPolicy:
     """Uniform actions, drawn from a hash of the observation so that equal episodes get equal actions."""
+
+    batchable = memoryless = True
 
     def __init__(
         self, name: str = "random", observation_size: int = OBSERVATION_SIZE, action_size: int = GAIT_SIZE

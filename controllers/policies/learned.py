@@ -402,6 +402,8 @@ class NetworkPolicy(LearnedPolicy):
         base: The policy that a residual corrects; by default made from the description.
     """
 
+    batchable = True
+
     def __init__(
         self,
         network: Mlp,

@@ -91,6 +91,8 @@ ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
 class TwoStagePolicy:
     """Stage 1, then stage 2 where CoP or trunk may be used; a pure function of the observation."""
 
+    batchable = memoryless = True
+
     def __init__(
         self,
         robot: RobotModel | None = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any, ClassVar, Self
 
 import gymnasium as gym
@@ -141,6 +142,7 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         self.scenario: Scenario | None = None
         self._picture: Any = None  # what `render` draws with
         self._ended = True
+        self.after_period: list[Callable[[], None]] = []  # called at the end of every planning period
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -170,6 +172,8 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if self.scenario is None or self._ended:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
         period = self.episodes.step(check_action(action, shape=(self.episodes.action_size,))[None])
+        for look in self.after_period:
+            look()
         terminated, truncated = period.failed.item(0), period.truncated.item(0)
         self._ended = terminated or truncated
         info = self._info.of_robot(0, period.reward.terms[0])

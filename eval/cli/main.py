@@ -20,7 +20,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError, UnknownNameError
-from ..output.processes import INTERRUPTED, STOPPED, CtrlC, end_now
+from ..output.interrupt import INTERRUPTED, STOPPED, CtrlC, end_now
 
 if TYPE_CHECKING:
     from .options import Options

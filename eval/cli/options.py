@@ -189,7 +189,7 @@ class WorkerOptions(JsonOption):
         """Where episodes run; connects to the cluster that is named."""
         if self.ray is None:
             return self.workers
-        from ..output.cluster import ray_workers
+        from ..output.processes import ray_workers
 
         return ray_workers(self.ray, self.workers)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -24,7 +23,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError
@@ -88,13 +86,15 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 LOCK = ".lock"
+PATIENCE = 0.1  # with a lock that is being released [s]
 
 
 class Writer:
     """The only one that writes to a directory, until it is released; a context manager.
 
-    The system's lock on the file LOCK says so (flock); where a killed process has left the file behind, it
-    means nothing. On release the file goes, and with it the folders that were made for it and are empty.
+    The system's lock on the file LOCK says so: it ends with the process that holds it, however that ends, and
+    a file that a killed process has left behind means nothing. On release the file goes, and with it the
+    folders that were made for it and are empty.
 
     Args:
         directory: made if absent.
@@ -104,26 +104,33 @@ class Writer:
     """
 
     def __init__(self, directory: Path):
+        from filelock import FileLock, Timeout
+
         self._path = directory / LOCK
+        self._lock = FileLock(
+            self._path, timeout=PATIENCE, thread_local=False, poll_interval=0.02, fallback_to_soft=False
+        )
         try:
             self._made = [folder for folder in (directory, *directory.parents) if not folder.exists()]
             directory.mkdir(parents=True, exist_ok=True)
-            self._file = _take(self._path)
-        except BlockingIOError:
+            self._lock.acquire()
+        except Timeout:
             raise InvalidValueError(
                 f"another run{_holder(self._path)} is writing to {str(directory)!r}: wait for its end, or "
                 "choose another directory"
             ) from None
         except OSError as error:
             raise InvalidValueError(f"can't write to the directory {str(directory)!r}: {error}") from error
+        with contextlib.suppress(OSError):  # only for the message of others: no space is no reason
+            self._path.write_text(str(os.getpid()))
 
     def release(self) -> None:
         """Let others write; may be called twice."""
-        if self._file.closed:
+        if not self._lock.is_locked:
             return
         with contextlib.suppress(OSError):
             self._path.unlink()  # before the lock goes: what is locked next is a new file
-        self._file.close()
+        self._lock.release()
         with contextlib.suppress(OSError):
             for folder in self._made:
                 folder.rmdir()
@@ -131,40 +138,8 @@ class Writer:
     def __enter__(self) -> Writer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
-
-
-def _take(path: Path) -> IO[bytes]:
-    """The locked file.
-
-    Raises:
-        BlockingIOError: another holds the lock.
-        OSError: the file can't be made, is a link, or is on a file system without locks.
-    """
-    while True:
-        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b", buffering=0)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _is_still(file, path):
-                with contextlib.suppress(OSError):  # only for the message of others: no space is no reason
-                    file.truncate(0)
-                    file.write(b"%d" % os.getpid())
-                return file
-        except BaseException:
-            file.close()
-            raise
-        file.close()
-
-
-def _is_still(file: IO[bytes], path: Path) -> bool:
-    """Whether a path leads to an open file; the one who held its lock before may have removed it."""
-    try:
-        return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
 
 
 def _holder(path: Path) -> str:
@@ -315,9 +290,7 @@ class RowFile:
     def __enter__(self) -> RowFile:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

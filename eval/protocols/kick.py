@@ -25,7 +25,7 @@ from ...controllers.whole_body.kinematics import TRUNK
 from ...envs.biped.core import BipedCore
 from ...envs.scenario.push import GaitEvent, Kick, Push
 from ...envs.scenario.scenario import Scenario
-from ..rollout.outcome import Ending
+from ..rollout.outcome import Outcome
 from .streams import uniforms
 from .watched import Found
 
@@ -120,9 +120,9 @@ class KickWatcher:
             math.acos(min(max(float(state.xmat[k, TRUNK, UPRIGHT]), -1.0), 1.0)),
         )
 
-    def found(self, core: BipedCore, k: int, ending: Ending) -> Found:
+    def found(self, core: BipedCore, k: int, outcome: Outcome) -> Found:
         """RSR, TTS and PTT of the episode."""
-        return self._episodes.pop(k).told(ending)
+        return self._episodes.pop(k).told(outcome)
 
 
 class _Measured:
@@ -140,10 +140,10 @@ class _Measured:
             if math.isnan(self._stable) and speed < STILL:
                 self._stable = time
 
-    def told(self, ending: Ending) -> Found:
+    def told(self, outcome: Outcome) -> Found:
         """Their measures; the time to stable of one that never was is what was left of its episode."""
-        stands = not ending.fell and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
-        stable = ending.time if math.isnan(self._stable) else self._stable
+        stands = outcome.survived and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
+        stable = outcome.end_time if math.isnan(self._stable) else self._stable
         after = math.isfinite(self._start)
         return {
             "stood": stands,

@@ -11,12 +11,10 @@ from types import MappingProxyType
 from typing import Any
 
 from ...controllers.model.robot import RobotModel
-from ...controllers.policies.interface import Policy, as_policy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import RowFile
 from ..rollout.environments import code_digest, env_label, preset_digest
-from ..rollout.episodes import GymRobot, begin_policy, run_episodes
 from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
 from .kick import KickWatcher
@@ -126,19 +124,8 @@ def _keep(
 
 
 def run_watched(runner: Runner, job: Job) -> list[Row]:
-    """The task of `parallel`: rows of one policy, its outcomes and what the watcher tells."""
+    """The task of `parallel`: rows of one policy, its outcomes with the watcher's entries."""
     protocol, label, scenarios = job
-    policy, robots, watcher = as_policy(runner.policy(label)), runner.robots(label), WATCHERS[protocol]()
-    if robots is not None:
-        return list(_rows(Watched(robots, robots.episodes, watcher), policy, scenarios, label))
-    rows, env = [], runner.env_of(label)
-    alone = Watched(GymRobot(env), getattr(env.unwrapped, "episodes", None), watcher)
-    for scenario in scenarios:
-        begin_policy(policy, scenario)
-        rows += _rows(alone, policy, (scenario,), label)
-    return rows
-
-
-def _rows(robots: Watched, policy: Policy, scenarios: tuple[Scenario, ...], label: str) -> Iterator[Row]:
-    for _, outcome in run_episodes(robots, policy, scenarios, label):
-        yield {**outcome.to_dict(), **robots.found.pop(outcome.scenario_id)}
+    watched = Watched(WATCHERS[protocol]())
+    outcomes = runner.run_all(label, scenarios, watched)
+    return [{**outcome.to_dict(), **watched.found.pop(outcome.scenario_id)} for outcome in outcomes]

@@ -31,7 +31,7 @@ from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
-from ..rollout.outcome import Ending
+from ..rollout.outcome import Outcome
 from .streams import SeededTwister
 from .watched import Found
 
@@ -250,7 +250,7 @@ class TourWatcher:
         """Tell robot k where to go from here on; the planning period after the next one is planned on it."""
         core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
 
-    def found(self, core: BipedCore, k: int, ending: Ending) -> Found:
+    def found(self, core: BipedCore, k: int, outcome: Outcome) -> Found:
         """Errors at the ends of the segments."""
         return self._tours.pop(k).told()
 

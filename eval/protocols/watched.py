@@ -1,4 +1,4 @@
-"""Robots of an episode loop beside a watcher, who looks at them after every action or tells them to walk."""
+"""Watchers of bipeds in an episode loop, who look at them after every action or command them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
 from ..rollout.environments import make_env
-from ..rollout.episodes import Ints, Robots
-from ..rollout.outcome import Ending
+from ..rollout.episodes import Ints, Observer
+from ..rollout.outcome import Outcome
 
 Found = dict[str, Any]
 
@@ -28,8 +28,8 @@ class Watcher(Protocol):
         """Robot k has acted, or has just begun."""
         ...
 
-    def found(self, core: BipedCore, k: int, ending: Ending) -> Found:
-        """What is told of the episode that has ended, besides its outcome."""
+    def found(self, core: BipedCore, k: int, outcome: Outcome) -> Found:
+        """Entries of the row of the episode that has ended, besides its outcome's."""
         ...
 
 
@@ -49,43 +49,28 @@ def _checked(episodes: Any) -> BipedEpisodes:
     return episodes
 
 
-class Watched:
-    """Robots that `run_episodes` takes, with a watcher; `found` has what it tells, by scenario id."""
+class Watched(Observer):
+    """A watcher in an episode loop; `found` has its entries of rows by scenario id."""
 
-    def __init__(self, robots: Robots, episodes: Any, watcher: Watcher):
-        """Put a watcher beside robots whose `episodes` are those of bipeds.
+    def __init__(self, watcher: Watcher):
+        self.found: dict[str, Found] = {}
+        self._watcher = watcher
+
+    def begin(self, robots: Any, k: int, scenario: Scenario) -> None:
+        """Robot k has begun a scenario.
 
         Raises:
-            InvalidValueError: they are those of another kind of robot.
+            InvalidValueError: it is no biped.
         """
-        self.n, self.found = robots.n, {}
-        self._robots, self._core, self._watcher = robots, _checked(episodes).core, watcher
-        self._ids: dict[int, str] = {}
+        core = _checked(robots.episodes).core
+        self._watcher.begin(core, k, scenario)
+        self._watcher.look(core, k)
 
-    def begin(self, k: int, scenario: Scenario) -> None:
-        """Begin a scenario with robot k."""
-        self._robots.begin(k, scenario)
-        self._ids[k] = scenario.id
-        self._watcher.begin(self._core, k, scenario)
-        self._watcher.look(self._core, k)
-
-    def rest(self, k: int) -> None:
-        """Robot k is no longer needed."""
-        self._robots.rest(k)
-
-    def observe(self, rows: Ints) -> Any:
-        """What the policy is to see."""
-        return self._robots.observe(rows)
-
-    def step(self, rows: Ints, actions: Any) -> list[int]:
-        """Act, then look."""
-        ended = self._robots.step(rows, actions)
+    def after_step(self, robots: Any, rows: Ints) -> None:
+        """The robots `rows` have acted."""
         for k in rows.tolist():
-            self._watcher.look(self._core, k)
-        return ended
+            self._watcher.look(robots.episodes.core, k)
 
-    def ending(self, k: int) -> Ending:
-        """How the episode of robot k has ended."""
-        ending = self._robots.ending(k)
-        self.found[self._ids[k]] = self._watcher.found(self._core, k, ending)
-        return ending
+    def end(self, robots: Any, k: int, outcome: Outcome) -> None:
+        """The episode of robot k has ended."""
+        self.found[outcome.scenario_id] = self._watcher.found(robots.episodes.core, k, outcome)

@@ -42,7 +42,7 @@ from ...controllers.settings import preset_config
 from ...envs.pendulum.env import PendulumCore, PendulumEpisodes
 from ...envs.scenario.push import GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
-from ..rollout.episodes import Ints, Slots, Watch, run_episodes
+from ..rollout.episodes import Ints, Looking, Slots, Watch, run_episodes
 from ..rollout.outcome import Outcome
 from ..score.frontier import BEYOND, NOMINAL_STEPS, Scanned, multiples, scan_upwards
 
@@ -161,8 +161,9 @@ def run_batch(
         InvalidValueError: actions of another shape or not finite, or an episode that never ends.
     """
     episodes = (Plant() if plant is None else plant).episodes(len(scenarios))
-    slots = _MeasuredSlots(episodes, scenarios, measurement, watch)
-    found = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum"))
+    slots = _MeasuredSlots(episodes, scenarios, measurement)
+    observer = None if watch is None else Looking(watch)
+    found = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum", observer))
     return [found[number] for number in range(len(scenarios))]
 
 
@@ -174,9 +175,8 @@ class _MeasuredSlots(Slots):
         episodes: PendulumEpisodes,
         scenarios: Sequence[Scenario],
         measurement: Measurement,
-        watch: Watch | None,
     ):
-        super().__init__(episodes, watch=watch)
+        super().__init__(episodes)
         self._sensor = PendulumSensor(episodes.core, scenarios, measurement)
 
     def observe(self, rows: Ints) -> Array:

@@ -1,21 +1,14 @@
 """The episode loop: scenarios to outcomes, on one robot or on many side by side, bit for bit the same.
 
-What an action of a wrapped environment does to the gait: it is held, or added to a policy's own.
-
-The episode loop: scenarios to outcomes, on one robot or on many side by side.
-
-One episode: environment, policy, scenario -> outcome; nothing else enters.
-
-Robots that share one core: each slot holds an episode, and all move in one planning period.
-
-Many episodes side by side on one core: the outcomes of `rollout`, bit for bit, sooner.
+`run_episodes` runs on anything that is `Robots`: the one robot of a Gymnasium environment (`GymRobot`), or
+all that share a core (`Slots`). Whoever looks on is an `Observer`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
 
 import gymnasium as gym
 import numpy as np
@@ -23,30 +16,24 @@ from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.policies.interface import Policy, RandomPolicy, as_policy
-from ...controllers.policies.learned import NetworkPolicy
-from ...controllers.policies.two_stage import TwoStagePolicy
+from ...controllers.policies.interface import Policy, as_policy, declares
 from ...envs.biped.limits_record import BoundsReport
 from ...envs.episode.episodes import GaitEpisodes, Held, Mask, hold_action
 from ...envs.episode.gym_env import GaitEnv, check_action
 from ...envs.scenario.scenario import Scenario
 from ...envs.wrappers import ActionHold, ResidualAction
-from .outcome import NO_BOUNDS, EffortMeter, Ending, Outcome, StepMeter
+from .outcome import NO_BOUNDS, EffortMeter, Ending, Outcome
 
 Actions = NDArray[np.float32]
 
 
+@dataclass(frozen=True)
 class ActionRule:
-    """`ActionHold` around `ResidualAction`, each where there is one, for many robots; the same bits.
+    """`ActionHold` around `ResidualAction`, each where there is one, for many robots; the same bits."""
 
-    Args:
-        env: the gait environment below.
-        residual: the wrapper whose policy acts below; None where actions are gait actions.
-        hold: planning periods for which an action is held.
-    """
-
-    def __init__(self, env: GaitEnv, residual: ResidualAction | None = None, hold: int = 1):
-        self.env, self.residual, self.hold = env, residual, hold
+    env: GaitEnv  # below
+    residual: ResidualAction | None = None  # whose policy acts below; None: actions are gait actions
+    hold: int = 1  # planning periods for which an action is held
 
     def gait_actions(self, observations: NDArray[np.float64], actions: Actions) -> Actions:
         """Gait actions (n, 7) that actions (n, 7) mean at observations (n, 36)."""
@@ -56,8 +43,12 @@ class ActionRule:
 
 
 def action_rule(env: gym.Env) -> ActionRule | None:
-    """The rule of an environment; None where it has wrappers that are not known to change nothing else."""
-    hold, residual, layer = 1, None, env
+    """The rule of an environment; None where it has wrappers that are not known to change nothing else.
+
+    A policy below has to be `batchable` and to remember nothing.
+    """
+    hold, layer = 1, env
+    residual: Any = None
     while isinstance(layer, gym.Wrapper):
         if residual is None and _steps_as(layer, ActionHold):
             hold *= layer.periods  # type: ignore[attr-defined]
@@ -68,11 +59,9 @@ def action_rule(env: gym.Env) -> ActionRule | None:
         layer = layer.env
     if not isinstance(layer, GaitEnv):
         return None
-    if residual is None:
-        return ActionRule(layer, None, hold)
-    if type(residual.policy) not in {TwoStagePolicy, RandomPolicy}:  # type: ignore[attr-defined]
-        return None  # it may remember, or depend on what else is in the batch
-    return ActionRule(layer, residual, hold)  # type: ignore[arg-type]
+    if residual is None or all(declares(residual.policy, name) for name in ("batchable", "memoryless")):
+        return ActionRule(layer, residual, hold)
+    return None
 
 
 def _steps_as(layer: Any, wrapper: type[gym.Wrapper]) -> bool:
@@ -84,11 +73,40 @@ def _steps_as(layer: Any, wrapper: type[gym.Wrapper]) -> bool:
 
 MAX_STEPS = 1_000_000  # of an episode; only an environment that never ends gets there
 Ints = NDArray[np.int64]
-Watch = Callable[[Any], None]  # of the robots, after the start of an episode and after every planning period
+Watch = Callable[[Any], None]  # of the robots, after the start of an episode and after every step
+
+
+class Observer:
+    """Looks on at an episode loop; whoever watches overrides what is of use.
+
+    It is handed the robots that the loop runs on, whose `episodes` are those of the core; a `GymRobot` also
+    has `env`, `info` and `ended`.
+    """
+
+    def begin(self, robots: Any, k: int, scenario: Scenario) -> None:
+        """Robot k has begun a scenario; where nothing else is said, looked at as after a step."""
+        self.after_step(robots, np.array([k]))
+
+    def after_step(self, robots: Any, rows: Ints) -> None:
+        """The robots `rows` have acted, and none that has ended has begun anew."""
+
+    def end(self, robots: Any, k: int, outcome: Outcome) -> None:
+        """The episode of robot k has ended, and nothing has moved it since."""
+
+
+class Looking(Observer):
+    """An observer whose only function is called with the robots after each start and each step."""
+
+    def __init__(self, watch: Watch):
+        self._watch = watch
+
+    def after_step(self, robots: Any, rows: Ints) -> None:
+        """Call it."""
+        self._watch(robots)
 
 
 class Robots(Protocol):
-    """What the loop runs scenarios on; each robot holds one episode at a time."""
+    """The robots of an episode loop; each holds one episode at a time."""
 
     n: int
 
@@ -101,7 +119,7 @@ class Robots(Protocol):
         ...
 
     def observe(self, rows: Ints) -> Any:
-        """What the policy is to see of the robots `rows`; asked for once a step."""
+        """Observations of the robots `rows`, for the policy; asked for once a step."""
         ...
 
     def step(self, rows: Ints, actions: Any) -> list[int]:
@@ -109,12 +127,16 @@ class Robots(Protocol):
         ...
 
     def ending(self, k: int) -> Ending:
-        """How the episode of robot k has ended."""
+        """The end of robot k's episode."""
         ...
 
 
 def run_episodes(
-    robots: Robots, policy: Policy, scenarios: Iterable[Scenario], policy_name: str
+    robots: Robots,
+    policy: Policy,
+    scenarios: Iterable[Scenario],
+    policy_name: str,
+    observer: Observer | None = None,
 ) -> Iterator[tuple[int, Outcome]]:
     """Run scenarios to their ends; yields (number of the scenario, outcome) as they finish.
 
@@ -123,11 +145,11 @@ def run_episodes(
         policy: acts for all robots in one call; its state starts anew with each episode.
         scenarios: taken one at a time, when a robot is free: what has been yielded may decide what comes.
         policy_name: for the outcomes.
+        observer: looks on.
 
     Raises:
         InvalidValueError: an episode that never ends.
     """
-    # Over 40 lines, as the queue, the robots' states and the ends that are yielded belong to one loop.
     queue, running = enumerate(scenarios), {}
     steps, live = np.zeros(robots.n, np.int64), np.zeros(robots.n, np.bool_)
 
@@ -138,6 +160,8 @@ def run_episodes(
             return
         robots.begin(k, numbered[1])
         running[k], live[k] = numbered, True
+        if observer is not None:
+            observer.begin(robots, k, numbered[1])
 
     for k in range(robots.n):
         fill(k)
@@ -145,15 +169,21 @@ def run_episodes(
     rows = np.flatnonzero(live)
     while len(rows):
         if steps[rows].max() >= MAX_STEPS:
-            raise _endless(running[int(rows[steps[rows].argmax()])][1])
+            scenario = running[int(rows[steps[rows].argmax()])][1]
+            raise InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")
         action, state = policy.predict(
             robots.observe(rows), state=state, episode_start=steps[rows] == 0, deterministic=True
         )
         ended = robots.step(rows, action)
         steps[rows] += 1
+        if observer is not None:
+            observer.after_step(robots, rows)
         for k in ended:
             number, scenario = running.pop(k)
-            yield number, Outcome.of(scenario, policy_name, robots.ending(k), int(steps[k]))
+            outcome = Outcome.of(scenario, policy_name, robots.ending(k), int(steps[k]))
+            if observer is not None:
+                observer.end(robots, k, outcome)
+            yield number, outcome
             fill(k)
         if ended:
             state = _of_those_left(state, live[rows])
@@ -167,17 +197,13 @@ def _of_those_left(state: Any, left: NDArray[np.bool_]) -> Any:
     return state if left.all() else tuple(part[left] for part in state)
 
 
-def _endless(scenario: Scenario) -> InvalidValueError:
-    return InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")
-
-
 def planning_period(env: gym.Env) -> float:
     """Simulated time of one environment step [s]: the environment's `dt`, otherwise 10 ms."""
     return float(getattr(env.unwrapped, "dt", 0.01))
 
 
 def rollout(
-    env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str, watch: Watch | None = None
+    env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str, watch: Observer | Watch | None = None
 ) -> Outcome:
     """Run one scenario to its end.
 
@@ -190,12 +216,13 @@ def rollout(
             `begin_scenario`, as what replays stored answers has, and what refuses some scenarios.
         scenario: what happens.
         policy_name: for the outcome.
-        watch: called with the `GymRobot` after reset and after every step, to look, not to touch.
+        watch: looks on; a function is called with the `GymRobot` after reset and after every step.
     """
     policy = as_policy(policy)
-    robot = GymRobot(env, watch)
     begin_policy(policy, scenario)
-    _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name))
+    observer = watch if watch is None or isinstance(watch, Observer) else Looking(watch)
+    with GymRobot(env) as robot:
+        _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name, observer))
     return outcome
 
 
@@ -208,18 +235,31 @@ def begin_policy(policy: Policy, scenario: Scenario) -> None:
 
 
 class GymRobot:
-    """The one robot of a Gymnasium environment, whose info says how its episode ends."""
+    """The one robot of a Gymnasium environment, whose info says how its episode ends.
+
+    A context manager: within it a robot of this project is measured at every planning period of its own,
+    also within an action that is held.
+    """
 
     n = 1
 
-    def __init__(self, env: gym.Env, watch: Watch | None = None):
-        self.env, self._watch = env, watch
+    def __init__(self, env: gym.Env):
+        self.env = env
         self.info: dict[str, Any] = {}  # of the last step or reset
         self.ended = False
+        self.episodes: Any = getattr(env.unwrapped, "episodes", None)
+        self._meter = EffortMeter(self.episodes) if isinstance(env.unwrapped, GaitEnv) else None
         self._observation: Any = None
-        episodes = getattr(env.unwrapped, "episodes", None)
-        self._meter = StepMeter(episodes) if isinstance(episodes, GaitEpisodes) else None
         self._steps, self._total, self._fell = 0, 0.0, False
+
+    def __enter__(self) -> Self:
+        if self._meter is not None:
+            self.env.unwrapped.after_period.append(self._meter.look)  # type: ignore[attr-defined]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._meter is not None:
+            self.env.unwrapped.after_period.remove(self._meter.look)  # type: ignore[attr-defined]
 
     def begin(self, k: int, scenario: Scenario) -> None:
         """Reset to a scenario."""
@@ -229,7 +269,6 @@ class GymRobot:
         self._steps, self._total, self._fell, self.ended = 0, 0.0, False, False
         if self._meter is not None:
             self._meter.begin(k)
-        self._look()
 
     def rest(self, k: int) -> None:
         """Nothing is left to do."""
@@ -244,11 +283,10 @@ class GymRobot:
         self._total += float(reward)
         self._steps += 1
         self._fell, self.ended = bool(terminated), bool(terminated or truncated)
-        self._look()
         return [0] if self.ended else []
 
     def ending(self, k: int) -> Ending:
-        """What the info of the last step says."""
+        """The end that the info of the last step tells of."""
         info = self.info
         return Ending(
             fell=self._fell,
@@ -256,33 +294,34 @@ class GymRobot:
             recovered_at=info.get("recovered_at"),
             failure_reason=info.get("failure_reason"),
             total_reward=self._total,
-            bounds=bounds_met(getattr(self.env.unwrapped, "episodes", None), k),
+            bounds=bounds_met(self.episodes, k),
             measures={} if self._meter is None else self._meter.of(k),
         )
 
-    def _look(self) -> None:
-        if self._watch is not None:
-            self._watch(self)
-
 
 def bounds_met(episodes: Any, k: int) -> BoundsReport:
-    """The bounds that robot k of the episodes has met; none where its core keeps no record."""
+    """Bounds that robot k of the episodes has met; none where its core keeps no record."""
     met = getattr(getattr(episodes, "core", None), "bounds_met", None)
     return NO_BOUNDS if met is None else met(k)
 
 
 class Slots:
-    """The robots of a core, for `run_episodes`.
+    """The robots of a core, which all move in one planning period; each slot holds an episode.
 
     Args:
         episodes: of the core; what they held before is lost.
         rule: what an action means, see `action_rule`; an action for one period without it.
-        watch: called with the slots after the start of an episode and after every planning period.
+        enter: puts robot k where a scenario begins; by default `episodes.begin`.
     """
 
-    def __init__(self, episodes: GaitEpisodes, rule: ActionRule | None = None, watch: Watch | None = None):
+    def __init__(
+        self,
+        episodes: GaitEpisodes,
+        rule: ActionRule | None = None,
+        enter: Callable[[int, Scenario], None] | None = None,
+    ):
         self.episodes, self.n = episodes, episodes.n
-        self._rule, self._watch = rule, watch
+        self._rule, self._enter = rule, enter or episodes.begin
         self._hold = 1 if rule is None else rule.hold
         self._actions = np.zeros((episodes.n, episodes.action_size), np.float32)
         self._begun = np.zeros(episodes.n, np.bool_)
@@ -296,11 +335,6 @@ class Slots:
         self._enter(k, scenario)
         self._meter.begin(k)
         self._begun[k] = True
-        self._look()
-
-    def _enter(self, k: int, scenario: Scenario) -> None:
-        """Put robot k where the scenario begins."""
-        self.episodes.begin(k, scenario)
 
     def rest(self, k: int) -> None:
         """Leave slot k empty; a robot that has fallen rests, so that it costs no physics."""
@@ -327,12 +361,12 @@ class Slots:
             self._actions[live] = self._gait_actions(np.flatnonzero(live), held[live[rows]])
             return self._actions
 
-        came = hold_action(self.episodes, live, self._hold, act, self._end, self._after_period)
-        self._total[rows] += came.reward[rows]
+        done = hold_action(self.episodes, live, self._hold, act, self._end, self._meter.look)
+        self._total[rows] += done.reward[rows]
         return sorted(self._ends)
 
     def ending(self, k: int) -> Ending:
-        """Of the episode that has ended in slot k."""
+        """The end of the episode in slot k."""
         ending = self._ends.pop(k)
         return replace(ending, total_reward=float(self._total[k]))
 
@@ -341,12 +375,12 @@ class Slots:
             return actions
         return self._rule.gait_actions(self.episodes.core.observation[rows], actions)
 
-    def _end(self, over: Mask, left: int, came: Held) -> None:
-        """Keep what becomes of the slots `over`; within a held action their robots go on."""
+    def _end(self, over: Mask, left: int, done: Held) -> None:
+        """Keep the ends of the slots `over`; within a held action their robots go on."""
         episodes = self.episodes
         for k in np.flatnonzero(over).tolist():
             self._ends[k] = Ending(
-                fell=bool(came.failed[k]),
+                fell=bool(done.failed[k]),
                 time=float(episodes.motion().time[k]),
                 recovered_at=episodes.monitor.recovered_at(k),
                 failure_reason=episodes.failures[episodes.failure()[k]],
@@ -354,14 +388,6 @@ class Slots:
                 bounds=bounds_met(episodes, k),
                 measures=self._meter.of(k),
             )
-
-    def _after_period(self) -> None:
-        self._meter.look()
-        self._look()
-
-    def _look(self) -> None:
-        if self._watch is not None:
-            self._watch(self)
 
 
 def batch_episodes(env: gym.Env, n: int, threads: int = 1) -> GaitEpisodes | None:
@@ -378,8 +404,8 @@ def batch_episodes(env: gym.Env, n: int, threads: int = 1) -> GaitEpisodes | Non
 
 
 def plans_batches(policy: Policy) -> bool:
-    """Whether an action of the policy is known not to depend on what else is in the batch."""
-    return type(policy) in {TwoStagePolicy, RandomPolicy, NetworkPolicy}
+    """Whether an action of the policy does not depend on what else is in the batch, see `Policy`."""
+    return declares(policy, "batchable")
 
 
 def rollout_batch(

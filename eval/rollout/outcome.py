@@ -1,15 +1,10 @@
-"""What became of one episode, and what it took: torque, energy, lean.
-
-What became of one episode.
-
-What an episode took: torque, energy, lean, and how near it came to a fall, by planning period.
-"""
+"""Outcome of one episode, scores over many, and measures of what an episode took: torque, energy, lean."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -20,7 +15,7 @@ from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
 from ...envs.biped.env import BipedEpisodes
 from ...envs.biped.limits_record import BoundsReport
-from ...envs.episode.episodes import GaitEpisodes, Period
+from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import wilson_interval
@@ -31,7 +26,7 @@ NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hol
 
 @dataclass(frozen=True)
 class Ending:
-    """How one episode has ended, as its environment tells of it."""
+    """End of one episode, from its environment."""
 
     fell: bool
     time: float  # since reset [s]
@@ -39,12 +34,12 @@ class Ending:
     failure_reason: str | None
     total_reward: float
     bounds: BoundsReport = NO_BOUNDS  # met; none where the core keeps no record
-    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of `EffortMeter`, if any
+    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of an `EffortMeter`, if any
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One row of results: a scenario, a policy, what happened."""
+    """One row of results: a scenario, a policy and what became of it."""
 
     scenario_id: str
     policy: str
@@ -64,7 +59,7 @@ class Outcome:
     limit_shares: Mapping[str, float] = field(default_factory=dict)  # bound -> share of the time since then
     # The last two are keys of the rows that have them alone.
     kick: tuple[float, float, float] | None = None  # first jump of the velocity [m/s]
-    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # in UNITS of measures/effort.py
+    measures: Mapping[str, float | int | None] = field(default_factory=dict)  # by name, see MEASURES
 
     @classmethod
     def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
@@ -151,110 +146,106 @@ class Score:
 
 
 Array = NDArray[np.float64]
-Measures = dict[str, float | int | None]
-DIGITS = 6  # of a number in a row, after the point
-UNITS = {  # of what `EffortMeter.of` tells
-    "steps": "1", "smallest_margin": "m", "dcm_error": "m", "velocity_error": "m/s", "trunk_excursion": "rad",
-    "peak_torque": "N m", "mean_torque": "N m", "energy": "J",
-}  # fmt: skip
-JUDGED = {"dcm_error": 1, "velocity_error": 3}  # touchdowns after which it is known
+DIGITS = 6  # of a measure in a row, after the point
 
 
 class EffortMeter:
-    """Measures n robots that share a core, at the end of every planning period; it only looks.
+    """Sums and extremes of n robots that share a core, over the planning periods of their episodes.
 
-    Torques and rates are those of the period's last physics step, true ones where sensors tell others. Over
-    the periods i of an episode, each dt long, with motors j:
-
-        peak torque = max |tau_ij|,  mean torque = mean |tau_ij|,  energy = sum |tau_ij w_ij| dt.
+    Torques and rates are those of the period's last physics step, true ones where sensors tell others. It
+    looks at the robots and touches nothing.
 
     Args:
         episodes: of the robots. Pendulums have no motors.
     """
 
     def __init__(self, episodes: GaitEpisodes):
-        self._episodes, n = episodes, episodes.n
-        self._core: Any = episodes.core
-        self._dt = 1.0 / episodes.control_hz
-        self._motors = _motors(episodes)
-        self._periods = np.zeros(n, np.int64)
-        self._margin, self._lean = np.zeros(n), np.zeros(n)
-        self._peak, self._torque, self._power = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.episodes, n = episodes, episodes.n
+        self.core: Any = episodes.core
+        self.motors = _motors(episodes)
+        self.periods = np.zeros(n, np.int64)  # so far
+        self.margin = np.zeros(n)  # smallest capture margin [m]
+        self.lean = np.zeros(n)  # largest trunk angle [rad]
+        self.peak = np.zeros(n)  # largest torque of a motor [N m]
+        self.torque = np.zeros(n)  # sum of |torque| over motors and periods [N m]
+        self.power = np.zeros(n)  # sum of |torque x rate| over motors and periods [W]
 
     def begin(self, k: int) -> None:
         """Forget robot k, which begins an episode."""
-        self._periods[k], self._margin[k] = 0, np.inf
-        for sums in (self._lean, self._peak, self._torque, self._power):
+        self.periods[k], self.margin[k] = 0, np.inf
+        for sums in (self.lean, self.peak, self.torque, self.power):
             sums[k] = 0.0
 
     def look(self) -> None:
         """Take in the period that has ended, for all robots."""
-        core, largest, added = self._core, np.maximum.reduce, np.add.reduce
-        self._periods += 1
-        np.fmin(self._margin, core.margin, out=self._margin)
-        np.fmax(self._lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self._lean)
-        if self._motors:
+        core, largest, added = self.core, np.maximum.reduce, np.add.reduce
+        self.periods += 1
+        np.fmin(self.margin, core.margin, out=self.margin)
+        np.fmax(self.lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self.lean)
+        if self.motors:
             torque = np.abs(self._of_motors(core.physics.ctrl))
-            np.fmax(self._peak, largest(torque, axis=1), out=self._peak)
-            self._torque += added(torque, axis=1)
+            np.fmax(self.peak, largest(torque, axis=1), out=self.peak)
+            self.torque += added(torque, axis=1)
             torque *= self._of_motors(self._rates())
-            self._power += added(np.abs(torque, out=torque), axis=1)
+            self.power += added(np.abs(torque, out=torque), axis=1)
 
     def _of_motors(self, values: Array) -> Array:
         """Columns (n, motors) of values (n, 14)."""
-        return values if len(self._motors) == NU else values.take(self._motors, axis=1)
+        return values if len(self.motors) == NU else values.take(self.motors, axis=1)
 
     def _rates(self) -> Array:
         """True rates of the joints that control moves, (n, 14) [rad/s]; held ones come after them."""
-        exact, senses = self._core.physics.qvel, self._core.senses
-        if senses.last.judged is not self._core.physics:
+        exact, senses = self.core.physics.qvel, self.core.senses
+        if senses.last.judged is not self.core.physics:
             exact = np.where(senses.onboard[:, None], senses.last.judged.qvel, exact)
         return exact[:, NV - NU : NV]
 
-    def of(self, k: int) -> Measures:
-        """What robot k has done in its episode, in UNITS; None where it is not known."""
-        judged = self._episodes.monitor.state
-        found: dict[str, float] = {
-            "smallest_margin": self._margin.item(k),
-            "dcm_error": judged.error.item(k, 0),
-            "velocity_error": judged.speed_error.item(k),
-            "trunk_excursion": self._lean.item(k),
-        }
-        if self._motors:
-            samples = max(self._periods.item(k), 1) * len(self._motors)
-            found["peak_torque"] = self._peak.item(k)
-            found["mean_torque"] = self._torque.item(k) / samples
-            found["energy"] = self._power.item(k) * self._dt
-        touchdowns = judged.touchdowns.item(k)
-        told = {
-            name: round(value, DIGITS) if math.isfinite(value) and touchdowns >= JUDGED.get(name, 0) else None
-            for name, value in found.items()
-        }
-        return {"steps": self._episodes.motion().steps.item(k), **told}
+    def of(self, k: int) -> dict[str, float | int | None]:
+        """Measures of robot k in its episode by name; None where one is not known."""
+        touchdowns = self.episodes.monitor.state.touchdowns.item(k)
+        found = {}
+        for name, measure in MEASURES.items():
+            if self.motors or not measure.motors:
+                value = measure.of(self, k)
+                known = math.isfinite(value) and touchdowns >= measure.touchdowns
+                found[name] = round(value, DIGITS) if known else None
+        return found
 
 
-class StepMeter(EffortMeter):
-    """Of the one robot of an environment; it looks by itself, at each period that an action is held for."""
+@dataclass(frozen=True)
+class Measure:
+    """A number of an episode that its row holds, and each report of it that is made of all measures."""
 
-    def begin(self, k: int) -> None:
-        """Forget the robot, and look at every planning period from here on."""
-        super().begin(k)
-        self._episodes.step = self  # type: ignore[method-assign]
+    unit: str
+    of: Callable[[EffortMeter, int], float | int]  # of robot k at the end; not finite: not known
+    touchdowns: int = 0  # before which it is not known
+    motors: bool = False  # only of robots that have some
 
-    def __call__(self, actions: NDArray[np.float32]) -> Period:
-        """One planning period of the episodes, looked at."""
-        period = type(self._episodes).step(self._episodes, actions)
-        self.look()
-        return period
 
-    def of(self, k: int) -> Measures:
-        """What the robot has done in its episode, which is over."""
-        vars(self._episodes).pop("step", None)
-        return super().of(k)
+# By the key of a row; one that is added here stands in every row from then on. Over the periods i of an
+# episode, each dt long, with m motors j:
+#     peak torque = max |tau_ij|,  mean torque = mean |tau_ij|,  energy = sum |tau_ij w_ij| dt.
+MEASURES: dict[str, Measure] = {
+    "steps": Measure("1", lambda seen, k: seen.episodes.motion().steps.item(k)),
+    "smallest_margin": Measure("m", lambda seen, k: seen.margin.item(k)),
+    "dcm_error": Measure("m", lambda seen, k: seen.episodes.monitor.state.error.item(k, 0), touchdowns=1),
+    "velocity_error": Measure(
+        "m/s", lambda seen, k: seen.episodes.monitor.state.speed_error.item(k), touchdowns=3
+    ),
+    "trunk_excursion": Measure("rad", lambda seen, k: seen.lean.item(k)),
+    "peak_torque": Measure("N m", lambda seen, k: seen.peak.item(k), motors=True),
+    "mean_torque": Measure(
+        "N m", lambda seen, k: seen.torque.item(k) / (max(seen.periods.item(k), 1) * len(seen.motors)),
+        motors=True,
+    ),
+    "energy": Measure(
+        "J", lambda seen, k: seen.power.item(k) * (1.0 / seen.episodes.control_hz), motors=True
+    ),
+}  # fmt: skip
 
 
 def _motors(episodes: GaitEpisodes) -> list[int]:
-    """Which of control's 14 motors the robot has; none for a pendulum."""
+    """Indices of control's 14 motors that the robot has; none for a pendulum."""
     if not isinstance(episodes, BipedEpisodes):
         return []
     return [i for i, motor in enumerate(episodes.core.body.indices.motors) if motor != MISSING]

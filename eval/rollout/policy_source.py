@@ -115,7 +115,7 @@ def policy_sources(policies: Any) -> dict[str, PolicySource]:
     return found
 
 
-class Acting(NamedTuple):
+class PolicyEnv(NamedTuple):
     """A policy in an environment that it can act in."""
 
     env: gym.Env
@@ -126,7 +126,7 @@ class Acting(NamedTuple):
 @contextmanager
 def acting_in(
     env: gym.Env | str, policy: Any, label: str | None = None, **arguments: Any
-) -> Iterator[Acting]:
+) -> Iterator[PolicyEnv]:
     """A policy in an environment; one that is named by its id is made here and closed at the end.
 
     Args:
@@ -141,7 +141,7 @@ def acting_in(
     ((name, source),) = policy_sources(policy if label is None else {label: policy}).items()
     made = make_env_for(source.origin, env, **arguments) if isinstance(env, str) else env
     try:
-        yield Acting(made, source.load(made), name)
+        yield PolicyEnv(made, source.load(made), name)
     finally:
         if made is not env:
             made.close()

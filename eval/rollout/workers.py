@@ -1,4 +1,4 @@
-"""Episodes on several processes; what comes out does not depend on how many, or on the order."""
+"""Episodes and other jobs on several processes; results depend neither on how many nor on the order."""
 
 from __future__ import annotations
 
@@ -11,16 +11,14 @@ from typing import Any, TypeVar
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.policies.interface import Policy
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..output.cluster import RayPool, RayWorkers
-from ..output.processes import Pool, WorkerPool
+from ..output.processes import Pool, RayPool, RayWorkers, WorkerPool
 from ..output.rows import versions
 from .environments import code_digest, make_env, own_env, preset_digest
-from .episodes import ActionRule, Slots, action_rule, batch_episodes, plans_batches, rollout, rollout_batch
+from .episodes import Observer, Slots, action_rule, batch_episodes, plans_batches, rollout, run_episodes
 from .outcome import Outcome
-from .policy_source import Sources, policy_sources
+from .policy_source import PolicyEnv, Sources, policy_sources
 
 S = TypeVar("S")
 J = TypeVar("J")
@@ -29,21 +27,6 @@ Job = tuple[str, Scenario]  # policy name or file, scenario
 Chunk = tuple[str, tuple[Scenario, ...]]  # policy name or file, scenarios that may run side by side
 CHUNKS_A_WORKER = 4  # at least, so that no worker is idle for long at the end
 SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are written when all of it is done
-
-
-class Place:
-    """One environment, with the same robots side by side, made on first use."""
-
-    def __init__(self, env: gym.Env):
-        self.env = env
-        self.rule: ActionRule | None = action_rule(env)
-        self._slots: GaitEpisodes | None = None
-
-    def slots(self) -> GaitEpisodes | None:
-        """SLOTS robots; None where the environment has a way of its own."""
-        if self._slots is None and self.rule is not None:
-            self._slots = batch_episodes(self.rule.env, SLOTS)
-        return self._slots
 
 
 class Runner:
@@ -60,62 +43,62 @@ class Runner:
     def __init__(self, env_id: str, sources: Sources = MappingProxyType({})):
         self.env = make_env(env_id)
         self._env_id, self._sources = env_id, sources
-        self._policies: dict[str, Policy] = {}
-        self._common = Place(self.env)
-        self._own: dict[str, Place] = {}  # by label
+        self._acting: dict[str, PolicyEnv] = {}  # by label
+        self._episodes: dict[gym.Env, GaitEpisodes | None] = {}  # of SLOTS robots as that of an environment
 
-    def policy(self, name: str) -> Policy:
-        """The policy of this label, made on first use."""
-        if name not in self._policies:
+    def acting(self, name: str) -> PolicyEnv:
+        """The policy of this label in its environment, made on first use."""
+        if name not in self._acting:
             source = self._sources.get(name) or policy_sources(name)[name]
             own = own_env(self.env, self._env_id, source.origin)
-            if own is not None:
-                self._own[name] = Place(own)
-            self._policies[name] = source.load(self._place(name).env)
-        return self._policies[name]
+            env = self.env if own is None else own
+            self._acting[name] = PolicyEnv(env, source.load(env), name)
+        return self._acting[name]
 
-    def env_of(self, name: str) -> gym.Env:
-        """The environment that the policy of a label acts in."""
-        self.policy(name)
-        return self._place(name).env
-
-    def _place(self, name: str) -> Place:
-        """Where the policy of a label acts, once it is made."""
-        return self._own.get(name, self._common)
+    def robots(self, name: str) -> Slots | None:
+        """Robots side by side for the policy of a label; None where it acts on one at a time."""
+        env, policy, _ = self.acting(name)
+        rule = action_rule(env) if plans_batches(policy) else None
+        if rule is None:
+            return None
+        if env not in self._episodes:
+            self._episodes[env] = batch_episodes(rule.env, SLOTS)
+        episodes = self._episodes[env]
+        return None if episodes is None else Slots(episodes, rule)
 
     def run(self, job: Job) -> Outcome:
         """One episode."""
-        name, scenario = job
-        policy = self.policy(name)
-        return rollout(self._place(name).env, policy, scenario, name)
+        return next(self.run_all(job[0], (job[1],), side_by_side=False))
 
-    def run_all(self, name: str, scenarios: Iterable[Scenario]) -> Iterator[Outcome]:
-        """Episodes of one policy, side by side where that changes no outcome, as they finish.
+    def run_all(
+        self,
+        name: str,
+        scenarios: Iterable[Scenario],
+        observer: Observer | None = None,
+        side_by_side: bool = True,
+    ) -> Iterator[Outcome]:
+        """Episodes of one policy as they finish; one such run at a time.
 
-        A scenario is taken when there is room for it: outcomes so far may decide what comes. One such run at
-        a time.
+        Args:
+            name: label of the policy.
+            scenarios: taken when there is room for one: outcomes so far may decide what comes.
+            observer: looks on.
+            side_by_side: on many robots, where that changes no outcome.
         """
-        slots = self._slots(name)
-        if slots is None:
-            return (self.run((name, scenario)) for scenario in scenarios)
-        return rollout_batch(slots, self.policy(name), scenarios, name, self._place(name).rule)
-
-    def robots(self, name: str) -> Slots | None:
-        """Robots side by side that the policy of a label acts on; None where it acts on one at a time."""
-        episodes = self._slots(name)
-        return None if episodes is None else Slots(episodes, self._place(name).rule)
+        env, policy, _ = self.acting(name)
+        robots = self.robots(name) if side_by_side else None
+        if robots is None:
+            return (rollout(env, policy, scenario, name, observer) for scenario in scenarios)
+        return (outcome for _, outcome in run_episodes(robots, policy, scenarios, name, observer))
 
     def chunk(self, name: str) -> int:
         """How many scenarios are worth a job of this policy."""
-        return 1 if self._slots(name) is None else SLOTS
-
-    def _slots(self, name: str) -> GaitEpisodes | None:
-        return self._place(name).slots() if plans_batches(self.policy(name)) else None
+        return 1 if self.robots(name) is None else SLOTS
 
     def close(self) -> None:
         """Close the environments."""
-        for place in (self._common, *self._own.values()):
-            place.env.close()
+        for env in (self.env, *(acting.env for acting in self._acting.values())):
+            env.close()
 
 
 def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
@@ -188,7 +171,7 @@ def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) 
 def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> Pool[S]:
     """Worker processes here, or those of the Ray cluster that `workers` are of; `start` makes a state."""
     if isinstance(workers, RayWorkers):
-        return RayPool(workers, same_installation, installation(), start, *arguments)
+        return RayPool(same_installation, installation(), start, *arguments)
     return WorkerPool(workers, start, *arguments)
 
 

@@ -372,7 +372,7 @@ def frontier(
     angles = directions_deg(directions)
     runner = Runner(settings.env_id, sources)
     for name in sources:
-        runner.policy(name)
+        runner.acting(name)
     limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
     runner.close()
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}

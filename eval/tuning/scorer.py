@@ -17,8 +17,7 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..output.cluster import RayWorkers
-from ..output.processes import Pool
+from ..output.processes import Pool, RayWorkers
 from ..rollout.environments import EnvName, env_ids, make_env
 from ..rollout.episodes import rollout_batch
 from ..rollout.outcome import Outcome

@@ -1,20 +1,13 @@
 """Push recovery for bipeds: Gymnasium environments, a two-stage planner, and a fair score.
 
-Importing registers the environments and loads nothing but Gymnasium; each name below is loaded when it is
-first used.
+Importing registers the environments, loads nothing but Gymnasium, and changes nothing else in the process;
+each name below is loaded when it is first used.
 """
 # The packages lie beside src and are mapped by package-dir, which pyright does not read:
 # pyright: reportMissingImports=false
 
-import sys
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-if Path(sys.argv[0]).name in {"push-recovery", "-m"}:  # the command starts: nothing is there to be kept
-    from .eval.output.processes import end_at_ctrl_c
-
-    end_at_ctrl_c()
 
 from gymnasium.envs.registration import register
 
@@ -28,7 +21,7 @@ if TYPE_CHECKING:
     from .envs.scenario.scenario import Command, CommandChange, Scenario
     from .envs.wrappers import ActionHold, ResidualAction
     from .eval.api import compare, evaluate, frontier, rollout
-    from .eval.output.cluster import ray_workers
+    from .eval.output.processes import ray_workers
     from .eval.record.record import record
     from .eval.record.words import describe
     from .eval.rollout.load_policy import load_policy, make_policy
@@ -65,7 +58,7 @@ _MODULES = {
     "get_suite": "eval.score.suites",
     "load_policy": "eval.rollout.load_policy",
     "make_policy": "eval.rollout.load_policy",
-    "ray_workers": "eval.output.cluster",
+    "ray_workers": "eval.output.processes",
     "record": "eval.record.record",
     "register_robot": "envs.robots.description",
     "rollout": "eval.api",

@@ -332,9 +332,20 @@ def test_interrupt_while_workers_start_leaves_no_traceback(policy, tmp_path):
     assert "Traceback" not in err
 
 
+SCRIPT = "from push_recovery_command import main; raise SystemExit(main())"
+MODULE = "runpy.run_module('push_recovery', run_name='__main__')"
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("module", ["gymnasium", "numba", "push_recovery.eval.cli.tools"])
-def test_interrupt_while_the_command_starts_leaves_no_traceback(module):
+@pytest.mark.parametrize(
+    ("command", "module"),
+    [
+        (SCRIPT, "gymnasium"), (SCRIPT, "push_recovery.eval.cli.main"), (SCRIPT, "numba"),
+        (SCRIPT, "push_recovery.eval.cli.tools"), (MODULE, "numba"), (MODULE, "push_recovery.eval.cli.tools"),
+        (MODULE, "push_recovery.eval.cli.main"),
+    ],
+)  # fmt: skip
+def test_interrupt_while_the_command_starts_leaves_no_traceback(command, module):
     """Ctrl-C comes when the command is about to import a module."""
     code = f"""
 import os, runpy, signal, sys
@@ -344,8 +355,8 @@ class Interrupting:
         if name == {module!r}:
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Interrupting())
-sys.argv = ["-m", "list"]
-runpy.run_module("push_recovery", run_name="__main__")
+sys.argv = ["push-recovery", "list"]
+{command}
 """
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False

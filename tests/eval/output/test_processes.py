@@ -1,137 +1,49 @@
-"""Ctrl-C, once and again, where code looks up and where it does not.
+"""Worker processes, here and on Ray: the same results, whatever becomes of them, and clear errors."""
 
-Worker processes: what they tell, and that they end.
-"""
-
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from push_recovery.eval.output.processes import (
-    INTERRUPTED,
-    STOPPED,
-    CtrlC,
-    WorkerError,
-    WorkerPool,
-    ctrl_c_held_back,
-)
+import toy_gait_env as toy
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.controllers.settings import load_preset
+from push_recovery.eval.output import processes
+from push_recovery.eval.output.processes import RayPool, RayWorkers, WorkerError, WorkerPool, ray_workers
+from push_recovery.eval.rollout.policy_source import policy_sources
+from push_recovery.eval.rollout.workers import installation, named_files, same_installation, same_runner
+from push_recovery.eval.score.evaluate import evaluate
+from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.tuning.scorer import PENDULUM, Scorer
 
-INT = signal.SIGINT
-
-
-@pytest.fixture(autouse=True)
-def handler():
-    """Python's own, which a parent such as nohup may have taken away."""
-    before = signal.signal(INT, signal.default_int_handler)
-    yield signal.default_int_handler
-    signal.signal(INT, before)
+needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra ray is not installed")
 
 
-def test_the_first_one_raises_and_the_others_do_nothing(handler):
-    ctrl_c, cleared = CtrlC(), []
+SUITE = Suite("head", "1", standard_suite().scenarios[:16])
+MORTAL = """
+import os, pathlib, signal
+import numpy as np
 
-    def work():
-        with ctrl_c:
-            try:
-                signal.raise_signal(INT)
-            finally:
-                cleared.extend(signal.raise_signal(INT) for _ in range(3))
+class Mortal:
+    '''Does nothing, and dies in the middle of an episode where nobody has died before.'''
 
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert len(cleared) == 3
-    assert ctrl_c.came
-    assert signal.getsignal(INT) is handler
-    with CtrlC() as quiet:
-        pass
-    assert not quiet.came
+    def __init__(self):
+        self.steps = 0
 
-
-def test_where_it_is_ignored_it_stays_so():
-    signal.signal(INT, signal.SIG_IGN)
-    with CtrlC(), ctrl_c_held_back():
-        signal.raise_signal(INT)
-    assert signal.getsignal(INT) == signal.SIG_IGN
-
-
-def test_held_back_it_comes_at_the_end_and_children_are_deaf():
-    deaf = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
-    heard = []
-
-    def work():
-        with ctrl_c_held_back():
-            signal.raise_signal(INT)
-            heard.append(subprocess.check_output([sys.executable, "-c", deaf], text=True))
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert heard == ["True\n"]
-    assert subprocess.check_output([sys.executable, "-c", deaf], text=True) == "False\n"
-
-
-def run(code):
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
-    )
-
-
-STUCK = {
-    "swallowed": """
-while True:
-    try:
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(100)
-    except KeyboardInterrupt:
-        pass""",
-    "compiled": """
-threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
-hashlib.pbkdf2_hmac("sha1", b"", b"", 2**31 - 1)""",
-    "lost": """
-class Lost:
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0)
-del (kept := [Lost()])[0]
-time.sleep(100)""",
-    "at exit": """
-threading.Thread(target=time.sleep, args=(100,)).start()
-os.kill(os.getpid(), signal.SIGINT)
-time.sleep(100)""",
-}
-
-
-@pytest.mark.parametrize("name", STUCK)
-def test_a_process_that_does_not_end_by_itself_is_ended(name):
-    code = (
-        "import hashlib, os, signal, sys, threading, time\n"
-        "from push_recovery.eval.output import processes\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "processes.GRACE = 0.2\n"
-        "try:\n"
-        "    with processes.CtrlC(last=True):\n"
-        + STUCK[name].replace("\n", "\n        ")
-        + "\nexcept KeyboardInterrupt:\n    raise SystemExit(130)\n"
-    )
-    done = run(code)
-    assert done.returncode == INTERRUPTED, done.stderr
-    assert done.stderr == f"{STOPPED}\n"
-
-
-def test_after_the_last_block_it_has_no_effect():
-    code = (
-        "import os, signal\n"
-        "from push_recovery.eval.output.processes import CtrlC\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "with CtrlC(last=True): pass\n"
-        "os.kill(os.getpid(), signal.SIGINT); print('done')"
-    )
-    done = run(code)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
+    def predict(self, observation):
+        self.steps += 1
+        flag = pathlib.Path("died")
+        if self.steps == 60 and not flag.exists():
+            flag.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return np.zeros(7)
+"""
 
 
 def base(number):
@@ -141,12 +53,12 @@ def base(number):
 
 
 def add(state, job):
+    if job < 0:
+        raise KeyError("no such thing")
     return state + job
 
 
 def refuse(state, job):
-    if job == 1:
-        raise KeyError("no such thing")
     return lambda: job  # which can't be handed back
 
 
@@ -158,13 +70,29 @@ def rest(state, seconds):
     time.sleep(seconds)
 
 
+def die_once(state, job):
+    number, flag = job
+    if number == 3 and not flag.exists():
+        flag.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return state + number
+
+
+def die(state, job):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 @pytest.fixture
 def here(monkeypatch):
     """Spawned processes find this module by its name."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     monkeypatch.setitem(sys.modules, Path(__file__).stem, sys.modules[__name__])
-    for work in (base, add, refuse, end, rest):
+    for work in (base, add, refuse, end, rest, die_once, die):
         monkeypatch.setattr(work, "__module__", Path(__file__).stem)
+
+
+def workers_here():
+    return [child for child in multiprocessing.active_children() if child.name.startswith("Spawn")]
 
 
 @pytest.mark.usefixtures("here")
@@ -172,22 +100,25 @@ def test_results_come_with_the_numbers_of_their_jobs():
     with WorkerPool(2, base, 10) as pool:
         for jobs in (range(7), (), range(3)):
             assert dict(pool.run(add, jobs)) == {number: 10 + number for number in jobs}
-        workers = [worker.process for worker in pool._workers]
-        assert len({worker.pid for worker in workers}) == 2
-    assert not any(worker.is_alive() for worker in workers)
+        workers = workers_here()
+        assert len(workers) == 2
+    assert [worker.exitcode for worker in workers] == [0, 0]
 
 
 @pytest.mark.usefixtures("here")
-def test_errors_are_told_in_the_words_of_the_worker():
-    with WorkerPool(1, base, -1) as pool, pytest.raises(WorkerError, match="ValueError: no state from -1"):
-        list(pool.run(add, [1]))
-    with WorkerPool(1, base, 0) as pool:
-        for job, words in ((1, "KeyError: 'no such thing'"), (2, "Can't pickle local object")):
-            with pytest.raises(WorkerError, match=words):
-                list(pool.run(refuse, [job]))
-            pool._busy.clear()
-        with pytest.raises(WorkerError, match="a worker process ended before its work was done"):
-            list(pool.run(end, [0]))
+@pytest.mark.parametrize(
+    ("number", "task", "job", "words"),
+    [
+        (-1, add, 1, "^ValueError: no state from -1$"),
+        (0, add, -1, "^KeyError: 'no such thing'$"),
+        (0, refuse, 2, "Can't pickle local object"),
+        (0, end, 0, "^a worker process ended before its work was done"),
+        (0, die, 0, "^a worker process ended before its work was done"),
+    ],
+)
+def test_errors_are_told_in_the_words_of_the_worker(number, task, job, words):
+    with WorkerPool(1, base, number) as pool, pytest.raises(WorkerError, match=words):
+        list(pool.run(task, [job]))
 
 
 @pytest.mark.usefixtures("here")
@@ -195,8 +126,10 @@ def test_a_worker_at_work_is_not_waited_for():
     with WorkerPool(2, base, 0) as pool:
         results = pool.run(rest, [0, 1000])
         assert next(results) == (0, None)
-        workers = [worker.process for worker in pool._workers]
-    assert sorted(worker.exitcode for worker in workers) == [-signal.SIGKILL, 0]
+        workers, begun = workers_here(), time.monotonic()
+        assert len(workers) == 2
+    assert time.monotonic() - begun < 20.0
+    assert not any(worker.is_alive() for worker in workers)
 
 
 @pytest.mark.usefixtures("here")
@@ -215,7 +148,7 @@ def test_it_works_in_a_thread():
 
 PARENT = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 import test_processes
 from push_recovery.eval.output.processes import WorkerPool
 if __name__ == "__main__":
@@ -229,8 +162,9 @@ if __name__ == "__main__":
 def test_workers_end_with_the_process_that_started_them(tmp_path, sent):
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
+    folders = map(str, Path(__file__).parents[:2])
     parent = subprocess.Popen(
-        [sys.executable, str(script), str(Path(__file__).parent)], stdout=subprocess.PIPE, text=True,
+        [sys.executable, str(script), *folders], stdout=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # which nohup ignores
     )  # fmt: skip
     assert parent.stdout is not None
@@ -238,3 +172,90 @@ def test_workers_end_with_the_process_that_started_them(tmp_path, sent):
     parent.send_signal(sent)
     assert parent.communicate(timeout=60)[0] == ""  # the pipe, which the workers hold too, is closed
     assert parent.returncode == -sent
+
+
+@pytest.fixture(scope="module")
+def workers():
+    if find_spec("ray") is None:
+        pytest.skip("the extra ray is not installed")
+    found = ray_workers("local", 2)
+    yield found
+    import ray
+
+    ray.shutdown()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_cluster_gives_the_same_results_and_errors_whatever_becomes_of_a_worker(
+    workers, tmp_path, monkeypatch, capfd
+):
+    assert (workers, isinstance(workers, RayWorkers)) == (2, True)
+    with RayPool(base, 10) as pool:
+        for jobs in (range(40), (), range(3)):
+            assert sorted(pool.run(add, jobs)) == [(number, 10 + number) for number in jobs]
+        jobs = [(number, tmp_path / "died") for number in range(40)]
+        found = list(pool.run(die_once, jobs))
+        assert (tmp_path / "died").exists()
+        assert sorted(found) == [(number, 10 + number) for number in range(40)]
+        with pytest.raises(WorkerError, match="KeyError: 'no such thing'"):
+            list(pool.run(add, [-1]))
+    with RayPool(base, -1) as pool, pytest.raises(WorkerError, match="ValueError: no state from -1"):
+        list(pool.run(add, [1]))
+    monkeypatch.setattr(processes, "RETRIES", 0)
+    with RayPool(base, 0) as pool, pytest.raises(WorkerError, match="a worker of the Ray cluster"):
+        list(pool.run(die, [1]))
+    assert capfd.readouterr().out == ""  # where a command's result goes, and nothing else
+
+
+def test_one_process_two_and_ray_give_the_same_rows_also_where_a_worker_is_killed(
+    workers, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mortal.py").write_text(MORTAL)
+    weak = str(toy.save_policy(tmp_path / "weak.safetensors", 0.2))
+    died = tmp_path / "died"
+    died.touch()
+    asked = SUITE, toy.ENV_ID, [weak, "mortal:Mortal"]
+    alone = evaluate(*asked, 1, tmp_path / "alone").rows
+    assert 0 < sum(row["survived"] for row in alone[weak]) < len(SUITE.scenarios)
+    assert evaluate(*asked, 2, tmp_path / "two").rows == alone
+    died.unlink()
+    assert evaluate(*asked, workers, tmp_path / "ray").rows == alone
+    assert died.exists()
+
+
+def test_a_preset_is_worth_the_same_on_ray(workers, tmp_path):
+    preset = tmp_path / "preset.json"
+    load_preset("default").save(preset)
+    with Scorer(PENDULUM, "stage-1") as here, Scorer(PENDULUM, "stage-1", workers) as there:
+        values = here.values(preset, SUITE.scenarios)
+        assert len(set(values)) > 1
+        assert there.values(preset, SUITE.scenarios) == values
+
+
+def test_a_worker_of_another_installation_or_with_other_files_is_refused(tmp_path):
+    policy = str(toy.save_policy(tmp_path / "weak.safetensors", 0.2))
+    ours = installation()
+    assert same_installation(ours, base, 3) == 3
+    with pytest.raises(InvalidValueError, match="would give other rows: code, mujoco differ there"):
+        same_installation({**ours, "mujoco": "1.0", "code": "0"}, base, 3)
+    sources = policy_sources([policy])
+    files = named_files(toy.ENV_ID, sources)
+    same_runner(files, toy.ENV_ID, sources).close()
+    toy.save_policy(tmp_path / "weak.safetensors", 0.3)
+    with pytest.raises(InvalidValueError, match=r"policy .*weak.safetensors differ there"):
+        same_runner(files, toy.ENV_ID, sources)
+
+
+def test_without_ray_the_command_that_installs_it_is_named(monkeypatch):
+    monkeypatch.setattr(processes, "find_spec", lambda name: None if name == "ray" else find_spec(name))
+    with pytest.raises(MissingExtraError, match=r"^ray is not installed.*pip install 'push-recovery\[ray\]'"):
+        ray_workers("local", 2)
+
+
+@pytest.mark.parametrize(
+    "address", ["nonsense", "nonsense:port", ":6379", "127.0.0.1:9", "ray://127.0.0.1:9"]
+)
+def test_an_address_without_a_cluster_is_refused_at_once(address):
+    with pytest.raises(InvalidValueError, match=f"^no Ray cluster at '{address}': "):
+        processes._connect(pytest.importorskip("ray"), address, 2)

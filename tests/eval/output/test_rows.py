@@ -142,12 +142,13 @@ def test_a_second_writer_in_the_same_process_is_refused(tmp_path):
 
 def test_a_lock_on_a_file_that_has_been_removed_is_none(tmp_path, monkeypatch):
     """The one who held it before released it between our opening of the file and our lock."""
-    lock, seen = fcntl.flock, []
+    lock, seen, kept = fcntl.flock, [], []
 
     def removed_once(file, how):
         if not seen:
             seen.append((tmp_path / LOCK).stat().st_ino)
-            (tmp_path / LOCK).rename(tmp_path / "removed")
+            kept.append((tmp_path / LOCK).open())  # so that its number is not given anew
+            (tmp_path / LOCK).unlink()
         lock(file, how)
 
     monkeypatch.setattr(fcntl, "flock", removed_once)
@@ -155,6 +156,7 @@ def test_a_lock_on_a_file_that_has_been_removed_is_none(tmp_path, monkeypatch):
         assert (tmp_path / LOCK).stat().st_ino not in seen
         with pytest.raises(InvalidValueError, match="another run"):
             Writer(tmp_path)
+    kept[0].close()
 
 
 def test_another_directory_is_free(tmp_path):

@@ -1,9 +1,4 @@
-"""What wrappers make of an action.
-
-The episode loop on robots that only count: what the policy is handed, and who is begun when.
-
-One episode of an environment whose steps are written by hand.
-"""
+"""The episode loop: on robots that only count, on an environment written by hand, alone and side by side."""
 
 import gymnasium as gym
 import numpy as np
@@ -22,6 +17,7 @@ from push_recovery.eval.cli.score import Evaluate
 from push_recovery.eval.rollout import episodes as loop
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import (
+    Observer,
     action_rule,
     batch_episodes,
     planning_period,
@@ -34,6 +30,7 @@ from push_recovery.eval.rollout.episodes import (
 from push_recovery.eval.rollout.load_policy import load_policy, policy_names
 from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout.outcome import Ending
+from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import SLOTS, Runner
 from push_recovery.eval.score.suites import standard_suite
 
@@ -121,6 +118,33 @@ def test_more_robots_than_scenarios():
     assert [n for n, _ in run_episodes(robots, Remembering(), [Scenario("1")], "p")] == [0]
     assert robots.calls == [("begin", 0, "1"), ("rest", 1), ("rest", 2), ("rest", 0)]
     assert list(run_episodes(Counting(2), Remembering(), [], "p")) == []
+
+
+class Noting(Observer):
+    """Notes each call, and how many steps the robots had left at that moment."""
+
+    def __init__(self):
+        self.notes = []
+
+    def begin(self, robots, k, scenario):
+        self.notes.append(("begin", k, scenario.id, robots.left[k]))
+
+    def after_step(self, robots, rows):
+        self.notes.append(("step", rows.tolist(), robots.left[rows].tolist()))
+
+    def end(self, robots, k, outcome):
+        self.notes.append(("end", k, outcome.scenario_id, outcome.env_steps, robots.left[k]))
+
+
+def test_an_observer_sees_each_start_step_and_end_before_the_robot_begins_anew():
+    noting = Noting()
+    list(run_episodes(Counting(2), Remembering(), [Scenario(name) for name in "213"], "p", noting))
+    assert noting.notes == [
+        ("begin", 0, "2", 2), ("begin", 1, "1", 1),
+        ("step", [0, 1], [1, 0]), ("end", 1, "1", 1, 0), ("begin", 1, "3", 3),
+        ("step", [0, 1], [0, 2]), ("end", 0, "2", 2, 0),
+        ("step", [1], [1]), ("step", [1], [0]), ("end", 1, "3", 3, 0),
+    ]  # fmt: skip
 
 
 def test_an_episode_that_never_ends_is_named(monkeypatch):
@@ -347,6 +371,34 @@ def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
     assert runner.chunk(policy) == 1
     assert list(runner.run_all(policy, SCENARIOS[:2])) == [runner.run((policy, s)) for s in SCENARIOS[:2]]
     assert Runner(PENDULUM_BATCH).chunk("two-stage") == SLOTS
+
+
+class FromOutside:
+    """A policy of a kind that the package does not know, which says that it acts for many robots at once."""
+
+    batchable = True
+
+    def predict(self, observation):
+        return np.float32(0.1) * np.asarray(observation)[..., :7]
+
+
+def test_a_policy_kind_from_outside_is_batched_where_it_says_so_itself():
+    class Heir(FromOutside):
+        pass
+
+    sources = policy_sources({"outside": FromOutside(), "heir": Heir()})
+    runner = Runner(PENDULUM_BATCH, sources)
+    assert (runner.chunk("outside"), runner.chunk("heir")) == (SLOTS, 1)
+    found = {out.scenario_id: out for out in runner.run_all("outside", SCENARIOS)}
+    assert found == {scenario.id: runner.run(("outside", scenario)) for scenario in SCENARIOS}
+
+
+def test_a_policy_below_that_remembers_runs_alone():
+    env = make_env(PENDULUM_BATCH)
+    below = network_policy(env.unwrapped)
+    assert plans_batches(below)
+    assert action_rule(ResidualAction(env, below)) is None
+    assert action_rule(ResidualAction(env, "random")) is not None
 
 
 def test_an_environment_that_acts_in_its_own_way_runs_alone():

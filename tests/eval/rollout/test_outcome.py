@@ -1,7 +1,4 @@
-"""What counts as recovered and why an episode does not, on rows written by hand.
-
-What an episode took: the sums by hand, and the same from the time histories of an episode.
-"""
+"""Scores of rows written by hand, and measures of an episode: by hand, and from its time histories."""
 
 import math
 from types import SimpleNamespace
@@ -18,7 +15,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.envs.wrappers import ActionHold
 from push_recovery.eval.record.record import record_episode
 from push_recovery.eval.rollout import outcome as effort
-from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.rollout.episodes import rollout, rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.outcome import NOT_SETTLED, EffortMeter, Ending, Outcome, Score, failure_label
 
@@ -207,7 +204,7 @@ def test_an_action_that_is_held_is_measured_in_every_period(biped):
     held = rollout(ActionHold(biped, 4), Still(), PUSHED_EFFORT, "p")
     assert held.measures == each.measures
     assert held.env_steps == math.ceil(each.env_steps / 4)
-    assert "step" not in vars(biped.unwrapped.episodes)  # nothing is left behind
+    assert biped.unwrapped.after_period == []  # nothing is left behind
     row = held.to_dict()
     assert row["measures"] == held.measures
 
@@ -224,3 +221,13 @@ def test_joints_that_are_held_take_no_effort():
     assert physics.qvel.shape[1] > NV
     work = np.abs(physics.ctrl[0] * physics.qvel[0, NV - NU : NV]).sum() * 0.01
     assert meter.of(0)["energy"] == pytest.approx(work, abs=1e-5)
+
+
+def test_a_measure_from_outside_stands_in_every_row_after_those_of_the_package(biped, monkeypatch):
+    fallen = effort.Measure("m", lambda seen, k: 1.0 - seen.core.margin.item(k))
+    monkeypatch.setitem(effort.MEASURES, "from_outside", fallen)
+    (alone,) = rollout_all(biped, load_policy("stage-1", biped), [PUSHED_EFFORT], "p", 1)
+    row = rollout(biped, load_policy("stage-1", biped), PUSHED_EFFORT, "p").to_dict()
+    assert list(row["measures"])[-2:] == ["energy", "from_outside"]
+    assert row["measures"]["from_outside"] == round(1.0 - biped.unwrapped.core.margin.item(0), 6)
+    assert alone.to_dict() == row
