@@ -1,12 +1,6 @@
-"""What is possible at least: searches for answers to every push of a suite that all policies lose.
+"""Hindsight search over a suite: answers to every push that all policies lose, kept, replayed and reported.
 
-The ceiling of a suite: every push that all policies lose is searched for an answer.
-
-Answers that searches have found, as a file and as a policy.
-
-The ceiling as a table and as a report: the policies, and what they and the searches recover together.
-
-Answers to the pushes of shipped suites: each report of such a suite gets the row `ceiling`.
+What policies and searches recover together is the row `ceiling`: a lower bound on what is possible.
 """
 
 from __future__ import annotations
@@ -47,6 +41,7 @@ from .score.evaluate import FORMAT as ROWS_FORMAT
 from .score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate
 from .score.report import COLUMNS, RECOVERED_NOTE, evaluation_cells, evaluation_title
 from .score.suites import Suite
+from .search import SequenceRule
 
 FORMAT = 1  # of the rows
 FOLDER = "ceiling"  # of the searches, in the directory of the evaluation
@@ -57,7 +52,7 @@ OnRow = Callable[[Row], None]
 
 @dataclass(frozen=True)
 class Ceiling:
-    """What policies and searches recover together."""
+    """Rows of policies and of hindsight searches over one suite."""
 
     evaluation: Evaluation  # of the policies
     settings: CeilingSettings
@@ -71,7 +66,7 @@ class Ceiling:
 
     @property
     def score(self) -> Score:
-        """Of the ceiling, over the whole suite."""
+        """Score of the ceiling, over the whole suite."""
         return Score.of(self.rows[CEILING])
 
     @property
@@ -207,13 +202,13 @@ class Answers:
 
     @classmethod
     def of(cls, found: Ceiling) -> Answers:
-        """What has been answered."""
+        """Answers that searches have found."""
         return cls(found.evaluation.suite.summary(), found.settings, _sequences(found.answered))
 
     def policy(self, env: Any) -> SequencePolicy:
-        """They as a policy for the robot of an environment; where there is none, the planner."""
-        biped, s = getattr(env, "unwrapped", env), self.settings
-        return SequencePolicy(s.policy, biped.robot, biped.limits, biped.preset, s.scale, self.sequences)
+        """A policy for the robot of an environment that replays them; where there is none, the planner."""
+        rule = SequenceRule.of(env, self.settings.policy, self.settings.scale)
+        return SequencePolicy(rule, self.sequences)
 
     def save(self, path: Path) -> None:
         """Write them as JSON, an answer a line, whole or not at all."""
@@ -322,7 +317,7 @@ def share_cells(found: Ceiling) -> list[tuple[str, ...]]:
 
 
 def search_lines(found: Ceiling) -> str:
-    """What was searched, at what cost, and how fragile the answers are."""
+    """Sentences on the searches: their number, their cost, and how fragile the answers are."""
     s, searched, answered = found.settings, len(found.searched), len(found.answered)
     attempts = [row["attempts"] for row in found.answered]
     pushes = "push" if searched == 1 else "pushes"
@@ -364,7 +359,7 @@ STORED = Path(__file__).parent / "answers"
 
 
 def stored_answers(suite: Suite) -> Answers | None:
-    """Those to the pushes of a suite; None where there are none to just these pushes."""
+    """Stored answers for a suite; None where there are none to just these pushes."""
     path = STORED / f"{suite.name}.json"
     if not path.is_file():
         return None

@@ -1,16 +1,7 @@
-"""The search with hindsight for an answer to one push, on many copies side by side.
+"""Hindsight search: an answer to one push, found on many copies of the robot, each under its own corrections.
 
-What a search for the ceiling is, and its budget.
-
-The moment of a push: the last planning period that begins before it does.
-
-Pushes beside a push: a little harder or softer, and turned a little.
-
-Sequences of corrections that answer a push, replayed by scenario.
-
-Many attempts at one push, side by side from the same moment on, and what each was worth.
-
-The search for an answer to one push: the same row whoever does it, and whatever runs beside it.
+It begins in the last planning period before the push, and its row is the same whoever searches and whatever
+runs beside it. An answer is a sequence of corrections that a rollout of its own replays.
 """
 
 from __future__ import annotations
@@ -28,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError, UnknownNameError, shown
-from ..controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ..controllers.model.robot import RobotModel
+from ..controllers.model.gait_box import GAIT_SIZE
 from ..controllers.settings import ARMS
 from ..controllers.validation import require_integer
 from ..envs.biped.env import BipedEpisodes
@@ -44,7 +34,7 @@ from .search import Actions, CrossEntropy, Progress, SearchSettings, SequenceRul
 
 @dataclass(frozen=True)
 class CeilingSettings(SearchSettings):
-    """Of the search for one push, whose first step is the one that is pushed in.
+    """Settings of one hindsight search; its first step is the pushed one.
 
     Raises:
         UnknownNameError: no analytic policy of that name.
@@ -71,18 +61,11 @@ class CeilingSettings(SearchSettings):
         return asdict(self)
 
 
-class Moment(NamedTuple):
-    """Where a search for an answer begins."""
-
-    snapshot: RobotSnapshot
-    period: int  # planning periods that have gone by
-
-
 def require_bipeds(episodes: object) -> BipedEpisodes:
-    """The episodes of robots that can be put back.
+    """The same episodes, where their robots can be put back.
 
     Raises:
-        InvalidValueError: those of another kind, or of an environment that acts in a way of its own.
+        InvalidValueError: episodes of another kind, or of an environment that acts in a way of its own.
     """
     if not isinstance(episodes, BipedEpisodes):
         raise InvalidValueError(
@@ -91,17 +74,24 @@ def require_bipeds(episodes: object) -> BipedEpisodes:
     return episodes
 
 
-def moment_of_push(episodes: BipedEpisodes, rule: SequenceRule, scenario: Scenario) -> Moment | None:
-    """Walk to the first push with robot 0 under the planner alone; None where none begins before the end."""
+def moment_of_push(
+    episodes: BipedEpisodes, rule: SequenceRule, scenario: Scenario
+) -> tuple[RobotSnapshot, int] | None:
+    """Walk to the first push with robot 0 under the planner alone.
+
+    Returns:
+        Snapshot at the begin of the planning period in which the push begins, and the number of periods
+        before it; None where no push begins before the end.
+    """
     episodes.begin(0, scenario)
-    progress, starts = begun(np.zeros((1, 0, GAIT_SIZE), np.float32)), episodes.core.pushes
+    progress, starts = begun(NO_CORRECTIONS), episodes.core.pushes
     period, over = 0, False
     while not over:
-        moment = Moment(episodes.state_snapshot(0), period)
+        snapshot = episodes.state_snapshot(0)
         actions, progress = rule.act(episodes.core.observation[:1], progress)
         ends = episodes.step(actions)
         if starts.start[0].min() < episodes.core.gait.time[0]:
-            return moment
+            return snapshot, period
         period, over = period + 1, bool(ends.failed[0] or ends.truncated[0])
     return None
 
@@ -131,6 +121,7 @@ def changed(push: Push, factor: float, turn: float) -> Push:
 
 
 LONGEST = 10**9  # planning periods before a sequence
+NO_CORRECTIONS = np.zeros((1, 0, GAIT_SIZE), np.float32)
 
 
 @dataclass(frozen=True)
@@ -158,48 +149,33 @@ class SequencePolicy:
     A rollout tells it which scenario begins (`begin_scenario`).
 
     Args:
-        policy: name of the planner.
-        robot: physical constants.
-        limits: gait box.
-        preset: of the planner.
-        scale: multiple of `default_residual_scale`.
+        rule: adds corrections to the planner.
         sequences: by scenario id.
     """
 
-    def __init__(
-        self,
-        policy: str,
-        robot: RobotModel,
-        limits: GaitLimits,
-        preset: str,
-        scale: float,
-        sequences: Mapping[str, Sequence],
-    ):
-        self._arguments = policy, robot, limits, preset, scale, dict(sequences)
-        self._rule, self.sequences = SequenceRule(policy, robot, limits, preset, scale), dict(sequences)
+    def __init__(self, rule: SequenceRule, sequences: Mapping[str, Sequence]):
+        self._rule, self.sequences = rule, dict(sequences)
         self._sequence: Sequence | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return SequencePolicy, self._arguments
+        return SequencePolicy, (self._rule, self.sequences)
 
     def begin_scenario(self, scenario: Scenario) -> None:
-        """The scenario of the episode to come."""
+        """Take the sequence of the episode to come."""
         self._sequence = self.sequences.get(scenario.id)
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Progress]:
         """Action (7,) for one observation (36,), and the progress to hand in next time."""
-        if episode_start is not None and np.any(episode_start):
-            state = None
-        progress = self._at_first() if state is None else Progress(*state)
+        if state is not None and not (episode_start is not None and np.any(episode_start)):
+            progress = Progress(*state)
+        elif self._sequence is None:
+            progress = begun(NO_CORRECTIONS)
+        else:
+            progress = begun(np.array([self._sequence.corrections], np.float32), self._sequence.period)
         actions, progress = self._rule.act(np.asarray(observation, np.float64)[None], progress)
         return actions[0], progress
-
-    def _at_first(self) -> Progress:
-        if self._sequence is None:
-            return begun(np.zeros((1, 0, GAIT_SIZE), np.float32))
-        return begun(np.array([self._sequence.corrections], np.float32), self._sequence.period)
 
 
 RECOVERED = 1e3  # value of a recovery: above that of everything else
@@ -276,14 +252,6 @@ SearchJob = tuple[CeilingSettings, Scenario]
 Row = dict[str, Any]
 
 
-class Answer(NamedTuple):
-    """The best attempt at a push."""
-
-    corrections: Actions  # (steps, 7)
-    recovered: bool
-    attempts: int  # that were made
-
-
 class Searcher:
     """Robots and planner of one environment, for one search after the other.
 
@@ -293,62 +261,61 @@ class Searcher:
     """
 
     def __init__(self, env: gym.Env, settings: CeilingSettings):
-        biped: Any = env.unwrapped
         self.env, self.settings = env, settings
-        self._planner = settings.policy, biped.robot, biped.limits, biped.preset, settings.scale
-        self.rule = SequenceRule(*self._planner)
-        self._walker = require_bipeds(batch_episodes(env, 1))
-        self._robots: BipedEpisodes = require_bipeds(
-            batch_episodes(env, max(settings.population, NEIGHBOURS))
+        self.rule = SequenceRule.of(env, settings.policy, settings.scale)
+        self._walker, self._robots = (
+            require_bipeds(batch_episodes(env, n)) for n in (1, max(settings.population, NEIGHBOURS))
         )
 
     def row(self, scenario: Scenario) -> Row:
-        """What comes of replaying the best attempt at a scenario; its sequence, and how fragile it is."""
+        """The row of replaying the best attempt at a scenario; its sequence, and how fragile it is."""
         moment = moment_of_push(self._walker, self.rule, scenario)
-        found: dict[str, Any] = {"attempts": 0, "period": None, "corrections": None, "neighbours": None}
+        found: Row = {"attempts": 0, "period": None, "corrections": None, "neighbours": None}
         sequences = {}
         if moment is not None:
-            answer = self.search(moment, scenario)
-            rows = as_text(answer.corrections)
-            found |= {"attempts": answer.attempts, "period": moment.period, "corrections": rows}
-            if answer.recovered:
-                found["neighbours"] = self.neighbours_recovered(moment, scenario, answer)
-            sequences = {scenario.id: Sequence(moment.period, rows)}
-        replay = SequencePolicy(*self._planner, sequences)
+            snapshot, period = moment
+            best, recovered, attempts = self.search(snapshot, scenario)
+            rows = as_text(best)
+            found |= {"attempts": attempts, "period": period, "corrections": rows}
+            if recovered:
+                found["neighbours"] = self.neighbours_recovered(snapshot, scenario, best)
+            sequences = {scenario.id: Sequence(period, rows)}
+        replay = SequencePolicy(self.rule, sequences)
         return {**rollout(self.env, replay, scenario, CEILING).to_dict(), **found}
 
-    def search(self, moment: Moment, scenario: Scenario) -> Answer:
+    def search(self, snapshot: RobotSnapshot, scenario: Scenario) -> tuple[Actions, bool, int]:
         """Search until a generation has recovered, or the budget is spent.
 
         Of several attempts that recover, the answer is the one with the least corrections. The first attempt
         of all is none at all.
+
+        Returns:
+            Corrections (steps, 7) of the best attempt, whether it recovered, and the number of attempts.
         """
         s, shape = self.settings, (self.settings.steps, GAIT_SIZE)
-        begin = np.zeros(s.size), np.full(s.size, s.spread)
-        rng = generator_of(s.seed, scenario)
-        method = CrossEntropy(rng, *begin, s.population, s.elites, s.least_spread)
+        method = CrossEntropy(generator_of(s.seed, scenario), np.zeros(s.size), np.full(s.size, s.spread), s)
         best, most = np.zeros(shape, np.float32), -np.inf
         for generation in range(s.generations):
             candidates = method.ask()
             if generation == 0:
                 candidates[0] = 0.0
             tried = candidates.reshape(-1, *shape)
-            came = run_attempts(self._robots, self.rule, moment.snapshot, [scenario] * s.population, tried)
-            recovered = np.flatnonzero([outcome.recovered for outcome in came.outcomes])
+            found = run_attempts(self._robots, self.rule, snapshot, [scenario] * s.population, tried)
+            recovered = np.flatnonzero([outcome.recovered for outcome in found.outcomes])
             if len(recovered):
                 effort = np.square(candidates[recovered], dtype=np.float64).sum(axis=1)
-                return Answer(tried[recovered[effort.argmin()]], True, (generation + 1) * s.population)
-            if came.values.max() > most:
-                best, most = tried[came.values.argmax()].copy(), came.values.max()
-            method.tell(candidates, came.values)
-        return Answer(best, False, s.budget)
+                return tried[recovered[effort.argmin()]], True, (generation + 1) * s.population
+            if found.values.max() > most:
+                best, most = tried[found.values.argmax()].copy(), found.values.max()
+            method.tell(candidates, found.values)
+        return best, False, s.budget
 
-    def neighbours_recovered(self, moment: Moment, scenario: Scenario, answer: Answer) -> int:
-        """How many of NEIGHBOURS the same sequence recovers."""
+    def neighbours_recovered(self, snapshot: RobotSnapshot, scenario: Scenario, corrections: Actions) -> int:
+        """How many of NEIGHBOURS the same corrections (steps, 7) recover."""
         beside = neighbours(scenario)
-        same = np.repeat(answer.corrections[None], len(beside), axis=0)
-        came = run_attempts(self._robots, self.rule, moment.snapshot, beside, same)
-        return sum(outcome.recovered for outcome in came.outcomes)
+        same = np.repeat(corrections[None], len(beside), axis=0)
+        found = run_attempts(self._robots, self.rule, snapshot, beside, same)
+        return sum(outcome.recovered for outcome in found.outcomes)
 
 
 def generator_of(seed: int, scenario: Scenario) -> np.random.Generator:
@@ -357,9 +324,7 @@ def generator_of(seed: int, scenario: Scenario) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(content[:16], "big")]))
 
 
-@lru_cache(maxsize=1)
-def _searcher(env: gym.Env, settings: CeilingSettings) -> Searcher:
-    return Searcher(env, settings)
+_searcher = lru_cache(maxsize=1)(Searcher)
 
 
 def search_row(runner: Runner, job: SearchJob) -> Row:

@@ -1,9 +1,4 @@
-"""`sampling-mpc`: the planner, and corrections of it that a simulation of the robot says it needs.
-
-What sampling MPC tries, how far ahead it looks, and how often.
-
-The source that outcomes of sampling MPC hang on, besides that of `controllers` and `envs`.
-"""
+"""`sampling-mpc`: the planner, and corrections of it that a simulation of the robot says it needs."""
 
 from __future__ import annotations
 
@@ -33,7 +28,7 @@ TIMES_THE_PLANNER = 25.0  # that an episode takes, about
 
 @dataclass(frozen=True)
 class SamplingMpcSettings(SearchSettings):
-    """Of a `SamplingMpcPolicy`; `generations` are those of one planning period.
+    """Settings of a `SamplingMpcPolicy`; `generations` are those of one planning period.
 
     Raises:
         InvalidValueError: a field that is impossible.
@@ -53,16 +48,16 @@ class SamplingMpcSettings(SearchSettings):
 
 
 def sampling_mpc_source() -> bytes:
-    """Text of the modules that sampling MPC is made of, with their names."""
-    found = [Path(__file__).with_name(name) for name in ("search.py", "sampling_mpc.py")]
-    return b"\0".join(path.name.encode() + b"\0" + read_file(path) for path in found)
+    """Text of the modules that sampling MPC is made of, with their names; outcomes hang on it."""
+    paths = [Path(__file__).with_name(name) for name in ("search.py", "sampling_mpc.py")]
+    return b"\0".join(path.name.encode() + b"\0" + read_file(path) for path in paths)
 
 
 PLANNER = "two-stage"  # that is corrected
 
 
 class Memory(NamedTuple):
-    """What is remembered of the robot from one planning period to the next; arrays of one row each."""
+    """Memory of the robot from one planning period to the next; arrays of one row each."""
 
     plan: Actions  # (1, steps, 7) corrections, the first row for the present step
     elapsed: Array  # (1,) of that step, when last looked at [s]
@@ -102,7 +97,7 @@ class SamplingMpcPolicy:
         self.settings = s = SamplingMpcSettings() if settings is None else settings
         self._robot = _episodes_of(env)
         biped = self._robot
-        self._rule = SequenceRule(PLANNER, biped.robot, biped.limits, biped.preset, s.scale)
+        self._rule = SequenceRule.of(biped, PLANNER, s.scale)
         self._every, self._watch, periods = (
             max(1, round(time * biped.control_hz)) for time in (s.check_period, s.watch_time, s.horizon)
         )
@@ -188,18 +183,17 @@ class SamplingMpcPolicy:
         s, shape = self.settings, memory.plan.shape[1:]
         entropy = s.seed, now.scenario.noise_seed, round(now.time * self._robot.control_hz)
         rng = np.random.default_rng(np.random.SeedSequence(entropy))
-        begin = memory.mean.ravel(), memory.spread.ravel()
-        method = CrossEntropy(rng, *begin, s.population, s.elites, s.least_spread)
+        method = CrossEntropy(rng, memory.mean.ravel(), memory.spread.ravel(), s)
         best, most, stands = memory.plan[0], -np.inf, False
         for _ in range(s.generations):
             drawn = method.ask()
             drawn[0], drawn[1] = best.ravel(), 0.0
             tried = drawn.reshape(-1, *shape)
-            came = self._many.run(now, tried)
-            values = came.values + s.horizon * came.stands
+            future = self._many.run(now, tried)
+            values = future.values + s.horizon * future.stands
             if values.max() > most:
                 best, most = tried[values.argmax()].copy(), values.max()
-            stands = bool(came.stands.any())
+            stands = bool(future.stands.any())
             if stands:
                 break
             method.tell(drawn, values)

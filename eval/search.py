@@ -1,22 +1,12 @@
-"""Searches for corrections of the planner: cross-entropy method, and futures on copies of a robot.
+"""Searches for corrections of the planner: the cross-entropy method, and futures on copies of a robot.
 
-Corrections of a planner's actions, a row for each step from now on.
-
-The cross-entropy method: normal candidates, drawn anew about the best of each generation.
-
-    x ~ clip(N(m, diag(s^2)), -1, 1),    m <- mean of the elites,    s <- max(their deviation, least)
-
-(Rubinstein 1999; de Boer et al. 2005). The candidates are a function of the seed and of what was told.
-
-What all searches for corrections by the cross-entropy method are.
-
-Copies of one robot that go on from where it is, as it would if nothing further happened to it.
+Corrections are a row of seven for each step from the present one on, in [-1, 1] of the largest ones.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Progress(NamedTuple):
-    """Where n robots are in their sequences; what `predict` hands over as its state."""
+    """Places of n robots in their sequences, which is the state that `predict` returns."""
 
     corrections: Actions  # (n, steps, 7) of the scaled action, in [-1, 1]
     wait: NDArray[np.int64]  # (n,) planning periods until the first one; -1: it has begun
@@ -59,8 +49,18 @@ class SequenceRule:
     """
 
     def __init__(self, policy: str, robot: RobotModel, limits: GaitLimits, preset: str, scale: float):
+        self._arguments = policy, robot, limits, preset, scale
         base = make_policy(policy, robot, limits, preset)
         self._rule = ResidualRule(base, robot, limits, default_residual_scale(limits, scale), None)
+
+    @classmethod
+    def of(cls, env: Any, policy: str, scale: float) -> Self:
+        """The rule for the robot of an environment, or of episodes."""
+        biped = getattr(env, "unwrapped", env)
+        return cls(policy, biped.robot, biped.limits, biped.preset, scale)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SequenceRule, self._arguments
 
     def act(self, observations: Array, progress: Progress) -> tuple[Actions, Progress]:
         """Gait actions (n, 7) at observations (n, 36), and where the robots are after them."""
@@ -75,55 +75,9 @@ class SequenceRule:
 
 
 def begun(corrections: Actions, wait: int = 0) -> Progress:
-    """Robots at the begin of their sequences (n, steps, 7), which start after `wait` planning periods."""
+    """Progress at the begin of sequences (n, steps, 7) that start after `wait` planning periods."""
     n = len(corrections)
     return Progress(corrections, np.full(n, wait), np.zeros(n, np.int64), np.full(n, -np.inf))
-
-
-Candidates = NDArray[np.float32]
-DECIMALS = 4
-
-
-def as_text(candidates: Candidates) -> list[Any]:
-    """Candidates as lists of numbers that are short in JSON and become the same float32 again."""
-    return np.round(candidates.astype(np.float64), DECIMALS).tolist()
-
-
-class CrossEntropy:
-    """Proposes candidates (population, size) in [-1, 1].
-
-    Args:
-        rng: of the draws.
-        mean: (size,) that the first generation is drawn about.
-        spread: (size,) its standard deviation.
-        population: candidates of a generation.
-        elites: that the next one is drawn from.
-        least: standard deviation that is kept.
-    """
-
-    def __init__(
-        self,
-        rng: np.random.Generator,
-        mean: NDArray[np.float64],
-        spread: NDArray[np.float64],
-        population: int,
-        elites: int,
-        least: float,
-    ):
-        self._rng, self._population, self._elites, self._least = rng, population, elites, least
-        self.mean, self.spread = mean, spread
-
-    def ask(self) -> Candidates:
-        """A generation, float32, as actions are, of numbers with four decimals, which files hold exactly."""
-        drawn = self._rng.standard_normal((self._population, len(self.mean)))
-        candidates = np.clip(self.mean + self.spread * drawn, -1.0, 1.0)
-        return np.round(candidates, DECIMALS).astype(np.float32)
-
-    def tell(self, candidates: Candidates, values: NDArray[np.float64]) -> None:
-        """Say what they are worth (population,): more is better, of equal ones the first."""
-        best = np.argsort(-values, kind="stable")[: self._elites]
-        elites = candidates[best].astype(np.float64)
-        self.mean, self.spread = elites.mean(axis=0), np.maximum(elites.std(axis=0), self._least)
 
 
 @dataclass(frozen=True)
@@ -168,27 +122,69 @@ class SearchSettings:
         return self.steps * GAIT_SIZE
 
 
-LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
-HAIR = 1e-9  # times are sums of steps [s]
-CAUGHT = -0.02  # least capture margin of a robot that is taken to stay up [m]
+class CrossEntropy:
+    """Cross-entropy method: proposes candidates (population, size) in [-1, 1], a generation at a time.
+
+        x ~ clip(N(m, diag(s^2)), -1, 1),    m <- mean of the elites,    s <- max(their deviation, least)
+
+    (Rubinstein 1999; de Boer et al. 2005). The candidates are a function of the seed and of their values.
+
+    Args:
+        rng: of the draws.
+        mean: (size,) that the first generation is drawn about.
+        spread: (size,) its standard deviation.
+        settings: population, elites, least spread.
+    """
+
+    def __init__(self, rng: np.random.Generator, mean: Array, spread: Array, settings: SearchSettings):
+        self._rng, self._settings = rng, settings
+        self.mean, self.spread = mean, spread
+
+    def ask(self) -> Actions:
+        """A generation, float32, as actions are, of numbers with four decimals, which files hold exactly."""
+        drawn = self._rng.standard_normal((self._settings.population, len(self.mean)))
+        candidates = np.clip(self.mean + self.spread * drawn, -1.0, 1.0)
+        return np.round(candidates, DECIMALS).astype(np.float32)
+
+    def tell(self, candidates: Actions, values: Array) -> None:
+        """Say what they are worth (population,): more is better, of equal ones the first."""
+        best = np.argsort(-values, kind="stable")[: self._settings.elites]
+        elites = candidates[best].astype(np.float64)
+        self.mean, self.spread = (
+            elites.mean(axis=0),
+            np.maximum(elites.std(axis=0), self._settings.least_spread),
+        )
+
+
+DECIMALS = 4
+
+
+def as_text(candidates: Actions) -> list[Any]:
+    """Candidates as lists of numbers that are short in JSON and become the same float32 again."""
+    return np.round(candidates.astype(np.float64), DECIMALS).tolist()
+
+
+WORST_MARGIN, BEST_MARGIN = -0.3, 0.05  # capture margins beyond which less or more is worth the same [m]
+STANDING_MARGIN = -0.02  # least capture margin of a robot that is taken to stay up [m]
+TIME_TOLERANCE = 1e-9  # times are sums of steps [s]
 
 
 def worth(margin: Array) -> Array:
-    """What a second of standing with a capture margin [m] is worth: clip(m, LEAST, MOST) - LEAST [m]."""
-    return np.clip(margin, LEAST, MOST) - LEAST
+    """Worth of a second of standing with a capture margin [m]: clip(margin, WORST, BEST) - WORST [m]."""
+    return np.clip(margin, WORST_MARGIN, BEST_MARGIN) - WORST_MARGIN
 
 
 def state_of(episodes: BipedEpisodes) -> Array:
-    """Where the first robot is: positions and velocities (nq + nv,)."""
+    """Positions and velocities of the first robot (nq + nv,)."""
     physics = episodes.core.physics
     return np.concatenate([physics.qpos[0], physics.qvel[0]])
 
 
 class Future(NamedTuple):
-    """What comes of n corrections within the horizon."""
+    """Results of n corrections within the horizon."""
 
     values: Array  # (n,) int worth(m) dt over the time that the robot stands, m its capture margin [m s]
-    stands: NDArray[np.bool_]  # (n,) at the end of it, with a capture margin of at least CAUGHT
+    stands: NDArray[np.bool_]  # (n,) at the end of it, with a capture margin of at least STANDING_MARGIN
 
 
 class Forecast:
@@ -219,7 +215,7 @@ class Forecast:
             if not standing.any():
                 break
             values += standing * worth(core.margin)
-        stands = (self.episodes.failure() == 0) & (core.margin >= CAUGHT)
+        stands = (self.episodes.failure() == 0) & (core.margin >= STANDING_MARGIN)
         return Future(values / self.episodes.control_hz, stands)
 
     def put(self, now: RobotSnapshot, outlast: float) -> None:
@@ -229,7 +225,7 @@ class Forecast:
         for k in range(self.episodes.n):
             self.episodes.restore(k, now, scenario)
             core.kicks.assign(k, ())
-        last = now.time - 1.0 / self.episodes.control_hz + HAIR
+        last = now.time - 1.0 / self.episodes.control_hz + TIME_TOLERANCE
         for i in range(len(scenario.pushes)):
             start, duration = now.rows["pushes.start"][i], now.rows["pushes.duration"][i]
             if start < now.time and last < start + duration:  # it has been felt
@@ -238,7 +234,7 @@ class Forecast:
                 core.pushes.force[:, i] = 0.0
 
     def after(self, now: RobotSnapshot, action: Actions) -> Array:
-        """Where a robot is a planning period later if nothing pushes it, see `state_of`."""
+        """State of a robot a planning period later if nothing pushes it, see `state_of`."""
         self.put(now, 0.0)
         self.episodes.step(action)
         return state_of(self.episodes)

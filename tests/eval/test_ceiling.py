@@ -1,4 +1,4 @@
-"""The run: what is searched, what is kept, what stands in the report."""
+"""Hindsight search over a suite: what is searched, what is kept, and what stands in the report."""
 
 import json
 import shutil
@@ -21,6 +21,7 @@ from push_recovery.eval.ceiling import (
 )
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.hindsight import CEILING, CeilingSettings
+from push_recovery.eval.output.progress import about, episode_seconds
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.evaluate import Evaluation, evaluate
 from push_recovery.eval.score.suites import Suite
@@ -85,6 +86,31 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path):
     ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
     assert len(new) == 2
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
+
+
+def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp_path, monkeypatch, capsys):
+    """Only what the directory lacks is searched for, and counts as work; what is there counts as done."""
+    asked = []
+
+    def known(env_id, task, jobs, workers):
+        asked.append((env_id, [scenario.id for _, scenario in jobs], {settings for settings, _ in jobs}))
+        return (row for row in found.searched if row["scenario_id"] in asked[-1][1])
+
+    monkeypatch.setattr(stored, "parallel", known)
+    directory, seen = evaluated(found, tmp_path), []
+    for ids in (["light-0", "hopeless", "light-1"], []):
+        again = ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory, on_row=seen.append)
+        assert again.searched == found.searched
+        assert asked[-1] == (ENV, ids, {SETTINGS} if ids else set())
+        said = [
+            line for line in capsys.readouterr().err.splitlines() if "attempts" in line or "/3 in" in line
+        ]
+        seconds = 6 * episode_seconds(ENV, SUITE.scenarios, 2)
+        how_long = f"{about(seconds)} at most" if ids else "nothing is left to run"
+        pushes = "up to 6 attempts at each of the 3 pushes that all policies lose"
+        assert said[-2] == f"{pushes}: {how_long}; output in {directory / CEILING}"
+        assert said[-1] == "3/3 in 0:00:00" + (" (ceiling answered 2)" if ids else "")
+    assert seen == found.searched
 
 
 def test_searches_of_other_settings_are_not_mixed(found):

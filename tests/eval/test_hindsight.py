@@ -1,10 +1,8 @@
-"""When a row of a sequence acts, on observations written by hand.
-
-Attempts and searches on pushes far from any limit: light ones, and one that nobody answers.
-"""
+"""Sequences on observations written by hand; attempts and searches on pushes far from any limit."""
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +14,11 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
+from push_recovery.eval import hindsight
 from push_recovery.eval.hindsight import (
     NEIGHBOURS,
     RECOVERED,
+    Attempts,
     CeilingSettings,
     Searcher,
     Sequence,
@@ -30,7 +30,7 @@ from push_recovery.eval.hindsight import (
 )
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import rollout
-from push_recovery.eval.search import LEAST, MOST, SequenceRule, begun
+from push_recovery.eval.search import BEST_MARGIN, WORST_MARGIN, CrossEntropy, SequenceRule, begun
 
 PUSH = polar_push(500.0, np.radians(170.0), 0.1, GaitEvent(4, "left", 0.3))
 SCENARIO = Scenario("s", (PUSH, Push((0.0, 100.0, -50.0), 0.2, 3.0, "trunk")), Command(0.2), noise_seed=3)
@@ -97,20 +97,20 @@ def corrected(seen, rows, scale: float = 1.0) -> np.ndarray:
     [(0, "0011122"), (1, "-011122"), (2, "--00011"), (5, "-----00"), (9, "-------")],
 )
 def test_each_row_lasts_a_step_from_its_period_on(seen, period, rows):
-    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(period, ROWS.tolist())})
+    policy = SequencePolicy(SequenceRule(*PLANNER, 1.0), {"s": Sequence(period, ROWS.tolist())})
     policy.begin_scenario(Scenario("s"))
     expected = [ROWS[int(one)] if one in "01" else np.zeros(7) for one in rows]
     np.testing.assert_array_equal(replayed(policy, seen), corrected(seen, expected))
 
 
 def test_without_a_sequence_the_planner_acts_bit_for_bit(seen):
-    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
+    policy = SequencePolicy(SequenceRule(*PLANNER, 1.0), {"s": Sequence(0, ROWS.tolist())})
     policy.begin_scenario(Scenario("other"))
     np.testing.assert_array_equal(replayed(policy, seen), POLICY.predict(seen)[0])
 
 
 def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
-    policy = SequencePolicy(*PLANNER, 3.0, {"s": Sequence(0, ROWS.tolist())})
+    policy = SequencePolicy(SequenceRule(*PLANNER, 3.0), {"s": Sequence(0, ROWS.tolist())})
     policy.begin_scenario(Scenario("s"))
     actions = replayed(policy, seen[:1])
     np.testing.assert_array_equal(actions, corrected(seen[:1], ROWS[:1], 3.0))
@@ -118,7 +118,7 @@ def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
 
 
 def test_a_policy_starts_anew_with_an_episode_and_pickles(seen):
-    policy = SequencePolicy(*PLANNER, 1.0, {"s": Sequence(0, ROWS.tolist())})
+    policy = SequencePolicy(SequenceRule(*PLANNER, 1.0), {"s": Sequence(0, ROWS.tolist())})
     copied = pickle.loads(pickle.dumps(policy))  # noqa: S301
     for one in (policy, copied):
         one.begin_scenario(Scenario("s"))
@@ -195,24 +195,25 @@ def test_there_is_no_moment_without_a_push(searcher, walker):
 def test_attempts_are_the_ordinary_rollouts_of_their_sequences(searcher, walker, profile):
     """Outcome of every attempt, and its worth from what the environment's info says of the margin."""
     scenario = LIGHT if profile == "exact" else HARDWARE.applied(LIGHT)
-    moment = moment_of_push(walker, searcher.rule, scenario)
+    snapshot, period = moment_of_push(walker, searcher.rule, scenario)
     corrections = np.random.default_rng(1).uniform(-1, 1, (4, 4, 7)).astype(np.float32)
     corrections[0] = 0.0
     robots = BipedEpisodes(6)
-    came = run_attempts(robots, searcher.rule, moment.snapshot, [scenario] * 4, corrections)
+    came = run_attempts(robots, searcher.rule, snapshot, [scenario] * 4, corrections)
     assert came.outcomes[0].recovered
     assert not all(outcome.recovered for outcome in came.outcomes)
     for rows, outcome, value in zip(corrections, came.outcomes, came.values, strict=True):
         worth = []
 
         def watch(robot, worth=worth):
-            if robot.info["time"] > moment.snapshot.time + 1e-9 and robot.info["failure_reason"] is None:
-                worth.append(min(max(robot.info["capture_margin"], LEAST), MOST) - LEAST)
+            if robot.info["time"] > snapshot.time + 1e-9 and robot.info["failure_reason"] is None:
+                margin = robot.info["capture_margin"]
+                worth.append(min(max(margin, WORST_MARGIN), BEST_MARGIN) - WORST_MARGIN)
 
-        sequences = {scenario.id: Sequence(moment.period, rows.astype(float).tolist())}
-        replay = SequencePolicy(*searcher._planner, sequences)
+        sequences = {scenario.id: Sequence(period, rows.astype(float).tolist())}
+        replay = SequencePolicy(searcher.rule, sequences)
         whole = rollout(searcher.env, replay, scenario, "attempt", watch)
-        assert whole.env_steps == outcome.env_steps + moment.period
+        assert whole.env_steps == outcome.env_steps + period
         from_there = {"env_steps", "total_reward", "measures"}  # what counts from where an attempt begins
         same = replace(whole, **{name: getattr(outcome, name) for name in from_there})
         assert same == outcome
@@ -233,6 +234,49 @@ def test_a_search_without_an_answer_spends_its_budget_and_keeps_its_best(searche
     assert (row["attempts"], row["neighbours"]) == (SETTINGS.budget, None)
     assert np.shape(row["corrections"]) == (4, 7)
     assert row == searcher.row(HOPELESS)
+
+
+class ToldAttempts:
+    """Attempts whose values and recoveries are known, generation by generation; notes what was tried."""
+
+    def __init__(self, *generations):
+        self.generations, self.tried = list(generations), []
+
+    def __call__(self, robots, rule, snapshot, scenarios, corrections) -> Attempts:
+        self.tried.append(corrections.copy())
+        values, recovered = self.generations.pop(0)
+        outcomes = [SimpleNamespace(recovered=k in recovered) for k in range(len(scenarios))]
+        return Attempts(outcomes, np.array(values))  # type: ignore[arg-type]
+
+
+def test_the_first_generation_that_recovers_gives_the_answer_with_the_least_corrections(
+    searcher, monkeypatch
+):
+    told = ToldAttempts(([0.1, 0.4, 0.2, 0.3], ()), ([1.0, 9.0, 2.0, 3.0], (1, 2, 3)))
+    monkeypatch.setattr(hindsight, "run_attempts", told)
+    best, recovered, attempts = searcher.search(None, LIGHT)
+    first, second = told.tried
+    assert not first[0].any()
+    assert first[1:].any(axis=(1, 2)).all()
+    assert second.any(axis=(1, 2)).all()
+    effort = np.square(second.astype(float)).sum(axis=(1, 2))
+    np.testing.assert_array_equal(best, second[1:][effort[1:].argmin()])
+    assert (recovered, attempts) == (True, 8)
+    method = CrossEntropy(generator_of(0, LIGHT), np.zeros(28), np.full(28, 0.8), SETTINGS)
+    np.testing.assert_array_equal(first.reshape(4, 28)[1:], method.ask()[1:])
+    method.tell(first.reshape(4, 28), np.array([0.1, 0.4, 0.2, 0.3]))
+    np.testing.assert_array_equal(second.reshape(4, 28), method.ask())
+
+
+@pytest.mark.parametrize(("second", "generation", "best"), [([0.0, 0.5, 0.1, 0.2], 1, 1), ([0.1] * 4, 0, 2)])
+def test_without_a_recovery_the_best_attempt_of_all_generations_is_kept(
+    searcher, monkeypatch, second, generation, best
+):
+    told = ToldAttempts(([0.1, 0.2, 0.3, 0.0], ()), (second, ()))
+    monkeypatch.setattr(hindsight, "run_attempts", told)
+    found, recovered, attempts = searcher.search(None, LIGHT)
+    np.testing.assert_array_equal(found, told.tried[generation][best])
+    assert (recovered, attempts) == (False, SETTINGS.budget)
 
 
 def test_draws_hang_on_the_scenario_and_the_seed_alone():

@@ -8,15 +8,17 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import Kick, Push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
+from push_recovery.eval.sampling_mpc import SamplingMpcSettings
 from push_recovery.eval.search import CrossEntropy, Forecast, SequenceRule, as_text, begun, state_of, worth
 
 
 def method(seed: int = 0, population: int = 40, elites: int = 5, least: float = 0.05) -> CrossEntropy:
-    return CrossEntropy(np.random.default_rng(seed), np.zeros(3), np.full(3, 0.8), population, elites, least)
+    settings = SamplingMpcSettings(population=population, elites=elites, least_spread=least)
+    return CrossEntropy(np.random.default_rng(seed), np.zeros(3), np.full(3, 0.8), settings)
 
 
 def test_candidates_are_normal_and_clipped():
-    drawn = method(population=20_000).ask()
+    drawn = method(population=10_000).ask()
     assert drawn.dtype == np.float32
     assert np.abs(drawn).max() == 1.0
     inside = np.abs(drawn) < 1.0

@@ -1,7 +1,4 @@
-"""Lines of progress, by a clock that the test moves.
-
-What a command says before and during its work: on a terminal, and where standard error is a log.
-"""
+"""Words of a command before and during its work, on a terminal and in a log, by a clock that a test moves."""
 
 import io
 import sys
@@ -80,12 +77,21 @@ FORCE = (100.0, 0.0, 0.0)
         (0.0, "nothing is left to run"),
         (0.1, "a few seconds"),
         (9.9, "a few seconds"),
+        (10.0, "about 10 seconds"),
         (12.0, "about 10 seconds"),
+        (17.0, "about 15 seconds"),
+        (19.0, "about 20 seconds"),
+        (20.0, "about 20 seconds"),
+        (24.0, "about 20 seconds"),
         (43.0, "about 40 seconds"),
         (89.0, "about 90 seconds"),
+        (90.0, "about 2 minutes"),
         (91.0, "about 2 minutes"),
+        (9.4 * 60.0, "about 9 minutes"),
         (13 * 60.0, "about 15 minutes"),
         (44 * 60.0, "about 40 minutes"),
+        (89 * 60.0, "about 90 minutes"),
+        (90 * 60.0, "about 2 hours"),
         (91 * 60.0, "about 2 hours"),
     ],
 )
@@ -103,6 +109,8 @@ def test_the_guess_is_linear_in_what_is_simulated_and_in_the_processes():
     one = robot_seconds("PushRecovery/Biped-v0", 100.0)
     assert robot_seconds("PushRecovery/Biped-v0", 300.0) == pytest.approx(3.0 * one)
     assert robot_seconds("PushRecovery/Biped-v0", 100.0, 4) == pytest.approx(one / 4.0)
+    assert robot_seconds("PushRecovery/Biped-v0", 100.0, 0) == one
+    assert one == pytest.approx(1.5)  # 15 ms of a core for a second of a biped
     assert robot_seconds("PushRecovery/Pendulum-v0", 100.0) < one < robot_seconds("mine:Robot-v0", 100.0)
 
 
@@ -113,7 +121,10 @@ def test_an_episode_lasts_until_its_robot_has_had_time_to_settle():
     fixed = Scenario("b", (Push(FORCE, 0.5, 3.5),), Command(0.2), duration=20.0)
     assert episode_seconds(env, [pushed, fixed]) == pytest.approx(robot_seconds(env, 28.0))
     waits = Scenario("c", (Push(FORCE, 0.5, GaitEvent(4, "left", 0.0)),), settle_time=4.0)
-    assert robot_seconds(env, 4.5) < episode_seconds(env, [waits]) < robot_seconds(env, 8.5)
+    assert episode_seconds(env, [waits]) == pytest.approx(robot_seconds(env, 6.5))  # at about 2 s
+    twice = Scenario("d", (Push(FORCE, 0.5, 3.5), Push(FORCE, 0.1, 1.0)), settle_time=4.0)
+    assert episode_seconds(env, [twice]) == pytest.approx(robot_seconds(env, 8.0))
+    assert episode_seconds(env, [pushed], 2) == pytest.approx(robot_seconds(env, 4.0))
     assert episode_seconds(env, []) == 0.0
 
 

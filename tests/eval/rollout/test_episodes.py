@@ -210,6 +210,30 @@ def test_time_is_what_the_environment_tells_or_its_steps_take():
     assert rollout(told, Still(), Scenario("a"), "p").end_time == 9.0
 
 
+class Seeded:
+    """Notes what begins it."""
+
+    def __init__(self):
+        self.notes = []
+
+    def reset(self, seed=None):
+        self.notes.append(seed)
+
+    def begin_scenario(self, scenario):
+        self.notes.append(scenario.id)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.notes.append(episode_start.item())
+        return 0.0, state
+
+
+def test_a_policy_begins_each_episode_with_the_scenario_and_its_noise_seed():
+    policy = Seeded()
+    for name, seed in (("a", 7), ("b", 0)):
+        rollout(Scripted(False, True, {}), policy, Scenario(name, noise_seed=seed), "p")
+    assert policy.notes == [7, "a", True, False, False, 0, "b", True, False, False]
+
+
 PENDULUM_BATCH, BIPED, RESIDUAL = (
     f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual")
 )
