@@ -1,11 +1,4 @@
-"""The functions that users call: `evaluate`, `compare`, `frontier` and `rollout`.
-
-Score policies on a suite, and compare two of them.
-
-The largest recoverable push by direction.
-
-One episode.
-"""
+"""The functions that users call: `evaluate`, `compare`, `frontier` and `rollout`."""
 
 from __future__ import annotations
 
@@ -55,7 +48,7 @@ def evaluate(
             the signature takes them; (action, state) or the action alone may be returned.
         suite: a suite, its name, or its file; by default `quick`, and `quick-1` on the pendulum.
         env: id of a gait environment.
-        errors: what robot and floor are off from what the planner believes, in every scenario.
+        errors: what robot and floor are off from the planner's model, in every scenario.
         profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, which change no result. More than one start this script anew, so that it needs
             `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
@@ -69,9 +62,8 @@ def evaluate(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    evaluation = evaluate_sources(
-        _suite(suite, env, errors, profile), env, policies, workers, _directory(out), overwrite
-    )
+    chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
+    evaluation = evaluate_sources(chosen, env, policies, workers, directory, overwrite)
     write_reports(evaluation, evaluation_markdown(with_ceiling(evaluation, workers, overwrite)))
     return evaluation
 
@@ -95,22 +87,14 @@ def compare(
     Raises:
         PushRecoveryError: as `evaluate`.
     """
-    return compare_sources(
-        a, b, _suite(suite, env, errors, profile), env, workers, _directory(out), overwrite
-    )
+    chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
+    return compare_sources(a, b, chosen, env, workers, directory, overwrite)
 
 
 def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
     if isinstance(suite, Suite):
         return on_robots(suite, errors, profile, env)
     return pushes_on(env, None if suite is None else str(suite), errors, profile)
-
-
-def _directory(out: str | PathLike[str] | None) -> Path | None:
-    return None if out is None else Path(out)
-
-
-IN_PLACE = Command()
 
 
 def frontier(
@@ -121,7 +105,7 @@ def frontier(
     grid: float | None = None,
     duration: float = 0.1,
     body: Body = "pelvis",
-    command: Command = IN_PLACE,
+    command: Command = Command(),  # noqa: B008  # frozen
     errors: ModelErrors = EXACT_MODEL,
     profile: str = "exact",
     workers: int = 1,
@@ -138,7 +122,7 @@ def frontier(
         duration: of the push [s].
         body: that is pushed.
         command: velocity that is walked at.
-        errors: what robot and floor are off from what the planner believes.
+        errors: what robot and floor are off from the planner's model.
         profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, see `evaluate`.
         out: directory of the results; by default one under runs/ named after the configuration.

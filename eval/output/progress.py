@@ -1,10 +1,4 @@
-"""Progress of long work on standard error, and how long work takes in words.
-
-Progress as lines of text, for logs and wherever else standard error is no terminal.
-
-What a command is about to do and about how long that takes, in words.
-
-What work is done, on standard error; standard output is left to results.
+"""Progress of long work on standard error, and how long it takes in words; standard output is for results.
 
 On a terminal a bar for each name; in a log, where bars are of no use, a line every half minute.
 """
@@ -27,7 +21,6 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -58,7 +51,7 @@ class Lines:
         self._total, self._out, self._clock = total, out, clock
         self._done = {name: begun.get(name, 0) for name in names}
         self._notes = dict.fromkeys(names, "")
-        self._told = dict(self._done)
+        self._written = dict(self._done)
         self._begun, self._began = sum(self._done.values()), clock()
 
     def set(self, name: str, completed: int, note: str = "") -> None:
@@ -71,13 +64,13 @@ class Lines:
         done, all_of_it = sum(self._done.values()), self._total * len(self._done)
         passed = self._clock() - self._began
         left = self._left(passed, done, all_of_it)
-        moved = [self._part(name) for name, count in self._done.items() if count != self._told[name]]
-        self._told = dict(self._done)
+        moved = [self._part(name) for name, count in self._done.items() if count != self._written[name]]
+        self._written = dict(self._done)
         behind = f" ({', '.join(moved)})" if moved else ""
         print(f"{done}/{all_of_it} in {_clock_time(passed)}{left}{behind}", file=self._out, flush=True)
 
     def _left(self, passed: float, done: int, all_of_it: int) -> str:
-        """What is left at the rate so far; nothing before the first piece is done and after the last."""
+        """Time left at the rate so far, in words; none before the first piece is done and after the last."""
         if done <= self._begun or done >= all_of_it:
             return ""
         return f", about {_clock_time(passed * (all_of_it - done) / (done - self._begun))} left"
@@ -101,7 +94,7 @@ UNITS = (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0))
 
 @dataclass(frozen=True)
 class Work:
-    """Said before it begins, so that nobody waits without knowing for what."""
+    """Announcement of work before it begins, so that nobody waits without knowing for what."""
 
     what: str
     how_long: str
@@ -113,7 +106,7 @@ class Work:
 
 
 def about(seconds: float) -> str:
-    """A length of time as a guess is told: "a few seconds", "about 40 seconds", "about 3 minutes".
+    """A guessed length of time in words: "a few seconds", "about 40 seconds", "about 3 minutes".
 
     Args:
         seconds: the guess; 0 where everything is there already.
@@ -152,7 +145,6 @@ def _end(scenario: Scenario) -> float:
 
 
 INTERVAL = 30.0  # between two lines [s]
-NONE: Mapping[str, int] = MappingProxyType({})
 
 
 class Bars(Protocol):
@@ -180,7 +172,7 @@ def progress_bars(
     names: Sequence[str],
     total: int,
     work: Work | None = None,
-    begun: Mapping[str, int] = NONE,
+    begun: Mapping[str, int] = MappingProxyType({}),
     moving: bool = True,
 ) -> Iterator[Bars]:
     """Say what will be done, then show how far it is while the block runs.
@@ -196,42 +188,27 @@ def progress_bars(
     if work is not None:
         say(work)
     if moving and (console.is_interactive or console.is_jupyter):
-        with Progress(*_columns(), console=console, expand=False) as progress:
+        columns = (
+            TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
+            TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+        )  # fmt: skip
+        with Progress(*columns, console=console, expand=False) as progress:
             yield _TerminalBars(progress, names, total, begun)
         return
-    lines = Lines(names, total, begun, sys.stderr)
-    with _every_interval(lines.tell):
+    lines, over = Lines(names, total, begun, sys.stderr), Event()
+    thread = Thread(target=repeat, args=(lines.tell, over.wait), daemon=True)
+    thread.start()
+    try:
         yield lines
+    finally:
+        over.set()
+        thread.join()
     lines.tell()
 
 
 def say(work: Work) -> None:
-    """What a command is about to do, on standard error."""
+    """Announce a command's work on standard error."""
     print(work, file=sys.stderr, flush=True)
-
-
-def _columns() -> tuple[ProgressColumn, ...]:
-    return (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=30),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-
-
-@contextmanager
-def _every_interval(tell: Callable[[], None]) -> Iterator[None]:
-    """Call a function every `INTERVAL` while the block runs, however long one piece of its work takes."""
-    over = Event()
-    thread = Thread(target=repeat, args=(tell, over.wait), daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def repeat(tell: Callable[[], None], wait: Callable[[float], bool]) -> None:

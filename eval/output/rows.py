@@ -1,13 +1,4 @@
-"""Rows of JSON in a directory of their own, one writer at a time, which survive a kill.
-
-Whether a file can be written, asked before the work that it is for.
-
-What wrote a result: versions, commit, kind of machine.
-
-One writer a directory: a lock that ends with the process that holds it, however that ends.
-
-Rows of JSON in a directory of their own, which survive a kill and go on from there.
-"""
+"""Results on disk: rows of JSON that survive a kill, one writer a directory, versions of what wrote them."""
 
 from __future__ import annotations
 
@@ -77,7 +68,7 @@ def source_commit(file: Path = Path(__file__)) -> str | None:
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """What git says in a folder; None where it fails or is not installed."""
+    """Output of git in a folder; None where it fails or is not installed."""
     try:
         done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603, S607
     except (OSError, subprocess.CalledProcessError):
@@ -90,7 +81,7 @@ PATIENCE = 0.1  # with a lock that is being released [s]
 
 
 class Writer:
-    """The only one that writes to a directory, until it is released; a context manager.
+    """The right to write to a directory, for one holder at a time until it is released; a context manager.
 
     The system's lock on the file LOCK says so: it ends with the process that holds it, however that ends, and
     a file that a killed process has left behind means nothing. On release the file goes, and with it the

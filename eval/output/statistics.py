@@ -1,15 +1,8 @@
-"""Statistics of outcomes: score intervals, paired tests, logistic curves, survival, training seeds.
+"""Statistics of outcomes: score intervals, paired tests, logistic curves, survival, and training seeds.
 
-Statistics of success counts: Wilson's and Newcombe's score intervals, exact McNemar test.
-
-A logistic curve through outcomes that are yes or no, with its band, and where it reaches a share.
-
-Survival over time or over repeated pushes, where some episodes end before the robot has fallen.
-
-Several training seeds against one another: robust means, profiles, and intervals that know of the seeds.
-
-Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS. Scores
-are arrays (seeds, scenarios); an arm that is not trained has one seed.
+Scores of several training seeds are arrays (seeds, scenarios), where what is not trained has one seed; they
+are compared as Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice,
+NeurIPS, recommend.
 """
 
 from __future__ import annotations
@@ -306,7 +299,6 @@ def kaplan_meier(ends: Sequence[float], fell: Sequence[bool]) -> SurvivalCurve:
     )
 
 
-Ints = NDArray[np.int64]
 Statistic = Callable[..., float | Array]  # of one or more arrays (seeds, scenarios)
 DRAWS = 2000  # of a bootstrap
 
@@ -318,7 +310,7 @@ def interquartile_mean(scores: ArrayLike) -> float:
     """
     from scipy.stats import trim_mean
 
-    return float(trim_mean(_scores(scores).ravel(), 0.25))
+    return float(trim_mean(_scores(scores)[0].ravel(), 0.25))
 
 
 def probability_of_improvement(a: ArrayLike, b: ArrayLike) -> float:
@@ -328,14 +320,14 @@ def probability_of_improvement(a: ArrayLike, b: ArrayLike) -> float:
         a: scores (seeds, scenarios).
         b: scores (seeds, the same scenarios); the number of seeds may differ.
     """
-    first, second = _alike(a, b)
+    first, second = _scores(a, b)
     difference = first[:, None, :] - second[None, :, :]
     return float(np.mean(0.5 * (1.0 + np.sign(difference))))
 
 
 def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> Array:
     """Share of the runs, of all seeds and scenarios, with a score above each threshold (thresholds,)."""
-    runs = np.sort(_scores(scores).ravel())
+    runs = np.sort(_scores(scores)[0].ravel())
     above = runs.size - np.searchsorted(runs, np.asarray(thresholds, dtype=np.float64), side="right")
     return above / runs.size
 
@@ -348,7 +340,7 @@ def stratum_rates(scores: ArrayLike, strata: ArrayLike) -> Array:
         strata: number of the stratum of each scenario, from 0 on without gaps.
     """
     members = np.eye(int(np.max(strata)) + 1)[np.asarray(strata)]
-    return _scores(scores) @ members / members.sum(axis=0)
+    return _scores(scores)[0] @ members / members.sum(axis=0)
 
 
 def bootstrap_interval(
@@ -372,15 +364,15 @@ def bootstrap_band(
     draws: int = DRAWS,
     strata: ArrayLike | None = None,
 ) -> Array:
-    """Percentile interval of a statistic of one or more arms under another choice of seeds and scenarios.
+    """Percentile interval of a statistic of one or more policies under another choice of seeds and scenarios.
 
-    Each draw takes seeds of every arm with replacement, each arm for itself, then scenarios, the same for all
-    arms, which keeps the pairs, and each from its own stratum. With few seeds it is too narrow: the variance
-    of the mean of n drawn seeds lacks the factor n / (n - 1), which at five is a fifth of it.
+    Each draw takes seeds of every policy with replacement, each policy for itself, then scenarios, the same
+    for all, which keeps the pairs, and each from its own stratum. With few seeds it is too narrow: the
+    variance of the mean of n drawn seeds lacks the factor n / (n - 1), which at five is a fifth of it.
 
     Args:
         statistic: of arrays (seeds, scenarios), as many as `scores` has, in the order of the strata.
-        scores: of the arms, over the same scenarios.
+        scores: of the policies, over the same scenarios.
         rng: of the draws.
         level: of the interval.
         draws: how many.
@@ -390,41 +382,32 @@ def bootstrap_band(
         Low and high end (2, shape of the statistic).
 
     Raises:
-        InvalidValueError: arms over different numbers of scenarios, or a level outside (0, 1).
+        InvalidValueError: policies over different numbers of scenarios, or a level outside (0, 1).
     """
     if not 0.0 < level < 1.0:
         raise InvalidValueError(f"level must be in (0, 1), got {level}")
-    arms = _alike(*scores)
-    drawn = _drawing(np.zeros(arms[0].shape[1], dtype=np.int64) if strata is None else np.asarray(strata))
+    policies = _scores(*scores)
+    group = np.zeros(policies[0].shape[1], dtype=np.int64) if strata is None else np.asarray(strata)
+    order = np.argsort(group, kind="stable")
+    _, number, sizes = np.unique(group, return_inverse=True, return_counts=True)
+    first = (np.cumsum(sizes) - sizes)[number]
     found = []
     for _ in range(draws):
-        seeds = [rng.integers(len(arm), size=len(arm)) for arm in arms]
-        columns = drawn(rng)
-        found.append(statistic(*(arm[np.ix_(rows, columns)] for arm, rows in zip(arms, seeds, strict=True))))
+        seeds = [rng.integers(len(one), size=len(one)) for one in policies]
+        columns = order[first + rng.integers(sizes[number])]  # for each scenario one of its stratum
+        drawn = (one[np.ix_(rows, columns)] for one, rows in zip(policies, seeds, strict=True))
+        found.append(statistic(*drawn))
     return np.quantile(np.array(found), (0.5 * (1.0 - level), 0.5 * (1.0 + level)), axis=0)
 
 
-def _drawing(strata: Ints) -> Callable[[np.random.Generator], Ints]:
-    """A function that draws for each scenario one of its stratum."""
-    order = np.argsort(strata, kind="stable")
-    _, number, sizes = np.unique(strata, return_inverse=True, return_counts=True)
-    first = (np.cumsum(sizes) - sizes)[number]
-    return lambda rng: order[first + rng.integers(sizes[number])]
-
-
-def _scores(scores: ArrayLike) -> Array:
-    """Scores as an array (seeds, scenarios)."""
-    found = np.asarray(scores, dtype=np.float64)
-    if found.ndim != 2 or not found.size or not np.isfinite(found).all():
-        raise InvalidValueError(f"scores must be finite and of shape (seeds, scenarios), got {found.shape}")
-    return found
-
-
-def _alike(*scores: ArrayLike) -> list[Array]:
-    """Scores over the same scenarios."""
-    found = [_scores(arm) for arm in scores]
-    if len({arm.shape[1] for arm in found}) != 1:
+def _scores(*scores: ArrayLike) -> list[Array]:
+    """Scores as arrays (seeds, scenarios), over the same scenarios."""
+    found = [np.asarray(one, dtype=np.float64) for one in scores]
+    for one in found:
+        if one.ndim != 2 or not one.size or not np.isfinite(one).all():
+            raise InvalidValueError(f"scores must be finite and of shape (seeds, scenarios), got {one.shape}")
+    if len({one.shape[1] for one in found}) != 1:
         raise InvalidValueError(
-            f"scores must be over the same scenarios, got {', '.join(str(arm.shape[1]) for arm in found)}"
+            f"scores must be over the same scenarios, got {', '.join(str(one.shape[1]) for one in found)}"
         )
     return found

@@ -1,4 +1,4 @@
-"""Environments by name, as the command line gives them, and what results of theirs belong to."""
+"""Environments by name, as the command line gives them, and the digests that their results belong to."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def env_ids() -> list[str]:
 
 @dataclass(frozen=True)
 class EnvName:
-    """ID, MODULE:ID or a robot file, with a preset of its own in ID@PRESET; takes them apart here alone."""
+    """Name of an environment: ID, MODULE:ID or a robot file, with a preset of its own in ID@PRESET."""
 
     module: str  # that registers the id; empty for this project's
     id: str
@@ -140,8 +140,7 @@ def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None
 def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
     """`make_env`, or the `own_env` of a policy where it has one."""
     env = make_env(env_id, **kwargs)
-    own = own_env(env, env_id, policy, **kwargs)
-    if own is None:
+    if (own := own_env(env, env_id, policy, **kwargs)) is None:
         return env
     env.close()
     return own
@@ -165,16 +164,13 @@ def robot_of(env_id: str) -> tuple[str, Similarity]:
     if not (name.module or name.robot) and name.label.startswith(OF_REFERENCE):
         return "biped", SAME
     with closing(make_env(env_id)) as env:
-        inner: Any = env.unwrapped
-        episodes = getattr(inner, "episodes", None)
-        description = getattr(episodes, "description", None)
+        description = getattr(getattr(env.unwrapped, "episodes", None), "description", None)
         return getattr(description, "name", name.label), size_of(env)
 
 
-def size_of(env: gym.Env) -> Similarity:
-    """The size of an environment's robot against that of 60 kg."""
-    inner: Any = env.unwrapped
-    return Similarity.of(inner.robot)
+def size_of(env: Any) -> Similarity:
+    """Size of an environment's robot against that of 60 kg."""
+    return Similarity.of(env.unwrapped.robot)
 
 
 def profile_on(env_id: str, profile: str) -> Profile:

@@ -1,12 +1,9 @@
-"""A policy by name, file, MODULE:ATTRIBUTE, or as an object, ready to act in an environment.
+"""Policies by name, file, MODULE:ATTRIBUTE or as objects, made ready to act in an environment.
 
-Names of the learned policies that come with the package, and the files that they stand for.
-
-The files lie in the folder `policies/` beside this module, NAME.safetensors and NAME.json, and are no code: a
-new one leaves the digest of the code, and with it the rows of all others, as they are. How each came about
-stands in its JSON; its settings are those of `training.recipes`.
-
-Objects of the user: modules that the user named, and what in them acts.
+Learned policies that come with the package lie in the folder `policies/` beside this module, as
+NAME.safetensors and NAME.json. They are no code: a new one leaves the digest of the code, and with it the
+rows of all others, as they are. How each came about stands in its JSON; its settings are those of
+`training.recipes`.
 """
 
 from __future__ import annotations
@@ -25,7 +22,7 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies.interface import Policy, as_policy
+from ...controllers.policies.interface import Policy, RandomPolicy, as_policy
 from ...controllers.policies.learned import NetworkPolicy, policy_paths
 from ...controllers.validation import parse_json
 from ..sampling_mpc import NAME as SAMPLING_MPC
@@ -40,7 +37,7 @@ NAMES = (
 
 
 def shipped_names() -> tuple[str, ...]:
-    """Those of NAMES whose files are there."""
+    """NAMES whose files are there."""
     return tuple(name for name in NAMES if all(path.is_file() for path in policy_paths(FOLDER / name)))
 
 
@@ -55,7 +52,7 @@ def shipped_digest() -> str:
 
 
 def training_note(path: Path) -> Any:
-    """What stands under `training` in a policy's JSON: how it came about; None where nothing does.
+    """The entry `training` of a policy's JSON, how it came about; None where there is none.
 
     Raises:
         InvalidValueError: the file can't be read, or is no JSON.
@@ -85,7 +82,7 @@ def named_file(name: str) -> str:
 
 
 def import_from_here(name: str) -> Any:
-    """A module that the user named, also from the working directory as `python -m` has it.
+    """Import a module that the user named, also from the working directory as `python -m` has it.
 
     Raises:
         InvalidValueError: no such module, or it can't be imported.
@@ -193,14 +190,27 @@ def make_policy(name: str, env: Any) -> Policy:
 
     if name in NAMES:
         return load_policy(name, env)
-    _refuse_archive(name)
+    if name.endswith(".zip"):
+        raise InvalidValueError(
+            f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: where you "
+            "trust it, evaluate and compare take --trust; or load it yourself and score the model, "
+            "push_recovery.evaluate(policies={'mine': PPO.load(...)})"
+        )
+    if name.endswith(".py"):
+        raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")
     if name not in policy_names():
         raise UnknownNameError("policy", name, [*policy_names(), *FORMS])
     unwrapped: Any = getattr(env, "unwrapped", env)
     if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(unwrapped, part)]:
         raise InvalidValueError(f"policy {name!r} needs a gait environment; {env} has no {', '.join(lacks)}")
     if acts_on_joints(env):
-        return _random_joints(name, unwrapped.episodes)
+        episodes = unwrapped.episodes
+        if name != "random":
+            raise InvalidValueError(
+                f"policy {name!r} gives gait actions, but {episodes.name} takes {episodes.action_size} of "
+                f"the joints; score it on {DEFAULT_ENV}, and here random, {' or '.join(FORMS)}"
+            )
+        return RandomPolicy(name, episodes.observation_size, episodes.action_size)
     if acts_on_residual(env):
         raise InvalidValueError(
             f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
@@ -211,18 +221,6 @@ def make_policy(name: str, env: Any) -> Policy:
 
         return SamplingMpcPolicy(env)
     return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
-
-
-def _random_joints(name: str, episodes: Any) -> Policy:
-    """The one analytic policy that acts on joints."""
-    from ...controllers.policies.interface import RandomPolicy
-
-    if name != "random":
-        raise InvalidValueError(
-            f"policy {name!r} gives gait actions, but {episodes.name} takes {episodes.action_size} of the "
-            f"joints; score it on {DEFAULT_ENV}, and here random, {' or '.join(FORMS)}"
-        )
-    return RandomPolicy(name, episodes.observation_size, episodes.action_size)
 
 
 def policy_names() -> tuple[str, ...]:
@@ -246,32 +244,16 @@ def acts_on_residual(env: Any) -> bool:
     """Whether the actions of an environment are residuals on a policy of its own."""
     from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 
-    if isinstance(env, ResidualVectorEnv):
-        return True
     layer: Any = env
-    while isinstance(layer, gym.Wrapper):
-        if isinstance(layer, ResidualAction):
-            return True
+    while isinstance(layer, gym.Wrapper) and not isinstance(layer, ResidualAction):
         layer = layer.env
-    return False
+    return isinstance(layer, ResidualAction | ResidualVectorEnv)
 
 
 def acts_on_joints(env: Any) -> bool:
     """Whether the actions of an environment are those of joints instead of a gait."""
     episodes = getattr(getattr(env, "unwrapped", env), "episodes", None)
     return getattr(episodes, "action_size", GAIT_SIZE) != GAIT_SIZE
-
-
-def _refuse_archive(name: str) -> None:
-    """Say what to do about files that hold code."""
-    if name.endswith(".zip"):
-        raise InvalidValueError(
-            f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: where you "
-            "trust it, evaluate and compare take --trust; or load it yourself and score the model, "
-            "push_recovery.evaluate(policies={'mine': PPO.load(...)})"
-        )
-    if name.endswith(".py"):
-        raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")
 
 
 def _load_object(policy: Any, env: gym.Env) -> Policy:

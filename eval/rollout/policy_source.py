@@ -30,7 +30,7 @@ from .load_policy import acting, import_attribute, is_attribute, is_policy_file,
 
 @dataclass(frozen=True)
 class PolicySource:
-    """One policy of an evaluation, before any environment is known."""
+    """A policy of an evaluation, before any environment is known."""
 
     label: str  # of its rows
     origin: Any  # name of an analytic policy, file, MODULE:ATTRIBUTE, or an object with `predict`
@@ -46,15 +46,17 @@ class PolicySource:
         return not self.in_memory or _pickled(self.origin) is not None
 
     def digest(self) -> str | None:
-        """SHA-256 of what the policy is; None for a name, and for an object that can't be pickled.
+        """SHA-256 of the policy's content; None for a name, and for an object that can't be pickled.
 
         Of a file: its weights and description. Of MODULE:ATTRIBUTE: the module's source. Of sampling MPC,
         which is not among the code of `code_digest`: its own. Of an object: its pickle and its class's
         source, so that rows of an object that has learned since are never mixed.
         """
         if self.in_memory:
-            return _object_digest(self.origin)
-        if is_policy_file(self.origin):
+            if (content := _pickled(self.origin)) is None:
+                return None
+            content += b"\0" + source_of(type(self.origin))
+        elif is_policy_file(self.origin):
             content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):
             content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
@@ -172,35 +174,23 @@ def open_rows(
             is writing there.
     """
     digests = {name: source.digest() for name, source in sources.items()}
-    directory = directory or default_directory(label, config | _own_directory(sources, digests))
+    # An object without a digest gets a default directory that no other run has.
+    objects = {name: digests[name] or secrets.token_hex(8) for name in sources if sources[name].in_memory}
+    directory = directory or default_directory(label, config | ({"objects": objects} if objects else {}))
     store = RowFile(directory, config, key, overwrite, fields)
     try:
         store.check_policies(digests)
-        _refuse_unknown_objects(store, sources, digests)
+        for row in store.rows.values():
+            name = row["policy"]
+            if name in objects and digests[name] is None:
+                raise InvalidValueError(
+                    f"{str(store.path)!r} holds rows of policy {name!r}, an object that does not pickle, so "
+                    "that nothing says whether it is the same: choose another directory, or overwrite"
+                )
     except BaseException:
         store.close()
         raise
     return store, digests
-
-
-def _own_directory(sources: Sources, digests: Mapping[str, str | None]) -> dict[str, Any]:
-    """What sets the default directory of objects in memory apart; nothing where all can be named.
-
-    An object without a digest gets a directory that no other run has.
-    """
-    objects = {name: digests[name] or secrets.token_hex(8) for name in sources if sources[name].in_memory}
-    return {"objects": objects} if objects else {}
-
-
-def _refuse_unknown_objects(store: RowFile, sources: Sources, digests: Mapping[str, str | None]) -> None:
-    """Raise InvalidValueError where rows are present of an object that nothing tells from another."""
-    for row in store.rows.values():
-        source = sources.get(row["policy"])
-        if source is not None and source.in_memory and digests[source.label] is None:
-            raise InvalidValueError(
-                f"{str(store.path)!r} holds rows of policy {source.label!r}, an object that does not "
-                "pickle, so that nothing says whether it is the same: choose another directory, or overwrite"
-            )
 
 
 def _label(policy: Any) -> str:
@@ -216,8 +206,3 @@ def _pickled(policy: Any) -> bytes | None:
         return pickle.dumps(policy)
     except Exception:  # a class decides for itself what it raises
         return None
-
-
-def _object_digest(policy: Any) -> str | None:
-    content = _pickled(policy)
-    return None if content is None else hashlib.sha256(content + b"\0" + source_of(type(policy))).hexdigest()

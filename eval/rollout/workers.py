@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -111,10 +112,8 @@ def chunk_sizes(env_id: str, sources: Sources) -> dict[str, int]:
 
     Every policy is made for it: names and files fail here, before any work, and caches are warm for workers.
     """
-    runner = Runner(env_id, sources)
-    sizes = {name: runner.chunk(name) for name in sources}
-    runner.close()
-    return sizes
+    with closing(Runner(env_id, sources)) as runner:
+        return {name: runner.chunk(name) for name in sources}
 
 
 def make_chunks(
@@ -135,32 +134,25 @@ def named_files(env_id: str, sources: Sources) -> dict[str, str | None]:
     return {**preset_digest(env_id), **policies}
 
 
-def same_runner(files: Mapping[str, str | None], env_id: str, sources: Sources) -> Runner:
-    """A worker's runner; `files` are the `named_files` of the process that asks for it.
+def installation() -> dict[str, str]:
+    """Versions and the digest of the source, which rows hang on besides the kind of processor."""
+    return {**versions(), "code": code_digest()}
 
-    Raises:
-        InvalidValueError: they are others here.
-    """
+
+def same_runner(files: Mapping[str, str | None], env_id: str, sources: Sources) -> Runner:
+    """A worker's runner; raises where `files` of the process that asks are not its `named_files`."""
     _require_same(files, named_files(env_id, sources), "the same files")
     return Runner(env_id, sources)
 
 
 def same_installation(installed: Mapping[str, str], start: Callable[..., S], *arguments: Any) -> S:
-    """A worker's state; `installed` is the `installation` of the process that asks for it.
-
-    Raises:
-        InvalidValueError: it is another one here.
-    """
+    """A worker's state; raises where that of the process that asks is not its `installation`."""
     _require_same(installed, installation(), "the same installation")
     return start(*arguments)
 
 
-def installation() -> dict[str, str]:
-    """What rows hang on besides the kind of processor: versions, and the source behind them."""
-    return {**versions(), "code": code_digest()}
-
-
 def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) -> None:
+    """Raise InvalidValueError where a worker has other files or versions than the process that asks."""
     if differs := sorted(name for name in {*there, *here} if there.get(name) != here.get(name)):
         raise InvalidValueError(
             f"a worker on {platform.node()!r} would give other rows: {', '.join(differs)} differ there, and "
@@ -199,14 +191,11 @@ def parallel(
     if not jobs:
         return
     if (not cluster and min(workers, len(jobs)) <= 1) or not all(one.pickles for one in sources.values()):
-        runner = Runner(env_id, sources)
-        try:
+        with closing(Runner(env_id, sources)) as runner:
             for job in jobs:
                 yield task(runner, job)
-        finally:
-            runner.close()
         return
-    asked = same_runner, named_files(env_id, sources), env_id, dict(sources)
-    with open_pool(workers if cluster else min(workers, len(jobs)), *asked) as pool:
+    files, count = named_files(env_id, sources), workers if cluster else min(workers, len(jobs))
+    with open_pool(count, same_runner, files, env_id, dict(sources)) as pool:
         for _, result in pool.run(task, jobs):
             yield result
