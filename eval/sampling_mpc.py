@@ -57,15 +57,15 @@ PLANNER = "two-stage"  # that is corrected
 
 
 class Memory(NamedTuple):
-    """Memory of the robot from one planning period to the next; arrays of one row each."""
+    """Memory of the robot from one planning period to the next."""
 
-    plan: Actions  # (1, steps, 7) corrections, the first row for the present step
-    elapsed: Array  # (1,) of that step, when last looked at [s]
-    expected: Array  # (1, nq + nv) where the robot is now, if nothing has happened to it
-    since_push: NDArray[np.int64]  # (1,) planning periods since something did; NEVER
-    stands: NDArray[np.bool_]  # (1,) whether the plan keeps it up, as far as is known
-    mean: Array  # (1, steps, 7) of the plans to try next, where it does not
-    spread: Array  # (1, steps, 7) their standard deviation
+    plan: Actions  # (steps, 7) corrections, the first row for the present step
+    elapsed: float  # of that step, when last looked at [s]
+    expected: Array  # (nq + nv,) where the robot is now, if nothing has happened to it
+    since_push: int  # planning periods since something did; NEVER
+    stands: bool  # whether the plan keeps it up, as far as is known
+    mean: Array  # (steps, 7) of the plans to try next, where it does not
+    spread: Array  # (steps, 7) their standard deviation
 
 
 NEVER = 10**9
@@ -126,11 +126,11 @@ class SamplingMpcPolicy:
         if state is None or (episode_start is not None and np.any(episode_start)):
             self.begin_scenario(now.scenario)
             state = self._at_first()
-        memory = self._moved_on(Memory(*state), seen)
+        memory = self._moved_on(Memory(*state), seen[0, ELAPSED].item())
         if self._has_to_check(memory):
             memory = self._checked(memory, now)
-        actions, _ = self._rule.act(seen, begun(memory.plan))
-        return actions[0], memory._replace(expected=self._one.after(now, actions)[None])
+        actions, _ = self._rule.act(seen, begun(memory.plan[None]))
+        return actions[0], memory._replace(expected=self._one.after(now, actions))
 
     def begin_scenario(self, scenario: Scenario) -> None:
         """Refuse a robot that the simulation does not know.
@@ -146,45 +146,41 @@ class SamplingMpcPolicy:
             )
 
     def _at_first(self) -> Memory:
-        plan = np.zeros((1, self.settings.steps, GAIT_SIZE), np.float32)
-        began = np.array([-np.inf]), state_of(self._robot)[None], np.array([NEVER]), np.array([True])
-        return Memory(plan, *began, mean=plan.astype(np.float64), spread=plan.astype(np.float64))
+        plan = np.zeros((self.settings.steps, GAIT_SIZE), np.float32)
+        none = plan.astype(np.float64)
+        return Memory(plan, -np.inf, state_of(self._robot), NEVER, True, mean=none, spread=none)
 
-    def _moved_on(self, memory: Memory, seen: Array) -> Memory:
+    def _moved_on(self, memory: Memory, elapsed: float) -> Memory:
         """The plan from the present step on, and whether the robot is where it was to be."""
-        elapsed = seen[:, ELAPSED].copy()
-        if elapsed[0] < memory.elapsed[0]:
+        if elapsed < memory.elapsed:
             memory = memory._replace(
                 plan=_next_step(memory.plan, 0.0),
                 mean=_next_step(memory.mean, 0.0),
                 spread=_next_step(memory.spread, self.settings.spread),
             )
-        pushed = not np.array_equal(memory.expected[0], state_of(self._robot))
-        since = np.zeros(1, np.int64) if pushed else np.minimum(memory.since_push + 1, NEVER)
-        return memory._replace(elapsed=elapsed, since_push=since)
+        pushed = not np.array_equal(memory.expected, state_of(self._robot))
+        return memory._replace(elapsed=elapsed, since_push=0 if pushed else min(memory.since_push + 1, NEVER))
 
     def _has_to_check(self, memory: Memory) -> bool:
-        since = memory.since_push.item()
-        if since > self._watch:
-            return False
-        return since == 1 or since % self._every == 0 or not memory.stands[0]
+        since = memory.since_push
+        return since <= self._watch and (since == 1 or since % self._every == 0 or not memory.stands)
 
     def _checked(self, memory: Memory, now: RobotSnapshot) -> Memory:
         """With a plan that keeps the robot up, where one is known or found."""
-        if self._one.run(now, memory.plan).stands[0]:
-            return memory._replace(stands=np.array([True]))
-        if memory.stands[0]:
+        if self._one.run(now, memory.plan[None]).stands[0]:
+            return memory._replace(stands=True)
+        if memory.stands:
             fresh = np.full_like(memory.spread, self.settings.spread)
             memory = memory._replace(mean=memory.plan.astype(np.float64), spread=fresh)
         return self._searched(memory, now)
 
     def _searched(self, memory: Memory, now: RobotSnapshot) -> Memory:
         """With the best plan that is found; a search that finds none goes on in the next planning period."""
-        s, shape = self.settings, memory.plan.shape[1:]
+        s, shape = self.settings, memory.plan.shape
         entropy = s.seed, now.scenario.noise_seed, round(now.time * self._robot.control_hz)
         rng = np.random.default_rng(np.random.SeedSequence(entropy))
         method = CrossEntropy(rng, memory.mean.ravel(), memory.spread.ravel(), s)
-        best, most, stands = memory.plan[0], -np.inf, False
+        best, most, stands = memory.plan, -np.inf, False
         for _ in range(s.generations):
             drawn = method.ask()
             drawn[0], drawn[1] = best.ravel(), 0.0
@@ -197,10 +193,8 @@ class SamplingMpcPolicy:
             if stands:
                 break
             method.tell(drawn, values)
-        return memory._replace(
-            plan=best[None], stands=np.array([stands]),
-            mean=method.mean.reshape(1, *shape), spread=method.spread.reshape(1, *shape),
-        )  # fmt: skip
+        mean, spread = method.mean.reshape(shape), method.spread.reshape(shape)
+        return memory._replace(plan=best, stands=stands, mean=mean, spread=spread)
 
 
 def _episodes_of(env: Any) -> BipedEpisodes:
@@ -218,5 +212,5 @@ def _episodes_of(env: Any) -> BipedEpisodes:
 
 
 def _next_step(rows: NDArray[Any], fill: float) -> NDArray[Any]:
-    """Rows (1, steps, 7) from the next step on."""
-    return np.concatenate([rows[:, 1:], np.full_like(rows[:, :1], fill)], axis=1)
+    """Rows (steps, 7) from the next step on."""
+    return np.concatenate([rows[1:], np.full_like(rows[:1], fill)])

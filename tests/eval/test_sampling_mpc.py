@@ -1,4 +1,4 @@
-"""Sampling MPC on the biped: what it does without a push, with one, and where it may not act."""
+"""Sampling MPC on the biped: without a push, with one, and where it may not act."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_unpushed_it_is_the_planner_bit_for_bit(env):
     calm = Scenario("calm", command=Command(0.3, 0.1, 0.2), duration=2.0)
     policy = SamplingMpcPolicy(env, FEW)
     assert outcome(env, policy, calm) == outcome(env, load_policy("two-stage", env), calm)
-    assert {memory.since_push.item() for _, memory in played(env, policy, calm, 20)} == {10**9}
+    assert {memory.since_push for _, memory in played(env, policy, calm, 20)} == {10**9}
 
 
 def test_a_push_that_the_planner_survives_leaves_its_actions_alone(env):
@@ -87,7 +87,7 @@ def test_it_notices_a_push_when_the_robot_is_not_where_it_was_to_be(env):
     """The push acts from 0.405 to 0.425 s: felt in the periods that end at 0.41, 0.42 and 0.43 s."""
     brief = Scenario("brief", (polar_push(100.0, 1.0, 0.02, 0.405),), duration=2.0)
     found = played(env, SamplingMpcPolicy(env, FEW), brief, 60)
-    since = [memory.since_push.item() for _, memory in found]
+    since = [memory.since_push for _, memory in found]
     assert since[:41] == [10**9] * 41
     assert since[41:48] == [0, 0, 0, 1, 2, 3, 4]
 
@@ -95,13 +95,13 @@ def test_it_notices_a_push_when_the_robot_is_not_where_it_was_to_be(env):
 def test_corrections_move_on_with_the_steps(env):
     """Once found, a plan stays; its first row goes when a step ends, and a row of zeros comes last."""
     found = played(env, SamplingMpcPolicy(env, FEW), HARD, 120)
-    plans = [memory.plan[0] for _, memory in found]
-    ends = [i for i in range(1, 120) if found[i][1].elapsed[0] < found[i - 1][1].elapsed[0]]
+    plans = [memory.plan for _, memory in found]
+    ends = [i for i in range(1, 120) if found[i][1].elapsed < found[i - 1][1].elapsed]
     shifted = [i for i in ends if np.any(plans[i - 1])]
     assert shifted
     assert not np.any(plans[39])
     for i in shifted:
-        if found[i - 1][1].stands[0] and found[i][1].stands[0] and np.any(plans[i]):
+        if found[i - 1][1].stands and found[i][1].stands and np.any(plans[i]):
             np.testing.assert_array_equal(plans[i], np.vstack([plans[i - 1][1:], np.zeros((1, 7))]))
             break
     else:
@@ -127,7 +127,7 @@ def test_bodies_that_collide_do_so_in_its_copies(env):
     push = replace(HARD.pushes[0], start=0.405)
     colliding = replace(HARD, pushes=(push,), errors=ModelErrors(collisions=True))
     found = played(env, SamplingMpcPolicy(env, FEW), colliding, 80)
-    since = [memory.since_push.item() for _, memory in found]
+    since = [memory.since_push for _, memory in found]
     assert since == 41 * [10**9] + 11 * [0] + list(range(1, 29))
 
 
@@ -171,10 +171,10 @@ def test_a_new_episode_begins_with_an_empty_memory(env):
     _, old = played(env, policy, HARD, 60)[-1]
     seen, _ = env.reset(options={"scenario": HARD})
     _, state = policy.predict(seen, old, episode_start=np.array([True]))
-    assert state.since_push[0] == 10**9
+    assert state.since_push == 10**9
     assert not np.any(state.plan)
     _, state = policy.predict(seen, old, episode_start=np.array([False]))
-    assert state.since_push[0] == 0
+    assert state.since_push == 0
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What sampling MPC makes of futures that it is told: when it checks, what it tries, which plan it takes."""
+"""Sampling MPC on futures that are known: when it checks, what it tries, which plan it takes."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ from push_recovery.eval.sampling_mpc import NEVER, Memory, SamplingMpcPolicy, Sa
 from push_recovery.eval.search import Future
 
 FEW = SamplingMpcSettings(population=16, elites=4, steps=2)
-SHAPE = (1, 2, 7)
+SHAPE = (2, 7)
 NOW = SimpleNamespace(time=0.43, scenario=Scenario("s", noise_seed=5))
 
 
@@ -48,8 +48,7 @@ def policy_told(env, *futures: Future, settings=FEW, one: Future | None = None) 
 
 def memory(plan=0.0, mean=0.0, spread=0.8, since=0, stands=False, elapsed=0.1) -> Memory:
     rows = np.full(SHAPE, plan, np.float32)
-    known = np.array([elapsed]), np.zeros(41), np.array([since]), np.array([stands])
-    return Memory(rows, *known, np.full(SHAPE, mean), np.full(SHAPE, spread))
+    return Memory(rows, elapsed, np.zeros(41), since, stands, np.full(SHAPE, mean), np.full(SHAPE, spread))
 
 
 def test_the_best_attempt_becomes_the_plan_and_the_best_few_are_drawn_about(env):
@@ -60,11 +59,11 @@ def test_the_best_attempt_becomes_the_plan_and_the_best_few_are_drawn_about(env)
     assert tried.shape == (16, 2, 7)
     assert (tried[0] == 0.25).all()
     assert (tried[1] == 0.0).all()
-    assert not found.stands[0]
-    np.testing.assert_array_equal(found.plan[0], tried[np.flatnonzero(values == 0.15)[0]])
+    assert not found.stands
+    np.testing.assert_array_equal(found.plan, tried[np.flatnonzero(values == 0.15)[0]])
     elites = tried[np.argsort(values)[-4:]].astype(np.float64)
-    np.testing.assert_allclose(found.mean[0], elites.mean(axis=0), rtol=1e-6)
-    np.testing.assert_allclose(found.spread[0], np.maximum(elites.std(axis=0), 0.1), rtol=1e-5)
+    np.testing.assert_allclose(found.mean, elites.mean(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(found.spread, np.maximum(elites.std(axis=0), 0.1), rtol=1e-5)
 
 
 @pytest.mark.parametrize("stands", [(5,), (5, 9)])
@@ -73,8 +72,8 @@ def test_an_attempt_that_stands_is_worth_more_than_any_other(env, stands):
     values[[5, 9]] = 0.1, 0.2
     policy = policy_told(env, future(values, stands))
     found = policy._searched(memory(), NOW)
-    assert found.stands[0]
-    np.testing.assert_array_equal(found.plan[0], policy._many.tried[0][stands[-1]])
+    assert found.stands
+    np.testing.assert_array_equal(found.plan, policy._many.tried[0][stands[-1]])
 
 
 def test_generations_go_on_until_one_stands_and_keep_the_best(env):
@@ -86,11 +85,11 @@ def test_generations_go_on_until_one_stands_and_keep_the_best(env):
     np.testing.assert_array_equal(two[0], one[15])
     np.testing.assert_array_equal(three[0], one[15])
     assert (three[1] == 0.0).all()
-    np.testing.assert_array_equal(found.plan[0], three[7])
+    np.testing.assert_array_equal(found.plan, three[7])
     policy = policy_told(env, future(first), future(second), settings=replace(FEW, generations=2))
     found = policy._searched(memory(), NOW)
-    assert not found.stands[0]
-    np.testing.assert_array_equal(found.plan[0], one[15])
+    assert not found.stands
+    np.testing.assert_array_equal(found.plan, one[15])
 
 
 def test_a_search_goes_on_where_it_was_and_a_new_one_begins_about_the_plan(env):
@@ -98,7 +97,7 @@ def test_a_search_goes_on_where_it_was_and_a_new_one_begins_about_the_plan(env):
     policy = policy_told(env, none, one=fallen)
     policy._checked(memory(plan=0.5, mean=0.3, spread=1e-9), NOW)
     np.testing.assert_allclose(policy._many.tried[0][2:], 0.3, atol=1e-4)
-    np.testing.assert_array_equal(policy._one.tried[0], np.full(SHAPE, 0.5, np.float32))
+    np.testing.assert_array_equal(policy._one.tried[0], np.full((1, *SHAPE), 0.5, np.float32))
     policy = policy_told(env, none, one=fallen)
     policy._checked(memory(plan=0.5, mean=-0.9, spread=1e-9, stands=True), NOW)
     drawn = policy._many.tried[0][2:]
@@ -110,7 +109,7 @@ def test_a_search_goes_on_where_it_was_and_a_new_one_begins_about_the_plan(env):
 def test_a_plan_that_stands_stays(env):
     policy = policy_told(env, one=future([0.1], (0,)))
     found = policy._checked(memory(plan=0.5), NOW)
-    assert found.stands[0]
+    assert found.stands
     assert policy._many.tried == []
     np.testing.assert_array_equal(found.plan, np.full(SHAPE, 0.5, np.float32))
 
@@ -141,15 +140,14 @@ def test_at_the_end_of_a_step_plan_and_search_move_on(env, elapsed, moves):
     env.reset(options={"scenario": Scenario("s")})
     policy = SamplingMpcPolicy(env, FEW)
     rows = np.arange(14.0).reshape(SHAPE) / 20.0
-    known = np.array([elapsed]), np.zeros(41), np.array([3]), np.array([True])
-    before = Memory(rows.astype(np.float32), *known, rows + 1, rows + 2)
-    after = policy._moved_on(before, policy._robot.seen[:1])
+    before = Memory(rows.astype(np.float32), elapsed, np.zeros(41), 3, True, rows + 1, rows + 2)
+    after = policy._moved_on(before, 0.0)
     for name, fill in (("plan", 0.0), ("mean", 0.0), ("spread", 0.8)):
         found, was = getattr(after, name), getattr(before, name)
-        expected = np.concatenate([was[:, 1:], np.full((1, 1, 7), fill)], axis=1) if moves else was
+        expected = np.concatenate([was[1:], np.full((1, 7), fill)]) if moves else was
         np.testing.assert_array_equal(found, expected.astype(found.dtype))
-    assert after.elapsed[0] == 0.0
-    assert after.since_push[0] == 0  # it is not at zero, where it was to be
+    assert after.elapsed == 0.0
+    assert after.since_push == 0  # it is not at zero, where it was to be
 
 
 def test_another_robot_at_another_rate(monkeypatch):
@@ -168,7 +166,7 @@ def test_another_robot_at_another_rate(monkeypatch):
     for _ in range(40):
         action, state = policy.predict(seen, state)
         seen, *_ = env.step(action)
-        since.append(state.since_push.item())
+        since.append(state.since_push)
     assert since == 16 * [NEVER] + list(range(24))
     rule = policy._rule._rule.scale / SamplingMpcPolicy(env, FEW)._rule._rule.scale
     np.testing.assert_allclose(rule, 0.5)

@@ -1,9 +1,4 @@
-"""A file that cannot be written is refused before the work for it.
-
-One writer a directory, whatever becomes of the one that was there before.
-
-Row files: what is written is on disk, and what cannot be read is named.
-"""
+"""Row files survive a kill, a directory has one writer, and what cannot be written is refused beforehand."""
 
 import fcntl
 import json

@@ -1,4 +1,4 @@
-"""Arms with a robot of their own: who walks what, wherever a policy is named."""
+"""Policies with a robot of their own: who walks what, wherever a policy is named."""
 
 from dataclasses import replace
 

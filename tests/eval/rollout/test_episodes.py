@@ -234,9 +234,7 @@ def test_a_policy_begins_each_episode_with_the_scenario_and_its_noise_seed():
     assert policy.notes == [7, "a", True, False, False, 0, "b", True, False, False]
 
 
-PENDULUM_BATCH, BIPED, RESIDUAL = (
-    f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedResidual")
-)
+BIPED, RESIDUAL = "PushRecovery/Biped-v0", "PushRecovery/BipedResidual-v0"
 LATE = polar_push(150.0, 2.0, 0.2, GaitEvent(2, "right", 0.5))
 SCENARIOS = (
     Scenario("none", duration=0.5),
@@ -248,7 +246,7 @@ SCENARIOS = (
 )
 
 
-def network_policy(env, hold=1, base=None, env_id=PENDULUM_BATCH):
+def network_policy(env, hold=1, base=None, env_id=PENDULUM):
     """A network of random weights, alone or on a base."""
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(8, 36)).astype(np.float32), rng.normal(size=(7, 8)).astype(np.float32)
@@ -276,7 +274,7 @@ def singles(env, policy, scenarios):
 
 @pytest.mark.parametrize("name", ["two-stage", "random", "residual", "held residual"])
 def test_outcomes_are_those_of_rollout_in_any_packing(name):
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     if "residual" in name:
         hold, gate = (3, None) if "held" in name else (1, (0.02, 0.05))
         policy = residual_policy(env.unwrapped, hold, gate)
@@ -292,7 +290,7 @@ def test_outcomes_are_those_of_rollout_in_any_packing(name):
 def test_slots_are_those_of_the_environment(kwargs):
     if "robot" in kwargs:
         kwargs = {"robot": RobotModel(com_height=0.9)}
-    env = make_env(PENDULUM_BATCH, **kwargs)
+    env = make_env(PENDULUM, **kwargs)
     e = env.unwrapped
     policy = make_policy("two-stage", e.robot, e.limits, e.preset)  # type: ignore[attr-defined]
     assert outcomes(env, policy, SCENARIOS[:5], 3) == singles(env, policy, SCENARIOS[:5])
@@ -308,7 +306,7 @@ def test_biped_outcomes_are_those_of_rollout():
 @pytest.mark.parametrize(("base", "hold", "gate"), [("two-stage", 1, None), ("stage-1", 3, (0.02, 0.05))])
 def test_residual_environments_run_side_by_side(base, hold, gate):
     """A network that acts alone on a wrapped environment, its action held and added to a planner's."""
-    env = ActionHold(ResidualAction(make_env(PENDULUM_BATCH), base, gate=gate), hold)
+    env = ActionHold(ResidualAction(make_env(PENDULUM), base, gate=gate), hold)
     policy = network_policy(env.unwrapped, hold=2)
     alone = singles(env, policy, SCENARIOS)
     assert {out.survived for out in alone.values()} == {True, False}
@@ -329,7 +327,7 @@ def test_the_registered_residual_runs_side_by_side(tmp_path):
 
 
 def test_outcomes_in_the_order_of_the_scenarios(tmp_path):
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     policy = load_policy("stage-1", env)
     assert rollout_all(env, policy, SCENARIOS, "p", 3) == list(singles(env, policy, SCENARIOS).values())
     env = make_env(toy.ENV_ID)
@@ -340,7 +338,7 @@ def test_outcomes_in_the_order_of_the_scenarios(tmp_path):
 
 
 def test_scenarios_are_taken_when_a_slot_is_free():
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     episodes, policy, taken = batch_episodes(env, 2), load_policy("passive", env), []
     assert episodes is not None
 
@@ -356,7 +354,7 @@ def test_scenarios_are_taken_when_a_slot_is_free():
 
 
 def test_errors_are_those_of_a_single_episode(monkeypatch):
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     episodes, policy = batch_episodes(env, 2), load_policy("passive", env)
     assert episodes is not None
     monkeypatch.setattr(loop, "MAX_STEPS", 5)
@@ -377,7 +375,7 @@ def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
 
     assert plans_batches(make_policy("random"))
     assert not plans_batches(Mine())
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     for other in (gym.wrappers.TimeLimit(env, 10), make_env(toy.ENV_ID), ResidualAction(env, Mine())):
         assert action_rule(other) is None
     assert action_rule(ResidualAction(ActionHold(env, 2))) is None  # the planner acts every other period
@@ -394,7 +392,7 @@ def test_only_known_policies_and_wrappers_run_side_by_side(tmp_path):
     policy = toy.save_policy(tmp_path / "toy.safetensors", 2.0)
     assert runner.chunk(policy) == 1
     assert list(runner.run_all(policy, SCENARIOS[:2])) == [runner.run((policy, s)) for s in SCENARIOS[:2]]
-    assert Runner(PENDULUM_BATCH).chunk("two-stage") == SLOTS
+    assert Runner(PENDULUM).chunk("two-stage") == SLOTS
 
 
 class FromOutside:
@@ -411,14 +409,14 @@ def test_a_policy_kind_from_outside_is_batched_where_it_says_so_itself():
         pass
 
     sources = policy_sources({"outside": FromOutside(), "heir": Heir()})
-    runner = Runner(PENDULUM_BATCH, sources)
+    runner = Runner(PENDULUM, sources)
     assert (runner.chunk("outside"), runner.chunk("heir")) == (SLOTS, 1)
     found = {out.scenario_id: out for out in runner.run_all("outside", SCENARIOS)}
     assert found == {scenario.id: runner.run(("outside", scenario)) for scenario in SCENARIOS}
 
 
 def test_a_policy_below_that_remembers_runs_alone():
-    env = make_env(PENDULUM_BATCH)
+    env = make_env(PENDULUM)
     below = network_policy(env.unwrapped)
     assert plans_batches(below)
     assert action_rule(ResidualAction(env, below)) is None

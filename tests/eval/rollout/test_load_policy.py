@@ -1,7 +1,4 @@
-"""Policies that come with the package: found by name wherever a policy is named, and said to be missing.
-
-Policies that act on the joints: the random one, files, and their rows beside those of the planner.
-"""
+"""Policies by name: those that come with the package, present or missing, and those on the joints."""
 
 import fnmatch
 import json
@@ -20,9 +17,8 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.rollout import load_policy as names
+from push_recovery.eval.rollout import load_policy as policies
 from push_recovery.eval.rollout.environments import make_env, own_form
-from push_recovery.eval.rollout.load_policy import make_policy as make_policy_of_joint_policies
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import Runner
 from push_recovery.eval.score.suites import Suite, standard_suite
@@ -39,7 +35,7 @@ def shipped(tmp_path, monkeypatch):
     folder = tmp_path / "shipped"
     toy.save_policy(folder / "residual", 8.0)
     toy.save_policy(folder / "scratch", 0.5)
-    monkeypatch.setattr(names, "FOLDER", folder)
+    monkeypatch.setattr(policies, "FOLDER", folder)
     return folder
 
 
@@ -118,11 +114,11 @@ def test_a_name_without_a_file_says_what_is_there(shipped, tmp_path, monkeypatch
 
 
 def test_half_a_policy_is_none(shipped, monkeypatch):
-    assert names.shipped_names() == ("residual", "scratch")
+    assert policies.shipped_names() == ("residual", "scratch")
     (shipped / "scratch.json").unlink()
-    assert names.shipped_names() == ("residual",)
-    monkeypatch.setattr(names, "FOLDER", shipped / "nowhere")
-    assert names.shipped_names() == ()
+    assert policies.shipped_names() == ("residual",)
+    monkeypatch.setattr(policies, "FOLDER", shipped / "nowhere")
+    assert policies.shipped_names() == ()
     with pytest.raises(InvalidValueError, match="are: none; train it with: push-recovery policies joint"):
         make_policy("joint", None)
 
@@ -139,7 +135,7 @@ def test_a_named_policy_on_joints_acts_in_its_own_form_of_the_biped(tmp_path, mo
     """A joint residual of zero is the planner, in every field of its row but the name."""
     from push_recovery.envs.joint.env import BipedJointResidualEnv
 
-    monkeypatch.setattr(names, "FOLDER", tmp_path)
+    monkeypatch.setattr(policies, "FOLDER", tmp_path)
     save_zero(tmp_path / "joint-residual", "PushRecovery/BipedJointResidual-v0", BipedJointResidualEnv())
     runner, walk = Runner("PushRecovery/Biped-v0"), Scenario("walk", duration=0.3)
     rows = [runner.run((name, walk)).to_dict() | {"policy": ""} for name in ("two-stage", "joint-residual")]
@@ -160,35 +156,35 @@ def save_zero(path, env_id, env):
 
 def test_a_wheel_carries_both_files_of_every_policy():
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    folder = names.FOLDER.relative_to(names.FOLDER.parent)
-    for name in names.NAMES:
+    folder = policies.FOLDER.relative_to(policies.FOLDER.parent)
+    for name in policies.NAMES:
         for path in policy_paths(folder / name):
             assert any(fnmatch.fnmatch(str(path), each) for each in patterns["push_recovery.eval.rollout"])
 
 
 def test_the_folder_holds_policies_of_these_names_only():
-    stems = {path.stem for path in names.FOLDER.glob("*") if not path.name.startswith(".")}
-    assert stems == set(names.shipped_names())
-    for name in names.shipped_names():
-        assert sum(path.stat().st_size for path in policy_paths(names.FOLDER / name)) < 2**20
+    stems = {path.stem for path in policies.FOLDER.glob("*") if not path.name.startswith(".")}
+    assert stems == set(policies.shipped_names())
+    for name in policies.shipped_names():
+        assert sum(path.stat().st_size for path in policy_paths(policies.FOLDER / name)) < 2**20
 
 
 def test_a_copied_pair_is_shipped(shipped):
     for path in policy_paths(shipped / "scratch"):
         shutil.copy(path, shipped / path.name.replace("scratch", "joint"))
-    assert names.shipped_names() == ("residual", "scratch", "joint")
+    assert policies.shipped_names() == ("residual", "scratch", "joint")
 
 
 def test_the_digest_is_of_names_and_files(shipped):
-    before = names.shipped_digest()
-    assert before == names.shipped_digest()
+    before = policies.shipped_digest()
+    assert before == policies.shipped_digest()
     toy.save_policy(shipped / "residual", 7.0)
-    other = names.shipped_digest()
+    other = policies.shipped_digest()
     toy.save_policy(shipped / "residual", 8.0)
-    assert names.shipped_digest() == before != other
+    assert policies.shipped_digest() == before != other
     for path in policy_paths(shipped / "scratch"):
         path.rename(shipped / path.name.replace("scratch", "joint"))
-    assert names.shipped_digest() not in (before, other)
+    assert policies.shipped_digest() not in (before, other)
 
 
 JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
@@ -197,7 +193,7 @@ G1 = "PushRecovery/G1JointResidual-v0"
 PUSHED = Scenario("pushed", (Push((60.0, 90.0, 0.0), 0.1, 0.4),), duration=1.2)
 
 
-def joint_policies_save_zero(path, env_id) -> str:
+def save_zero_policy(path, env_id) -> str:
     """A policy file whose action is zero everywhere."""
     inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
     network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
@@ -210,13 +206,11 @@ def joint_policies_save_zero(path, env_id) -> str:
 def test_the_random_policy_fits_single_and_vector_form(env_id):
     env = make_env(env_id)
     observation, _ = env.reset(seed=0)
-    policy = make_policy_of_joint_policies("random", env)
+    policy = make_policy("random", env)
     one, _ = policy.predict(observation)
     assert env.action_space.contains(one)
     vector = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
-    both, _ = make_policy_of_joint_policies("random", vector).predict(
-        np.stack([observation, observation + 1.0])
-    )
+    both, _ = make_policy("random", vector).predict(np.stack([observation, observation + 1.0]))
     np.testing.assert_array_equal(both[0], one)
     assert (both[1] != one).all()
 
@@ -224,11 +218,11 @@ def test_the_random_policy_fits_single_and_vector_form(env_id):
 @pytest.mark.parametrize("env_id", [JOINT, RESIDUAL])
 def test_arms_give_no_actions_of_joints(env_id):
     with pytest.raises(InvalidValueError, match=rf"'two-stage' gives gait actions, but {env_id} takes 14"):
-        make_policy_of_joint_policies("two-stage", make_env(env_id))
+        make_policy("two-stage", make_env(env_id))
 
 
 def test_each_robot_has_forms_of_its_own(tmp_path):
-    file = joint_policies_save_zero(tmp_path / "g1", G1)
+    file = save_zero_policy(tmp_path / "g1", G1)
     assert own_form(file, "PushRecovery/G1-v0") == G1
     assert own_form(file, "PushRecovery/G1-v0@g1") == f"{G1}@g1"
     for other in (G1, BIPED_ENV, "PushRecovery/G1Residual-v0", "PushRecovery/T1-v0", f"my_robot:{BIPED_ENV}"):
@@ -237,7 +231,7 @@ def test_each_robot_has_forms_of_its_own(tmp_path):
 
 def test_a_file_stands_beside_the_planner_in_the_form_that_it_acts_in(tmp_path):
     """On the same scenario; a residual of zero has the planner's outcome in every field but its name."""
-    names = {env_id: joint_policies_save_zero(tmp_path / f"{i}", env_id) for i, env_id in enumerate(SIZES)}
+    names = {env_id: save_zero_policy(tmp_path / f"{i}", env_id) for i, env_id in enumerate(SIZES)}
     assert own_form(names[BIPED_ENV], BIPED_ENV) is None
     assert own_form("two-stage", BIPED_ENV) is None
     assert own_form(names[JOINT], "PushRecovery/Pendulum-v0") is None

@@ -14,7 +14,7 @@ from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.envs.wrappers import ActionHold
 from push_recovery.eval.record.record import record_episode
-from push_recovery.eval.rollout import outcome as effort
+from push_recovery.eval.rollout import outcome as measured
 from push_recovery.eval.rollout.episodes import rollout, rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.outcome import NOT_SETTLED, EffortMeter, Ending, Outcome, Score, failure_label
@@ -99,7 +99,7 @@ def test_a_row_tells_of_the_first_push_and_of_bounds_in_their_order():
         assert (calm.psi_deg, calm.impulse, calm.first_limit) == (None, pytest.approx(impulse), None)
 
 
-PUSHED_EFFORT = Scenario("pushed", (polar_push(400.0, 1.0, 0.1, 0.3),), duration=1.2)
+BRIEF = Scenario("pushed", (polar_push(400.0, 1.0, 0.1, 0.3),), duration=1.2)
 
 
 class Episodes(SimpleNamespace):
@@ -130,7 +130,7 @@ class Episodes(SimpleNamespace):
 
 @pytest.fixture
 def episodes(monkeypatch):
-    monkeypatch.setattr(effort, "_motors", lambda episodes: [0, 13])
+    monkeypatch.setattr(measured, "_motors", lambda episodes: [0, 13])
     return Episodes()
 
 
@@ -181,7 +181,7 @@ def biped():
 
 
 def test_an_episode_tells_the_extremes_and_means_of_its_time_histories(biped):
-    record = record_episode(biped, load_policy("stage-1", biped), PUSHED_EFFORT, "stage-1")
+    record = record_episode(biped, load_policy("stage-1", biped), BRIEF, "stage-1")
     told, columns = record.outcome.measures, record.columns
     moving = {name: np.array(column)[1:] for name, column in columns.items()}  # the first one is the start
     torques = np.abs([column for name, column in moving.items() if name.startswith("torque_")])
@@ -200,8 +200,8 @@ def test_an_action_that_is_held_is_measured_in_every_period(biped):
         def predict(self, observation):
             return np.zeros(7)
 
-    each = rollout(biped, Still(), PUSHED_EFFORT, "p")
-    held = rollout(ActionHold(biped, 4), Still(), PUSHED_EFFORT, "p")
+    each = rollout(biped, Still(), BRIEF, "p")
+    held = rollout(ActionHold(biped, 4), Still(), BRIEF, "p")
     assert held.measures == each.measures
     assert held.env_steps == math.ceil(each.env_steps / 4)
     assert biped.unwrapped.after_period == []  # nothing is left behind
@@ -212,7 +212,7 @@ def test_an_action_that_is_held_is_measured_in_every_period(biped):
 def test_joints_that_are_held_take_no_effort():
     """Arms that are held have rates after those of the joints that control moves; one period by hand."""
     episodes = BipedEpisodes(1, robot=ARMS_HELD)
-    episodes.begin(0, PUSHED_EFFORT)
+    episodes.begin(0, BRIEF)
     meter = EffortMeter(episodes)
     meter.begin(0)
     episodes.step(np.zeros((1, 7), np.float32))
@@ -224,10 +224,10 @@ def test_joints_that_are_held_take_no_effort():
 
 
 def test_a_measure_from_outside_stands_in_every_row_after_those_of_the_package(biped, monkeypatch):
-    fallen = effort.Measure("m", lambda seen, k: 1.0 - seen.core.margin.item(k))
-    monkeypatch.setitem(effort.MEASURES, "from_outside", fallen)
-    (alone,) = rollout_all(biped, load_policy("stage-1", biped), [PUSHED_EFFORT], "p", 1)
-    row = rollout(biped, load_policy("stage-1", biped), PUSHED_EFFORT, "p").to_dict()
+    fallen = measured.Measure("m", lambda seen, k: 1.0 - seen.core.margin.item(k))
+    monkeypatch.setitem(measured.MEASURES, "from_outside", fallen)
+    (alone,) = rollout_all(biped, load_policy("stage-1", biped), [BRIEF], "p", 1)
+    row = rollout(biped, load_policy("stage-1", biped), BRIEF, "p").to_dict()
     assert list(row["measures"])[-2:] == ["energy", "from_outside"]
     assert row["measures"]["from_outside"] == round(1.0 - biped.unwrapped.core.margin.item(0), 6)
     assert alone.to_dict() == row
