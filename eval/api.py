@@ -82,7 +82,7 @@ def compare(
 ) -> Comparison:
     """Two policies on the same pushes, paired by scenario; arguments as those of `evaluate`.
 
-    Policies of one class are told apart by labels: compare({"before": a}, {"after": b}).
+    Labels tell policies of one class apart: compare({"before": a}, {"after": b}).
 
     Raises:
         PushRecoveryError: as `evaluate`.

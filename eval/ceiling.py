@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,7 @@ class Ceiling:
                 "budget": self.settings.budget,
                 "neighbours": NEIGHBOURS,
                 "neighbours_recovered": self.robust,
-                "settings": self.settings.to_dict(),
+                "settings": asdict(self.settings),
                 "out": str(self.directory),
             },
         }
@@ -143,38 +143,29 @@ def ceiling(
     """
     _check_env(env_id)
     evaluation = evaluate(suite, env_id, policies, workers, directory, overwrite)
-    config = {
-        **configuration(suite, env_id),
-        "rows": ROWS_FORMAT,
-        "format": FORMAT,
-        "ceiling": settings.to_dict(),
-    }
-    with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
-        searched = _search_missing(evaluation, settings, store, workers, on_row)
-    return Ceiling(evaluation, settings, searched, store.directory)
-
-
-def _search_missing(
-    evaluation: Evaluation, settings: CeilingSettings, store: RowFile, workers: int, on_row: OnRow | None
-) -> list[Row]:
-    """Rows of all pushes that are lost; those that the store lacks are searched for."""
     lost = [
         scenario for scenario, rows in evaluation.by_scenario() if not any(row["recovered"] for row in rows)
     ]
-    jobs = [(settings, scenario) for scenario in lost if (scenario.id,) not in store.rows]
-    most = settings.budget * episode_seconds(evaluation.env_id, (scenario for _, scenario in jobs), workers)
-    pushes = "the push" if len(lost) == 1 else f"each of the {len(lost)} pushes"
-    what = f"up to {settings.budget} attempts at {pushes} that all policies lose"
-    done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
-    work = Work(what, about(most) + (" at most" if jobs else ""), store.directory)
-    with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:
-        for row in parallel(evaluation.env_id, search_row, jobs, workers):
-            store.append(row)
-            done.append(row)
-            bars.set(CEILING, len(done), f"answered {sum(one['recovered'] for one in done)}")
-            if on_row is not None:
-                on_row(row)
-    return [store.rows[scenario.id,] for scenario in lost]
+    config = configuration(suite, env_id) | {
+        "rows": ROWS_FORMAT, "format": FORMAT, "ceiling": asdict(settings),
+    }  # fmt: skip
+    with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
+        missing = [scenario for scenario in lost if (scenario.id,) not in store.rows]
+        most = settings.budget * episode_seconds(env_id, missing, workers)
+        pushes = "the push" if len(lost) == 1 else f"each of the {len(lost)} pushes"
+        what = f"up to {settings.budget} attempts at {pushes} that all policies lose"
+        work = Work(what, about(most) + (" at most" if missing else ""), store.directory)
+        done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
+        with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:
+            jobs = [(settings, scenario) for scenario in missing]
+            for row in parallel(env_id, search_row, jobs, workers):
+                store.append(row)
+                done.append(row)
+                bars.set(CEILING, len(done), f"answered {sum(one['recovered'] for one in done)}")
+                if on_row is not None:
+                    on_row(row)
+    searched = [store.rows[scenario.id,] for scenario in lost]
+    return Ceiling(evaluation, settings, searched, store.directory)
 
 
 def _check_env(env_id: str) -> None:
@@ -212,7 +203,7 @@ class Answers:
 
     def save(self, path: Path) -> None:
         """Write them as JSON, an answer a line, whole or not at all."""
-        head = {"format": FORMAT, "suite": dict(self.suite), "settings": self.settings.to_dict()}
+        head = {"format": FORMAT, "suite": dict(self.suite), "settings": asdict(self.settings)}
         entries = {name: [one.period, one.corrections] for name, one in self.sequences.items()}
         body = ",\n".join(f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in entries.items())
         write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from typing import Any, ClassVar, NamedTuple
@@ -55,10 +55,6 @@ class CeilingSettings(SearchSettings):
     def budget(self) -> int:
         """Attempts at most, for one push."""
         return self.population * self.generations
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return asdict(self)
 
 
 def require_bipeds(episodes: object) -> BipedEpisodes:
@@ -146,7 +142,7 @@ class Sequence:
 class SequencePolicy:
     """Replays sequences by scenario id, for one robot in the ordinary rollout; a planner where it has none.
 
-    A rollout tells it which scenario begins (`begin_scenario`).
+    A rollout hands it the scenario that begins (`begin_scenario`).
 
     Args:
         rule: adds corrections to the planner.

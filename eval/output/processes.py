@@ -103,7 +103,7 @@ class WorkerPool(Pool[S]):
 
     Args:
         workers: how many.
-        start: makes the state of a worker, in the worker; what it raises is told in the place of a result.
+        start: makes the state of a worker, in the worker; where it raises, every job does.
         arguments: of `start`; picklable.
     """
 
@@ -263,7 +263,7 @@ class RayPool(Pool[S]):
     once. Where a worker or its machine ends, its job is done again elsewhere.
 
     Args:
-        start: makes the state of a worker, in the worker; what it raises is told in the place of a result.
+        start: makes the state of a worker, in the worker; where it raises, every job does.
         arguments: of `start`; picklable.
     """
 

@@ -72,7 +72,7 @@ class EnvName:
 
     @property
     def full_id(self) -> str:
-        """What gym.make takes."""
+        """Name for gym.make."""
         return f"{self.module}:{self.id}" if self.module else self.id
 
     @property

@@ -286,7 +286,7 @@ class GymRobot:
         return [0] if self.ended else []
 
     def ending(self, k: int) -> Ending:
-        """The end that the info of the last step tells of."""
+        """End of the episode by the info of the last step."""
         info = self.info
         return Ending(
             fell=self._fell,
@@ -415,19 +415,9 @@ def rollout_batch(
     policy_name: str,
     rule: ActionRule | None = None,
 ) -> Iterator[Outcome]:
-    """Run scenarios to their ends, one in each slot of the core; yields outcomes as they finish.
+    """Outcomes of `run_episodes` on `Slots` as they finish, for a policy that `plans_batches`.
 
     An outcome is that of `rollout` in every field, whatever runs beside it.
-
-    Args:
-        episodes: the slots; what they held before is lost.
-        policy: one that `plans_batches`.
-        scenarios: taken one at a time, when a slot is free: what has been yielded may decide what comes.
-        policy_name: for the outcomes.
-        rule: what an action means, see `action_rule`; a gait action for one period without it.
-
-    Raises:
-        InvalidValueError: actions of another shape or not finite, or an episode that never ends.
     """
     slots = Slots(episodes, rule)
     return (outcome for _, outcome in run_episodes(slots, policy, scenarios, policy_name))
