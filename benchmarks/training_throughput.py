@@ -30,7 +30,7 @@ def main() -> None:
     model = make_ppo(settings, venv, 0, None)
     model.learn(settings.rollout)  # compiled, warm
     robots = venv.unwrapped
-    alone = robots.episodes.alike(settings.n_envs, 2)
+    alone = robots.episodes.clone(settings.n_envs, 2)
     walker = env.env.policy
     rng = np.random.default_rng(0)
     for k in range(alone.n):

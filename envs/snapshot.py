@@ -61,7 +61,7 @@ def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:
     return rows
 
 
-SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "kicks")  # of the walk so far
+SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps")  # of the walk so far
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 
@@ -113,7 +113,7 @@ class RobotSnapshot:
         return self._check_pushes(scenario)
 
     def _check_pushes(self, scenario: Scenario) -> list[int]:
-        own, asked = self.scenario.pushes, scenario.pushes
+        own, asked = self.scenario.forces, scenario.forces
         kept = [i for i, push in enumerate(asked) if i < len(own) and push == own[i]]
         for i, push in enumerate(own):
             if i not in kept and self.rows[START][i] < self.time:

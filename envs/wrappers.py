@@ -1,10 +1,6 @@
-"""Wrappers of the gait environments: residual actions and held actions, for one robot and for n.
+"""Wrappers of the gait environments for one robot and for n: held actions, and residuals on a policy.
 
-Hold an action for several planning periods.
-
-Learned corrections on top of a policy: the residual action space and its registered environment.
-
-n robots whose action is a residual on a policy: `PushRecovery/BipedResidual-v0` in vector form.
+`PushRecovery/BipedResidual-v0` is the biped whose action is a learned correction of a policy's.
 """
 
 from __future__ import annotations
@@ -17,7 +13,6 @@ from typing import Any, SupportsFloat
 import gymnasium as gym
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError
@@ -31,15 +26,39 @@ from ..controllers.policies.residual import (
 )
 from ..controllers.policies.two_stage import POLICY_NAMES, make_policy
 from ..controllers.settings import PlannerConfig
-from ..controllers.validation import require_kind
+from ..controllers.validation import require_integer, require_kind
+from .biped.env import BipedEnv, BipedEpisodes
 from .episode.action_meaning import note_hold, note_residual
-from .episode.episodes import GaitEpisodes, check_hold
+from .episode.episodes import GaitEpisodes
 from .episode.gym_env import check_action, spaces_of
 from .episode.info import Info, put
-from .episode.vector_env import Actions, GaitVectorEnv, Mask
-from .scenario.distribution import PushDistribution
+from .episode.vector_env import Actions, GaitVectorEnv, Mask, vector_maker
 from .scenario.scenario import Scenario
 from .snapshot import RobotSnapshot
+
+Scale = float | Sequence[float] | NDArray[Any] | None
+
+
+def _residual(
+    of: Any, policy: Policy | str, scale: Scale, preset: str | None, gate: Sequence[float] | None
+) -> tuple[ResidualRule, dict[str, Any]]:
+    """How residuals correct a policy on the robots of an environment or of episodes.
+
+    Returns:
+        The rule, and what it does in the words of a policy file; a policy without a name has none there.
+    """
+    preset = str(getattr(of, "preset", "")) if preset is None else preset
+    below = make_policy(policy, of.robot, of.limits, preset) if isinstance(policy, str) else as_policy(policy)
+    factors = default_residual_scale(of.limits) if scale is None else check_residual_scale(scale)
+    rule = ResidualRule(below, of.robot, of.limits, factors, gate)
+    name, config = getattr(below, "name", None), getattr(below, "config", None)
+    return rule, {
+        "policy": name if name in POLICY_NAMES else None,
+        "preset": preset,
+        "scale": tuple(rule.scale.tolist()),
+        "config": asdict(config) if isinstance(config, PlannerConfig) else None,
+        "gate": rule.gate,
+    }
 
 
 class ActionHold(gym.Wrapper, RecordConstructorArgs):
@@ -54,12 +73,11 @@ class ActionHold(gym.Wrapper, RecordConstructorArgs):
     """
 
     def __init__(self, env: gym.Env, periods: int = 1):
-        check_hold(periods)
-        RecordConstructorArgs.__init__(self, periods=periods)
+        self.periods = require_integer("hold", periods, 1)
+        RecordConstructorArgs.__init__(self, periods=self.periods)
         gym.Wrapper.__init__(self, env)
-        self.periods = periods
-        if periods > 1:
-            self.action_space = note_hold(env.action_space, periods)
+        if self.periods > 1:
+            self.action_space = note_hold(env.action_space, self.periods)
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Step the wrapped environment with one action until it is due for the next."""
@@ -77,24 +95,12 @@ class ActionHold(gym.Wrapper, RecordConstructorArgs):
         return observation, reward, terminated, truncated, info
 
 
-def residual_meaning(policy: Policy, preset: str, rule: ResidualRule) -> dict[str, Any]:
-    """What residuals correct, in the words of a policy file; a policy without a name has none there."""
-    name, config = getattr(policy, "name", None), getattr(policy, "config", None)
-    return {
-        "policy": name if name in POLICY_NAMES else None,
-        "preset": preset,
-        "scale": tuple(rule.scale.tolist()),
-        "config": asdict(config) if isinstance(config, PlannerConfig) else None,
-        "gate": rule.gate,
-    }
-
-
 class ResidualAction(gym.Wrapper, RecordConstructorArgs):
     """The action is a residual on what a policy would do: total = clip(base + scale x g x action, -1, 1).
 
     Both see the same observation. Where scale x g x action is zero, the base's own bits pass. `info` gains
     baseline_action and residual_action (scale x g x action), both (7,) in units of the gait action, and
-    qp_status: what the solver of the policy's stage 2 said, None for a policy without one.
+    qp_status: the status of the solver of the policy's stage 2, None for a policy without one.
 
     Args:
         env: A gait environment.
@@ -115,40 +121,26 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         self,
         env: gym.Env,
         policy: Policy | str = "two-stage",
-        scale: float | Sequence[float] | NDArray[Any] | None = None,
+        scale: Scale = None,
         preset: str | None = None,
         gate: Sequence[float] | None = None,
     ):
         space = require_kind("env", env, gym.Env).action_space
         if not (isinstance(space, gym.spaces.Box) and space.shape == (GAIT_SIZE,)):
             raise InvalidValueError(f"a gait residual needs an action space Box ({GAIT_SIZE},), got {space}")
-        unwrapped: Any = env.unwrapped
-        if scale is None:
-            self.scale = default_residual_scale(unwrapped.limits)
-        else:
-            self.scale = check_residual_scale(scale)
-        if isinstance(policy, str):
-            preset = str(unwrapped.preset) if preset is None else preset
-            self.policy: Policy = make_policy(policy, unwrapped.robot, unwrapped.limits, preset)
-        else:
-            self.policy = as_policy(policy)
-        self._rule = ResidualRule(self.policy, unwrapped.robot, unwrapped.limits, self.scale, gate)
-        self.gate = self._rule.gate
-        recorded = None if self.gate is None else list(self.gate)
+        self._rule, meaning = _residual(env.unwrapped, policy, scale, preset, gate)
+        self.policy, self.scale, self.gate = self._rule.policy, self._rule.scale, self._rule.gate
         RecordConstructorArgs.__init__(
             self,
             _disable_deepcopy=True,
             policy=policy,
             scale=self.scale.tolist(),
-            preset=preset,
-            gate=recorded,
+            preset=meaning["preset"] if isinstance(policy, str) else preset,
+            gate=None if self.gate is None else list(self.gate),
         )
         gym.Wrapper.__init__(self, env)
-        preset_below = str(getattr(unwrapped, "preset", "")) if preset is None else preset
-        residual = residual_meaning(self.policy, preset_below, self._rule)
-        self.action_space = note_residual(
-            gym.spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32), space, residual
-        )
+        own = gym.spaces.Box(-1.0, 1.0, (GAIT_SIZE,), np.float32)
+        self.action_space = note_residual(own, space, meaning)
         self._observation: NDArray[Any] | None = None
         self._policy_state: Any = None
         self._episode_start = True
@@ -223,8 +215,6 @@ def make_biped_residual(
         gate: See `ResidualAction`.
         biped: Keywords of PushRecovery/Biped-v0 (render_mode, control_hz, ...).
     """
-    from .biped.env import BipedEnv
-
     return build_residual(BipedEnv(**biped), policy, scale, preset, hold, gate)
 
 
@@ -266,14 +256,10 @@ class ResidualVectorEnv(GaitVectorEnv):
         self,
         episodes: GaitEpisodes,
         policy: Policy | str = "two-stage",
-        scale: float | Sequence[float] | NDArray[Any] | None = None,
+        scale: Scale = None,
         preset: str | None = None,
-        hold: int = 1,
         gate: Sequence[float] | None = None,
-        *,
-        push_distribution: dict[str, Any] | PushDistribution | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
+        **vector: Any,
     ):
         """Put a policy below.
 
@@ -282,32 +268,23 @@ class ResidualVectorEnv(GaitVectorEnv):
             policy: a name of `make_policy`, or anything with a batched `predict` that remembers nothing.
             scale: see `ResidualAction`.
             preset: the planner's where `policy` is a name; by default that of the episodes.
-            hold: planning periods for which a residual is held while the policy replans.
             gate: (shut, open) [m], see `ResidualAction`.
-            push_distribution: of the scenarios that are drawn.
-            autoreset_mode: see `GaitVectorEnv`.
-            render_mode: None.
+            vector: arguments of `GaitVectorEnv`; for its `hold` the policy replans in every period.
 
         Raises:
             PushRecoveryError: as the constructors of `GaitVectorEnv` and `ResidualAction` do.
         """
-        super().__init__(episodes, push_distribution, autoreset_mode, render_mode, hold)
-        robot, limits = episodes.robot, episodes.limits
-        self.scale = default_residual_scale(limits) if scale is None else check_residual_scale(scale)
-        if isinstance(policy, str):
-            policy = make_policy(policy, robot, limits, episodes.preset if preset is None else preset)
-        self.policy: Policy = as_policy(policy)
-        self._rule = ResidualRule(self.policy, robot, limits, self.scale, gate)
-        self.gate = self._rule.gate
+        super().__init__(episodes, **vector)
+        self._rule, meaning = _residual(episodes, policy, scale, preset, gate)
+        self.policy, self.scale, self.gate = self._rule.policy, self._rule.scale, self._rule.gate
         below = spaces_of(episodes)[1]
-        residual = residual_meaning(self.policy, episodes.preset if preset is None else preset, self._rule)
-        self.single_action_space = note_hold(note_residual(copy.deepcopy(below), below, residual), self.hold)
+        self.single_action_space = note_hold(note_residual(copy.deepcopy(below), below, meaning), self.hold)
         self._base, self._residual = np.zeros((2, self.num_envs, GAIT_SIZE), np.float32)
         self._statuses = np.full(self.num_envs, None, dtype=object)
         self._planned = np.zeros(self.num_envs, np.bool_)  # whether the three above are of this episode
 
     def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
-        """What the policy does, corrected; zeros for the robots that wait for their reset."""
+        """The policy's actions, corrected; zeros for the robots that wait for their reset."""
         rows = np.flatnonzero(live)
         total = np.zeros_like(actions)
         if not len(rows):
@@ -327,37 +304,8 @@ class ResidualVectorEnv(GaitVectorEnv):
     def _more_info(self, info: Info, rows: Mask) -> None:
         known = rows & self._planned
         put(info, "baseline_action", self._base.copy(), known)
-        put(info, "residual_action", self._residual.copy(), known.copy())
+        put(info, "residual_action", self._residual.copy(), known)
         put(info, "qp_status", self._statuses.copy(), known & (self._statuses != None))  # noqa: E711
 
 
-def make_biped_residual_vector(
-    num_envs: int = 1,
-    autoreset_mode: str = "NextStep",
-    threads: int = 1,
-    policy: str = "two-stage",
-    scale: float | Sequence[float] | None = None,
-    preset: str | None = None,
-    hold: int = 1,
-    gate: Sequence[float] | None = None,
-    control_hz: float = 100.0,
-    push_distribution: dict[str, Any] | PushDistribution | None = None,
-    render_mode: str | None = None,
-    robot: Any = "biped",
-    profile: str = "exact",
-    sensing: str | None = None,
-    arm: str = "",
-) -> ResidualVectorEnv:
-    """Vector entry point of PushRecovery/BipedResidual-v0: `num_envs` bipeds on one core.
-
-    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
-    those of `make_biped_residual`.
-    """
-    from .biped.env import BipedEpisodes
-
-    body = {"robot": robot, "profile": profile, "sensing": sensing, "arm": arm}
-    return ResidualVectorEnv(
-        BipedEpisodes(num_envs, control_hz=control_hz, threads=threads, **body),
-        policy, scale, preset, hold, gate,
-        push_distribution=push_distribution, autoreset_mode=autoreset_mode, render_mode=render_mode,
-    )  # fmt: skip
+make_biped_residual_vector = vector_maker(make_biped_residual, BipedEpisodes, ResidualVectorEnv)

@@ -102,7 +102,7 @@ class SamplingMpcPolicy:
             max(1, round(time * biped.control_hz)) for time in (s.check_period, s.watch_time, s.horizon)
         )
         self._one, self._many = (
-            Forecast(biped.alike(n), self._rule, periods, s.outlast) for n in (1, s.population)
+            Forecast(biped.clone(n), self._rule, periods, s.outlast) for n in (1, s.population)
         )
 
     def predict(

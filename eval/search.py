@@ -226,7 +226,7 @@ class Forecast:
             self.episodes.restore(k, now, scenario)
             core.kicks.assign(k, ())
         last = now.time - 1.0 / self.episodes.control_hz + TIME_TOLERANCE
-        for i in range(len(scenario.pushes)):
+        for i in range(len(scenario.forces)):
             start, duration = now.rows["pushes.start"][i], now.rows["pushes.duration"][i]
             if start < now.time and last < start + duration:  # it has been felt
                 core.pushes.duration[:, i] = (1.0 + outlast) * (now.time - start)

@@ -268,7 +268,7 @@ class BipedCore:
         It has to be put somewhere next, as `reset` does, or by `put_back`.
         """
         check_biped_errors(scenario.errors)
-        for push in scenario.pushes:
+        for push in scenario.forces:
             require_choice("push body", push.body, tuple(self.body.pushed))
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
         assign_floor(self.floors, k, scenario)
@@ -282,7 +282,7 @@ class BipedCore:
             self._bind()
         if self.body.indices.trunk == self.body.indices.pelvis:
             self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
-        self.kicks.assign(k, scenario.kicks)
+        self.kicks.assign(k, scenario.jumps)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.

@@ -17,7 +17,7 @@ from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.episodes import GaitEpisodes, Ints
 from ..episode.gym_env import GaitEnv
 from ..episode.period_end import Motion
-from ..episode.vector_env import GaitVectorEnv
+from ..episode.vector_env import vector_maker
 from ..robots.compiled_robot import compiled_robot
 from ..robots.description import RobotDescription, check_preset, robot_description
 from ..scenario.distribution import PushDistribution
@@ -72,11 +72,10 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         settings = biped_settings(preset, arm).of_robot(body.robot)
         check_preset(preset, body.robot, settings.limits)
         super().__init__(n, body.robot, settings.limits, preset, control_hz, arm)
-        self.core = self.core_of(self.n, self.robot, self.limits, control_hz, threads, body, sensing)
+        self.core = self.core_of(self.n, self.robot, self.limits, self.control_hz, threads, body, sensing)
         self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset, arm))
 
-    def alike(self, n: int, threads: int = 1) -> BipedEpisodes:
-        """Episodes of n such bipeds."""
+    def _clone(self, n: int, threads: int) -> BipedEpisodes:
         own = self.description, self.profile.name, self.core.senses.forced, self.arm
         return type(self)(n, self.preset, self.control_hz, threads, *own)
 
@@ -169,23 +168,4 @@ class BipedEnv(GaitEnv):
         return image if self.render_mode == "rgb_array" else None
 
 
-def make_biped_vector(
-    num_envs: int = 1,
-    autoreset_mode: str = "NextStep",
-    threads: int = 1,
-    render_mode: str | None = None,
-    control_hz: float = 100.0,
-    preset: str | None = None,
-    push_distribution: dict[str, Any] | PushDistribution | None = None,
-    robot: str | RobotDescription = "biped",
-    profile: str = "exact",
-    sensing: str | None = None,
-    arm: str = "",
-) -> GaitVectorEnv:
-    """Vector entry point of PushRecovery/Biped-v0: `num_envs` bipeds on one core.
-
-    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
-    those of `BipedEnv`.
-    """
-    episodes = BipedEpisodes(num_envs, preset, control_hz, threads, robot, profile, sensing, arm)
-    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)
+make_biped_vector = vector_maker(BipedEnv, BipedEpisodes)  # of PushRecovery/Biped-v0

@@ -1,4 +1,4 @@
-"""What an action means in an environment, noted on its action space, so that a saved model still knows it.
+"""The meaning of an action, noted on the action space of its environment, so that a saved model knows it.
 
 Gait actions, corrections of a planner and held actions have equal spaces. Learning libraries keep the spaces
 of a model and save them with it, so the note travels with the model, into its file and into other processes.
@@ -34,7 +34,7 @@ def note(space: S, meaning: Meaning) -> S:
 
 
 def meaning_of(episodes: GaitEpisodes) -> Meaning:
-    """What an action for one planning period means to robots."""
+    """Meaning of an action for one planning period to the robots of episodes."""
     return {
         "environment": episodes.name,
         "robot": asdict(episodes.robot),

@@ -1,10 +1,6 @@
-"""Episodes of n robots on one core: start, planning period, reward, end.
+"""Episodes of n robots on one core: start, planning period, reward, end, and actions that are held.
 
-What episodes need of the physics of n robots: the one seam between a kind of robot and its episodes.
-
-Episodes of n robots on one core: start, planning period, reward, end; every gait environment has them.
-
-An action held for several planning periods by robots that share a core.
+`Core` is what episodes need of the physics of n robots: the seam between a kind of robot and its episodes.
 """
 
 from __future__ import annotations
@@ -17,34 +13,44 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError, shown
+from ...controllers.array_table import parts_table
+from ...controllers.errors import InvalidValueError
 from ...controllers.jit import announce_compilation
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, NominalStart, nominal_gait, nominal_start
 from ...controllers.model.observation import OBSERVATION_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import preset_config, preset_names
-from ...controllers.validation import require_integer, require_kind
+from ...controllers.validation import require_integer, require_kind, require_number
 from ..scenario.arrays import Pushes
 from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
 from ..scenario.scenario import EXACT, Profile, Scenario
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, take_rows
 from .period_end import (
+    COLUMNS,
     REWARD_TERMS,
     Episodes,
-    Judged,
     Motion,
+    PeriodArrays,
     Reward,
     Robots,
     end_period,
     period_constants,
-    period_table,
-    tell,
+    write_info,
 )
 from .recovery import GaitMonitor, uphill_dcm
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Measure = Callable[[Any], NDArray[Any]]  # of `GaitEpisodes`: one value for each robot, (n, ...)
+
+ROBOTS_MAX = 100_000
+OF_SCENARIO = (  # rows of a snapshot that the scenario says anew where a robot is put back
+    "episodes.pushes", "episodes.changed", "episodes.fixed", "episodes.settle", "episodes.uphill",
+    "schedule.time", "schedule.command",
+)  # fmt: skip
 
 
 class Core(Protocol):
@@ -71,19 +77,11 @@ class Core(Protocol):
         ...
 
 
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
 C = TypeVar("C", bound=Core)
-MOST_ROBOTS = 100_000
-OF_SCENARIO = (  # rows of a snapshot that the scenario says anew where a robot is put back
-    "episodes.pushes", "episodes.changed", "episodes.fixed", "episodes.settle", "episodes.uphill",
-    "schedule.time", "schedule.command",
-)  # fmt: skip
 
 
 class Period(NamedTuple):
-    """What came of one planning period for n robots; the next one writes over it."""
+    """The end of one planning period of n robots; the next one writes over it."""
 
     reward: Reward
     failed: Mask  # (n,)
@@ -95,31 +93,30 @@ class GaitEpisodes(ABC, Generic[C]):
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
     has_double_support: ClassVar[bool] = False  # whether the physics knows it
-    force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned unless told otherwise [N]
-    turns: ClassVar[bool] = True  # whether it can be told to turn
+    force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned by default [N]
+    turns: ClassVar[bool] = True  # whether it follows commands to turn
     takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
     name: ClassVar[str]  # of the environment, for errors
     observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
     action_size: ClassVar[int] = GAIT_SIZE
-    reward_terms: ClassVar[tuple[str, ...]] = REWARD_TERMS
+    reward_terms: tuple[str, ...] = REWARD_TERMS
     profile: Profile = EXACT  # of the robots in scenarios that are drawn
     core: C
 
     def __init__(
         self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float, arm: str = ""
     ):
-        """Set up all but the core; the timing of touchdowns is the preset's for an arm.
+        """Set up all but the core; the timing of touchdowns is the preset's for the policy `arm`.
 
         Raises:
             InvalidValueError: no robot or too many; a robot or limits that are none; a rate outside
                 20-1000 Hz; or a preset with double support, which the robot does not know.
             UnknownNameError: for an unknown preset.
         """
-        n = require_integer("num_envs", n, 1, MOST_ROBOTS)
+        n = require_integer("num_envs", n, 1, ROBOTS_MAX)
         require_kind("robot", robot, RobotModel)
         require_kind("limits", limits, GaitLimits)
-        if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
-            raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {shown(control_hz)}")
+        control_hz = require_number("control_hz [Hz]", control_hz, 20.0, 1000.0)
         config = preset_config(preset, arm)
         if config.double_support > 0 and not self.has_double_support:
             valid = [name for name in preset_names() if preset_config(name).double_support == 0]
@@ -141,11 +138,45 @@ class GaitEpisodes(ABC, Generic[C]):
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
         self._constants = period_constants(robot, limits, *timing)
         self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
+        self.measures: dict[str, Measure] = {}  # that `info` has besides
+        self._added_terms: list[Measure] = []
         self._scenarios: list[Scenario | None] = [None] * n
 
-    @abstractmethod
-    def alike(self, n: int, threads: int = 1) -> GaitEpisodes:
+    def clone(self, n: int, threads: int = 1) -> Self:
         """Episodes of n such robots, of their own; `threads` share the physics where that is worth it."""
+        clone = self._clone(n, threads)
+        clone.measures, clone._added_terms = self.measures.copy(), self._added_terms.copy()
+        clone.reward_terms = self.reward_terms
+        return clone
+
+    @abstractmethod
+    def _clone(self, n: int, threads: int) -> Self:
+        """Episodes of n such robots, without measures and terms that were added."""
+
+    def add_reward_term(self, term: Measure, name: str = "") -> None:
+        """Count one more term in the reward of every period to come.
+
+        Args:
+            term: a function of these episodes to its value for each robot, (n,), at the end of a period.
+            name: in `info["reward_terms"]`; by default the function's.
+
+        Raises:
+            InvalidValueError: a term of that name is there.
+        """
+        name = name or term.__name__
+        if name in self.reward_terms:
+            raise InvalidValueError(f"the reward has a term {name!r} already: {', '.join(self.reward_terms)}")
+        self.reward_terms = (*self.reward_terms, name)
+        self._added_terms.append(term)
+
+    def add_measure(self, measure: Measure, name: str = "") -> None:
+        """Have `info` hold one more number of every robot.
+
+        Args:
+            measure: a function of these episodes to its value for each robot, (n, ...).
+            name: the key; by default the function's name.
+        """
+        self.measures[name or measure.__name__] = measure
 
     @abstractmethod
     def motion(self) -> Motion:
@@ -157,12 +188,18 @@ class GaitEpisodes(ABC, Generic[C]):
 
     @property
     def seen(self) -> Array:
-        """What policies see, (n, observation_size); the array of the moment, written in place."""
+        """Observations of policies, (n, observation_size); the array of the moment, written in place."""
         return self.core.observation
 
-    def told_of_planner(self) -> dict[str, tuple[NDArray[Any], Mask]]:
-        """What `info` tells of a planner within: key -> values (n, ...), and which robots (n,) have one."""
+    def planner_info(self) -> dict[str, tuple[NDArray[Any], Mask]]:
+        """Entries of `info` of a planner within: key -> values (n, ...), and which robots (n,) have one."""
         return {}
+
+    def more_info(self) -> dict[str, tuple[NDArray[Any], Mask]]:
+        """Entries of `info` beside those of every robot: of the planner within, and the measures."""
+        everyone = np.ones(self.n, np.bool_)
+        added = {name: (measure(self), everyone) for name, measure in self.measures.items()}
+        return self.planner_info() | added
 
     @abstractmethod
     def failure(self) -> Ints:
@@ -172,9 +209,11 @@ class GaitEpisodes(ABC, Generic[C]):
         """A scenario from a distribution, on a robot of this profile."""
         return self.profile.applied(pushes.sample(rng))
 
-    def told(self) -> Array:
-        """Numbers that `info` tells, (n, COLUMNS); a fresh array."""
-        return tell(self._table, self.n)
+    def info_rows(self) -> Array:
+        """Numbers of the moment for `info`, (n, COLUMNS) of `period_end`; a fresh array."""
+        rows = np.empty((self.n, COLUMNS))
+        write_info(self._table, rows)
+        return rows
 
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
@@ -205,15 +244,20 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def _assign(self, k: int, scenario: Scenario) -> None:
         """Give robot k what a scenario says; it has to be put somewhere next."""
-        self._check_turns(scenario)
-        if scenario.kicks and not self.takes_kicks:
+        rate = max((scenario.command.turn, *(change.command.turn for change in scenario.changes)), key=abs)
+        if rate and not self.turns:
+            raise InvalidValueError(
+                f"{self.name} does not turn: Command.turn must be 0 rad/s, got {rate:g} "
+                f"in scenario {scenario.id!r}"
+            )
+        if scenario.jumps and not self.takes_kicks:
             raise InvalidValueError(
                 f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
-                f"{scenario.kicks[0]} in scenario {scenario.id!r}"
+                f"{scenario.jumps[0]} in scenario {scenario.id!r}"
             )
         self._scenarios[k] = scenario
-        self._episodes.pushes[k] = len(scenario.pushes)
-        self._episodes.changed[k] = max(scenario.last_change, scenario.last_kick)
+        self._episodes.pushes[k] = len(scenario.forces)
+        self._episodes.changed[k] = scenario.last_sudden_change
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
         slopes = scenario.errors.slope_forward, scenario.errors.slope_left
@@ -260,10 +304,10 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def _arrays(self, k: int) -> Arrays:
         """Arrays of n robots whose rows k are the state of robot k, by PART.FIELD."""
-        return arrays_of(Judged(self.robots, self._episodes, self.monitor.state), {"robots"})
+        return arrays_of(PeriodArrays(self.robots, self._episodes, self.monitor.state), {"robots"})
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
-        """What environments must have in common for a robot of a scenario to go from one to the other."""
+        """Properties that environments must share for a robot of a scenario to go from one to the other."""
         raise InvalidValueError(
             f"{self.name} takes no snapshots of its robots; only those of bipeds can be put back"
         )
@@ -275,25 +319,29 @@ class GaitEpisodes(ABC, Generic[C]):
     def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
         """Put it back."""
 
-    def _check_turns(self, scenario: Scenario) -> None:
-        commands = [scenario.command, *(change.command for change in scenario.changes)]
-        rate = max((command.turn for command in commands), key=abs)
-        if rate and not self.turns:
-            raise InvalidValueError(
-                f"{self.name} does not turn: Command.turn must be 0 rad/s, got {rate:g} "
-                f"in scenario {scenario.id!r}"
-            )
-
     def step(self, actions: NDArray[np.float32]) -> Period:
         """One planning period of all robots under actions (n, 7) in [-1, 1]; those at their end go on too."""
         asked = actions.astype(np.float64)
         gaits = self.gaits(asked)
         self.core.step(gaits, asked)
+        return self._end_period(gaits)
+
+    def _end_period(self, gaits: Array) -> Period:
+        """Count what a period under gaits (n, 7) was worth and who has come to an end."""
         end_period(self._table, self._constants, gaits, self._ends)
-        return self._period
+        return self._with_added_terms()
+
+    def _with_added_terms(self) -> Period:
+        """The period that has ended, with the reward terms that users have added."""
+        if not self._added_terms:
+            return self._period
+        added = np.stack([term(self) for term in self._added_terms], axis=1)
+        total, terms = self._period.reward
+        reward = Reward(total + added.sum(axis=1), np.concatenate([terms, added], axis=1))
+        return self._period._replace(reward=reward)
 
     def _bind_if_new(self) -> None:
-        """The core has new arrays where more pushes came than fitted."""
+        """Write the address table anew where the core has new arrays, for more pushes than fitted."""
         if self.robots is None or self.core.pushes.start is not self.robots.push_start:
             self._bind()
 
@@ -304,7 +352,7 @@ class GaitEpisodes(ABC, Generic[C]):
             *motion, self.failure(), core.truth, core.margin, core.command, core.previous_action,
             core.pushes.start, core.pushes.duration, core.world,
         )  # fmt: skip
-        self._table = period_table(self.robots, episodes, self.monitor.state)
+        self._table = parts_table(PeriodArrays(self.robots, episodes, self.monitor.state))
         self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)
 
     def __copy__(self) -> Self:
@@ -319,23 +367,12 @@ class GaitEpisodes(ABC, Generic[C]):
 
 
 class Held(NamedTuple):
-    """What came of a held action for n robots, each up to the end of its episode."""
+    """A held action of n robots, each up to the end of its episode."""
 
     reward: Array  # (n,) summed over the periods
     terms: Array  # (n, terms) of it, in the order of the episodes' reward_terms
     failed: Mask  # (n,)
     truncated: Mask  # (n,)
-
-
-def check_hold(periods: object) -> int:
-    """For how many planning periods an action is held.
-
-    Raises:
-        InvalidValueError: no whole number from 1.
-    """
-    if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
-        raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {shown(periods)}")
-    return periods
 
 
 def hold_action(
@@ -354,7 +391,7 @@ def hold_action(
         periods: for which the action is held.
         act: actions (n, action_size) of a period, given which robots (n,) are still in their episode.
         at_end: called with the robots (n,) whose episode ended in a period, how many periods were left of
-            the action, and what has come of it so far: the core goes on with them.
+            the action, and the sums so far: the core goes on with them.
         watch: called after every period.
     """
     n, terms, live = episodes.n, len(episodes.reward_terms), live.copy()

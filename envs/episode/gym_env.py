@@ -1,9 +1,9 @@
-"""What the gait environments share: spaces, scenarios, reward, info and the recovered criterion."""
+"""Gymnasium's face of episodes: what one robot's environment and that of n share, and that of one robot."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Self
 
 import gymnasium as gym
@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.model.nominal_gait import NominalGait
-from ...controllers.model.robot import RobotModel, Similarity
+from ...controllers.model.robot import Similarity
 from ...controllers.validation import require_integer
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
@@ -79,35 +78,86 @@ def spaces_of(episodes: GaitEpisodes) -> tuple[Any, Any]:
     return note(seen, {"environment": episodes.name}), note(action, meaning_of(episodes))
 
 
-def check_push_distribution(
-    distribution: dict[str, Any] | PushDistribution | None, robot: RobotModel
-) -> PushDistribution:
-    """A push distribution from what a constructor takes; for None the default one, of the robot's size.
+def check_options(options: object, names: Sequence[str]) -> dict[str, Any]:
+    """Options of `reset` as a dict.
 
     Raises:
-        InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
+        InvalidValueError: no dict.
+        UnknownNameError: another key than one of `names`.
     """
-    if isinstance(distribution, dict):
-        distribution = PushDistribution.from_dict(distribution)
-    if not isinstance(distribution, PushDistribution | None):
-        raise InvalidValueError(
-            f"push_distribution must be a PushDistribution or its dict, got {distribution!r}"
-        )
-    return PushDistribution().scaled(Similarity.of(robot)) if distribution is None else distribution
+    if not isinstance(options, dict | None):
+        raise InvalidValueError(f"reset options must be a dict, got {options!r}")
+    if unknown := sorted(set(options or {}) - set(names), key=str):
+        raise UnknownNameError("reset option", unknown[0], names)
+    return options or {}
 
 
-def check_scenario(scenario: object) -> Scenario:
-    """A scenario out of reset options.
+class EpisodesEnv:
+    """Base of the environments of one robot and of n, which are numbered from 0."""
 
-    Raises:
-        InvalidValueError: for anything else.
-    """
-    if not isinstance(scenario, Scenario):
-        raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(scenario).__name__}")
-    return scenario
+    def _set_up(
+        self, episodes: GaitEpisodes, push_distribution: dict[str, Any] | PushDistribution | None
+    ) -> tuple[Any, Any]:
+        """Take the episodes and what is drawn for them; returns a robot's observation and action space.
+
+        Args:
+            episodes: of the robots.
+            push_distribution: of the scenarios that are drawn, as an object or its dict; None: the default
+                one, of the robot's size.
+
+        Raises:
+            InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
+        """
+        if isinstance(push_distribution, dict):
+            push_distribution = PushDistribution.from_dict(push_distribution)
+        if not isinstance(push_distribution, PushDistribution | None):
+            raise InvalidValueError(
+                f"push_distribution must be a PushDistribution or its dict, got {push_distribution!r}"
+            )
+        default = PushDistribution().scaled(Similarity.of(episodes.robot))
+        self.push_distribution = default if push_distribution is None else push_distribution
+        self.episodes = episodes
+        self.core: Any = episodes.core
+        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
+        self.preset, self.double_support = episodes.preset, episodes.double_support
+        self.dt = 1.0 / episodes.control_hz  # planning period [s]
+        self._info = InfoReader(episodes)
+        self._begun = np.zeros(episodes.n, np.bool_)  # has been reset once
+        self._ended = np.zeros(episodes.n, np.bool_)  # waits for its reset
+        return spaces_of(episodes)
+
+    def _scenario(self, given: object, rng: np.random.Generator | None) -> Scenario:
+        """The scenario of reset options; where none is given, one that is drawn."""
+        if given is None:
+            assert rng is not None  # noqa: S101
+            return self.episodes.drawn(self.push_distribution, rng)
+        if not isinstance(given, Scenario):
+            raise InvalidValueError(f"options['scenario'] must be a Scenario, got {type(given).__name__}")
+        return given
+
+    def _begin(self, k: int, scenario: Scenario) -> None:
+        self.episodes.begin(k, scenario)
+        self._note_begin(k, scenario)
+
+    def _restore(self, k: int, snapshot: RobotSnapshot, scenario: Scenario | None) -> None:
+        self.episodes.restore(k, snapshot, scenario)
+        self._note_begin(k, snapshot.scenario if scenario is None else scenario)
+
+    def _note_begin(self, k: int, scenario: Scenario) -> None:
+        """Robot k is in an episode of a scenario from now on."""
+        self._info.begin(k, scenario)
+        self._begun[k], self._ended[k] = True, False
+
+    def _no_terms(self) -> Array:
+        """Reward terms (n, terms) of robots that have not moved."""
+        return np.zeros((self.episodes.n, len(self.episodes.reward_terms)))
+
+    def __copy__(self) -> Self:
+        """A copy shares nothing with its original, or is refused (a biped's)."""
+        return copy.deepcopy(self)
 
 
-class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
+class GaitEnv(EpisodesEnv, gym.Env[Array, NDArray[np.float32]]):
     """Base of the environments whose action is a gait: Gymnasium's face of the episodes of one robot."""
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -130,18 +180,10 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self.push_distribution = check_push_distribution(push_distribution, episodes.robot)
-        self.episodes = episodes
-        self.core: Any = episodes.core
-        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
-        self.preset, self.double_support = episodes.preset, episodes.double_support
-        self.dt = 1.0 / episodes.control_hz  # planning period [s]
+        self.observation_space, self.action_space = self._set_up(episodes, push_distribution)
         self.metadata = {**self.metadata, "render_fps": round(episodes.control_hz)}  # type: ignore[misc]
-        self.observation_space, self.action_space = spaces_of(episodes)
-        self._info = InfoReader(episodes)
         self.scenario: Scenario | None = None
         self._picture: Any = None  # what `render` draws with
-        self._ended = True
         self.after_period: list[Callable[[], None]] = []  # called at the end of every planning period
 
     def reset(
@@ -158,28 +200,25 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
             UnknownNameError: another option.
         """
         super().reset(seed=None if seed is None else require_integer("seed", seed))
-        self.scenario = self._scenario(options)
-        self.episodes.begin(0, self.scenario)
-        self._info.begin(0, self.scenario)
-        self._ended = False
+        given = check_options(options, ["scenario"]).get("scenario")
+        self._begin(0, self._scenario(given, self.np_random if given is None else None))
         if self.render_mode == "human":
             self.render()
-        terms = np.zeros(len(self.episodes.reward_terms))
-        return self.episodes.seen[0].copy(), self._info.of_robot(0, terms)
+        return self._look(self._no_terms())
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One planning period under an action in [-1, 1]; entries outside are clipped."""
-        if self.scenario is None or self._ended:
+        if not self._begun[0] or self._ended[0]:
             raise InvalidValueError("the episode has ended or not begun: call reset() before step()")
         period = self.episodes.step(check_action(action, shape=(self.episodes.action_size,))[None])
         for look in self.after_period:
             look()
         terminated, truncated = period.failed.item(0), period.truncated.item(0)
-        self._ended = terminated or truncated
-        info = self._info.of_robot(0, period.reward.terms[0])
+        self._ended[0] = terminated or truncated
+        observation, info = self._look(period.reward.terms)
         if self.render_mode == "human":
             self.render()
-        return self.episodes.seen[0].copy(), period.reward.total.item(0), terminated, truncated, info
+        return observation, period.reward.total.item(0), terminated, truncated, info
 
     def state_snapshot(self) -> RobotSnapshot:
         """The whole state of the robot in mid-episode, which `restore` puts back.
@@ -187,53 +226,30 @@ class GaitEnv(gym.Env[Array, NDArray[np.float32]]):
         Raises:
             InvalidValueError: the episode has ended or not begun, or robots of this kind are not put back.
         """
-        if self._ended:
+        if not self._begun[0] or self._ended[0]:
             raise InvalidValueError("the episode has ended or not begun: there is nothing to go on with")
         return self.episodes.state_snapshot(0)
 
     def restore(
         self, snapshot: RobotSnapshot, scenario: Scenario | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Put the robot back where one was; it goes on bit for bit as that did.
+        """Put the robot back where one was; it goes on bit for bit as that did. Returned as by `reset`.
 
-        Args:
-            snapshot: of a robot of this kind, from this environment, another one or a vector of them.
-            scenario: what goes on from there; None: the snapshot's own. It may have other pushes that have
-                not begun, and another end.
-
-        Returns:
-            Observation (36,) and info, as `reset` gives them.
-
-        Raises:
-            InvalidValueError: a snapshot of another kind of robot, or a scenario that differs in what has
-                happened already.
+        The snapshot may be of this environment, another one or a vector of them; see `GaitEpisodes.restore`.
         """
-        self.episodes.restore(0, snapshot, scenario)
-        self.scenario = snapshot.scenario if scenario is None else scenario
-        self._info.begin(0, self.scenario)
-        self._ended = False
-        terms = np.zeros(len(self.episodes.reward_terms))
-        return self.episodes.seen[0].copy(), self._info.of_robot(0, terms)
+        self._restore(0, snapshot, scenario)
+        return self._look(self._no_terms())
 
-    def __copy__(self) -> Self:
-        """A copy shares nothing with its original, or is refused (a biped's)."""
-        return copy.deepcopy(self)
+    def _note_begin(self, k: int, scenario: Scenario) -> None:
+        super()._note_begin(k, scenario)
+        self.scenario = scenario
+
+    def _look(self, terms: Array) -> tuple[Array, dict[str, Any]]:
+        """Observation and info of now, with the reward terms (1, terms)."""
+        return self.episodes.seen[0].copy(), self._info.of_robot(0, terms[0])
 
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._picture is not None:
             self._picture.close()
             self._picture = None
-
-    def _scenario(self, options: dict[str, Any] | None) -> Scenario:
-        if not isinstance(options, dict | None):
-            raise InvalidValueError(f"reset options must be a dict, got {options!r}")
-        if unknown := set(options or {}) - {"scenario"}:
-            raise UnknownNameError("reset option", sorted(unknown, key=str)[0], ["scenario"])
-        scenario = (options or {}).get("scenario")
-        if scenario is None:
-            return self.episodes.drawn(self.push_distribution, self.np_random)
-        return check_scenario(scenario)
-
-    def _nominal(self, vx: float, vy: float) -> NominalGait:
-        return self.episodes.nominal(vx, vy)

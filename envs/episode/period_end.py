@@ -1,24 +1,22 @@
-"""The end of a planning period for n robots: reward, recovered, end, and numbers for `info`.
+"""The end of a planning period for n robots, in one compiled call: reward, recovered criterion, end, `info`.
 
-Reward terms of the gait environments: named, pure, one number each per planning period.
-
-What a planning period was to n robots: recovered criterion, reward and end, in one compiled call.
-
+A reward term is a function in `TERMS`, of one robot's `Moment` to a number; its name is that of the function.
 Numba unpacks every array of a call, so the two dozen arrays come as one table of addresses.
-
-What `info` tells of n robots in numbers: a row a robot, written in one compiled call.
 """
+
+# part_of and to_fixed_tuple are intrinsics: their arguments are the signature's, less the typing context.
+# pyright: reportCallIssue=false
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from ...controllers.array_table import Floats1, Floats2, Ints1, part_of, parts_table
+from ...controllers.array_table import Floats1, Floats2, Ints1, part_of
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
@@ -36,113 +34,110 @@ from ...controllers.model.observation import (
 from ...controllers.model.robot import RobotModel
 from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
 
-_ANGLE, _RATE, _ACTION = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+_ANGLE, _RATE, _ACTION, _COMMAND = (
+    part.start for part in (TRUNK_ANGLE, TRUNK_RATE, PREVIOUS_ACTION, COMMAND)
+)
+
+
+class Moment(NamedTuple):
+    """One robot at the end of a planning period, as reward terms see it."""
+
+    obs: Any  # (36,) observation without noise; its previous action is this period's
+    before: Any  # (7,) action in force in the period before
+    planned: float  # step duration T asked for [s]
+    margin: float  # capture margin [m]
+    failed: bool
+    started: Any  # (2,) DCM at the start of the step [m]
+    start: Any  # (2,) the nominal gait's [m]
+    nominal_duration: float  # T_nom [s]
 
 
 @njit(cache=True)
-def alive(failed):  # pragma: no cover
+def alive(m):  # pragma: no cover
     """1 while standing."""
-    return 0.0 if failed else 1.0
+    return 0.0 if m.failed else 1.0
 
 
 @njit(cache=True)
-def fall(failed):  # pragma: no cover
+def fall(m):  # pragma: no cover
     """-50 once, at a fall."""
-    return -50.0 if failed else 0.0
+    return -50.0 if m.failed else 0.0
 
 
 @njit(cache=True)
-def dcm(started, nominal, failed):  # pragma: no cover
+def dcm(m):  # pragma: no cover
     """exp(-|e|^2 / (0.1 m)^2), e the DCM's error against the nominal gait at the start of the step.
 
-    Both are (2,) [m]; in double support what the CoP's transfer will take off the DCM counts in both.
+    In double support what the CoP's transfer will take off the DCM counts in both.
     """
-    squared = (started[0] - nominal[0]) ** 2 + (started[1] - nominal[1]) ** 2
-    return 0.0 if failed else math.exp(-squared / 0.01)
+    squared = (m.started[0] - m.start[0]) ** 2 + (m.started[1] - m.start[1]) ** 2
+    return 0.0 if m.failed else math.exp(-squared / 0.01)
 
 
 @njit(cache=True)
-def margin(capture_margin):  # pragma: no cover
-    """-1 at a capture margin [m] of zero or below, 0 from 0.1 m on."""
-    return -min(max(1.0 - capture_margin / 0.1, 0.0), 1.0)
+def margin(m):  # pragma: no cover
+    """-1 at a capture margin of zero or below, 0 from 0.1 m on."""
+    return -min(max(1.0 - m.margin / 0.1, 0.0), 1.0)
 
 
 @njit(cache=True)
-def duration(planned, nominal):  # pragma: no cover
-    """-0.5 ((T - T_nom) / T_nom)^2, both [s]."""
-    return -0.5 * (planned / nominal - 1.0) ** 2
+def duration(m):  # pragma: no cover
+    """-0.5 ((T - T_nom) / T_nom)^2."""
+    return -0.5 * (m.planned / m.nominal_duration - 1.0) ** 2
 
 
 @njit(cache=True)
-def trunk(obs):  # pragma: no cover
+def trunk(m):  # pragma: no cover
     """-0.3 |lean|^2 - 0.01 |rate|^2, at least -2."""
-    lean = obs[_ANGLE] ** 2 + obs[_ANGLE + 1] ** 2
-    rate = obs[_RATE] ** 2 + obs[_RATE + 1] ** 2
+    lean = m.obs[_ANGLE] ** 2 + m.obs[_ANGLE + 1] ** 2
+    rate = m.obs[_RATE] ** 2 + m.obs[_RATE + 1] ** 2
     return max(-0.3 * lean - 0.01 * rate, -2.0)
 
 
 @njit(cache=True)
-def smoothness(obs, before):  # pragma: no cover
-    """-0.02 |a - a_before|^2; `before` (7,) was in force in the period before the observation's."""
+def smoothness(m):  # pragma: no cover
+    """-0.02 |a - a_before|^2."""
     total = 0.0
-    for i in range(before.shape[0]):
-        total += (obs[_ACTION + i] - before[i]) ** 2
+    for i in range(m.before.shape[0]):
+        total += (m.obs[_ACTION + i] - m.before[i]) ** 2
     return -0.02 * total
 
 
-REWARD_TERMS = ("alive", "fall", "dcm", "margin", "duration", "trunk", "smoothness")
+TERMS = (alive, fall, dcm, margin, duration, trunk, smoothness)
+REWARD_TERMS = tuple(term.__name__ for term in TERMS)
 
 
-@njit(cache=True)
-def write_reward(
-    obs, before, planned, capture_margin, failed, started, start, nominal_duration, terms
-):  # pragma: no cover
-    """Write the terms (7,) of one robot in the order of REWARD_TERMS; returns their sum.
+def _then(term: Any, later: Any) -> Any:
+    """A compiled function that writes a term at `i` and then the later ones; part of what calls it."""
 
-    Args:
-        obs: observation (36,) after the period; its previous action is this period's.
-        before: action (7,) in force in the period before.
-        planned: step duration T asked for [s].
-        capture_margin: [m].
-        failed: whether the robot has fallen.
-        started: DCM (2,) at the start of the step [m].
-        start: the nominal gait's (2,) [m].
-        nominal_duration: T_nom [s].
-        terms: written.
-    """
-    terms[0] = alive(failed)
-    terms[1] = fall(failed)
-    terms[2] = dcm(started, start, failed)
-    terms[3] = margin(capture_margin)
-    terms[4] = duration(planned, nominal_duration)
-    terms[5] = trunk(obs)
-    terms[6] = smoothness(obs, before)
-    total = 0.0
-    for i in range(terms.shape[0]):
-        total += terms[i]
-    return total
+    @njit(cache=False)
+    def write(moment, terms, i):  # pragma: no cover
+        terms[i] = term(moment)
+        later(moment, terms, i + 1)
+
+    return write
+
+
+@njit(cache=False)
+def _write_terms(moment, terms, i):  # pragma: no cover
+    """Write no term: the end of the chain."""
+
+
+for _term in reversed(TERMS):
+    _write_terms = _then(_term, _write_terms)
 
 
 class Reward(NamedTuple):
-    """What one planning period was worth to n robots."""
+    """Reward of one planning period for n robots."""
 
-    total: NDArray[np.float64]  # (n,)
-    terms: NDArray[np.float64]  # (n, 7) in the order of REWARD_TERMS
-
-
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
-_COMMAND = COMMAND.start
+    total: Array  # (n,)
+    terms: Array  # (n, terms) in the order of the episodes' `reward_terms`
 
 
 class Motion(NamedTuple):
-    """How far n robots have come."""
+    """Progress of n robots."""
 
     steps: Ints  # (n,) completed
     com: Array  # (n, 2) in the world [m]
@@ -152,7 +147,7 @@ class Motion(NamedTuple):
 
 
 class Robots(NamedTuple):
-    """What the core says of n robots after a period; the first five are those of `Motion`."""
+    """State of n robots after a period, from the core; the first five are those of `Motion`."""
 
     steps: Ints1
     com: Floats2
@@ -170,7 +165,7 @@ class Robots(NamedTuple):
 
 
 class Episodes(NamedTuple):
-    """What the episodes of n robots know of themselves."""
+    """State of the episodes of n robots."""
 
     pushes: Ints1  # (n,) how many
     changed: Floats1  # (n,) when the command changes or a kick comes for the last time [s], 0: never
@@ -184,7 +179,7 @@ class Episodes(NamedTuple):
 
 
 class PeriodConstants(NamedTuple):
-    """What the nominal gait follows from, beside its box."""
+    """Constants of the nominal gait, beside its box."""
 
     omega: float  # [1/s]
     pelvis_width: float  # l_p [m]
@@ -195,17 +190,12 @@ class PeriodConstants(NamedTuple):
 CONSTANTS = len(PeriodConstants._fields)
 
 
-class Judged(NamedTuple):
-    """Everything that `end_period` reads and writes."""
+class PeriodArrays(NamedTuple):
+    """Everything that `end_period` reads and writes, which gets it as the `parts_table` of this."""
 
     robots: Robots
     episodes: Episodes
     monitor: MonitorState
-
-
-def period_table(robots: Robots, episodes: Episodes, monitor: MonitorState) -> Ints:
-    """Address table of all arrays, part by part; they must stay alive."""
-    return parts_table(Judged(robots, episodes, monitor))
 
 
 def period_constants(robot: RobotModel, limits: GaitLimits, delay: float, double_support: float) -> Array:
@@ -226,8 +216,8 @@ def last_push_end(robots, k, count):  # pragma: no cover
 @njit(cache=True)
 def end_period(t, c, gaits, ends):  # pragma: no cover
     """Judge n robots after a period under `gaits` (n, 7); writes `ends` (2, n): failed, out of time."""
-    robots, episodes = part_of(t, Judged, "robots"), part_of(t, Judged, "episodes")
-    monitor = part_of(t, Judged, "monitor")
+    robots, episodes = part_of(t, PeriodArrays, "robots"), part_of(t, PeriodArrays, "episodes")
+    monitor = part_of(t, PeriodArrays, "monitor")
     omega, width, delay, double_support = to_fixed_tuple(c[:CONSTANTS], CONSTANTS)
     low, high = c[CONSTANTS : CONSTANTS + GAIT_SIZE], c[CONSTANTS + GAIT_SIZE :]
     nominal, start, started, uphill = np.empty(NOMINAL_SIZE), np.empty(2), np.empty(2), np.empty(2)
@@ -250,21 +240,22 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         end = event + episodes.settle[k] if np.isnan(episodes.fixed[k]) else episodes.fixed[k]
         ends[1, k] = time >= end - 1e-9 and not ends[0, k]
         episodes.planned[k] = gaits[k, DURATION]
-        episodes.total[k] = write_reward(
+        moment = Moment(
             obs, episodes.before[k], episodes.planned[k], robots.margin[k], ends[0, k], started, start,
-            nominal[NOMINAL_DURATION], episodes.terms[k],
+            nominal[NOMINAL_DURATION],
         )  # fmt: skip
+        _write_terms(moment, episodes.terms[k], 0)
+        episodes.total[k] = 0.0
+        for i in range(episodes.terms.shape[1]):
+            episodes.total[k] += episodes.terms[k, i]
         episodes.before[k] = robots.action[k]
 
 
-# part_of is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
+# Columns of the numbers for `info`
 TIME, MARGIN, PHASE = 0, 1, 2  # since reset [s], capture margin [m], share of the step that is over
 SIDE, FAILURE = 3, 4  # indices into SIDES and into the reasons of a fall
 RECOVERED_AT = 5  # [s], NaN: it has not
-PUSH, PUSH_START = 6, 7  # index of `told_push`, and its start [s], NaN while its gait event has not come
+PUSH, PUSH_START = 6, 7  # index of `latest_push`, and its start [s], NaN while its gait event has not come
 DCM, COP, CMP = slice(8, 10), slice(10, 12), slice(12, 14)  # in the world [m]
 LOADED = slice(14, 16)  # whether the left and the right foot carry load
 COLUMNS = 16
@@ -272,34 +263,28 @@ COLUMNS = 16
 _POINTS, _LOADED = DCM.start, LOADED.start
 
 
-def tell(table: Ints, n: int) -> Array:
-    """Rows (n, COLUMNS) of the moment, from an address table of `period_table`."""
-    told = np.empty((n, COLUMNS))
-    _write(table, told)
-    return told
-
-
 @njit(cache=True)
-def _write(t, told):  # pragma: no cover
-    robots, episodes = part_of(t, Judged, "robots"), part_of(t, Judged, "episodes")
-    monitor = part_of(t, Judged, "monitor")
-    for k in range(told.shape[0]):
-        row, obs, time, side = told[k], robots.observation[k], robots.time[k], robots.side[k]
+def write_info(t, rows):  # pragma: no cover
+    """Write the numbers of the moment, (n, COLUMNS), from the table of `PeriodArrays`."""
+    robots, episodes = part_of(t, PeriodArrays, "robots"), part_of(t, PeriodArrays, "episodes")
+    monitor = part_of(t, PeriodArrays, "monitor")
+    for k in range(rows.shape[0]):
+        row, obs, time, side = rows[k], robots.observation[k], robots.time[k], robots.side[k]
         row[TIME], row[MARGIN] = time, robots.margin[k]
         row[PHASE] = min(obs[ELAPSED] / episodes.planned[k], 1.0)
         row[SIDE], row[FAILURE] = side, robots.failure[k]
         row[RECOVERED_AT] = monitor.recovered_at[k]
-        row[PUSH] = push = told_push(robots.push_start[k], episodes.pushes[k], time)
-        come = push >= 0 and robots.push_start[k, push] < np.inf
-        row[PUSH_START] = robots.push_start[k, push] if come else np.nan
+        row[PUSH] = push = latest_push(robots.push_start[k], episodes.pushes[k], time)
+        begun = push >= 0 and robots.push_start[k, push] < np.inf
+        row[PUSH_START] = robots.push_start[k, push] if begun else np.nan
         for i in range(robots.world.shape[1]):
             row[_POINTS + i] = robots.world[k, i]
         row[_LOADED + side], row[_LOADED + 1 - side] = obs[STANCE_CONTACT], obs[SWING_CONTACT]
 
 
 @njit(cache=True)
-def told_push(starts, count, time):  # pragma: no cover
-    """The push to tell of: the latest that has begun, otherwise the first; -1 without pushes.
+def latest_push(starts, count, time):  # pragma: no cover
+    """Index of the latest push that has begun, otherwise of the first; -1 without pushes.
 
     Of two that began together it is the first.
 

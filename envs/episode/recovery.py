@@ -32,7 +32,7 @@ _DCM, _SWING = DCM.start, SWING_POSITION.start
 
 
 class MonitorState(NamedTuple):
-    """What is remembered of n robots; the three latest touchdowns, newest first."""
+    """Gait statistics of n robots; the three latest touchdowns, newest first."""
 
     steps: Ints1  # (n,) completed when last looked at
     touchdowns: Ints1  # (n,) since reset
@@ -65,7 +65,7 @@ def uphill_dcm(com_height: float, slope_forward: float, slope_left: float) -> tu
 def started_dcm_kernel(obs, uphill, double_support, omega, out):  # pragma: no cover
     """Trace the DCM (2,) of an observation (36,), less the transfer to come, back to the step's start.
 
-    What the slope moves it by, `uphill` (2,), canonical frame [m], is left out.
+    The slope's shift `uphill` (2,), canonical frame [m], is left out.
     """
     back, shift = math.exp(-omega * obs[ELAPSED]), transfer_weight(obs[ELAPSED], double_support, omega)
     for axis in range(2):
@@ -115,7 +115,7 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
 
 
 class GaitMonitor:
-    """Watches n robots; the compiled end of a period (`period_end`) writes into its state."""
+    """Gait statistics of n robots, which the compiled end of a period (`period_end`) writes."""
 
     def __init__(self, n: int):
         self.state = MonitorState(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -18,27 +19,13 @@ from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import RobotSnapshot
 from .action_meaning import note_hold
-from .episodes import Core, GaitEpisodes, Held, check_hold, hold_action
-from .gym_env import check_action, check_push_distribution, check_scenario, spaces_of
-from .info import Info, InfoReader, overwrite
+from .episodes import GaitEpisodes, Held, hold_action
+from .gym_env import EpisodesEnv, check_action, check_options
+from .info import Info, overwrite
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Actions = NDArray[np.float32]
-
-OPTIONS = ("scenario", "reset_mask")
-
-
-def check_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
-    """Gymnasium's mode of a name.
-
-    Raises:
-        UnknownNameError: for an unknown name.
-    """
-    names = [known.value for known in AutoresetMode]
-    if not isinstance(mode, AutoresetMode) and mode not in names:
-        raise UnknownNameError("autoreset mode", str(mode), names)
-    return AutoresetMode(mode)
 
 
 def _each(name: str, given: Any, count: int) -> list[Any]:
@@ -58,7 +45,7 @@ class Ended(NamedTuple):
     info: Info
 
 
-class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
+class GaitVectorEnv(EpisodesEnv, VectorEnv[Array, Actions, NDArray[Any]]):
     """n robots under gait actions (n, 7); robot k does what it would do alone, bit for bit.
 
     Robots whose episode has ended start a new one by `autoreset_mode`: "NextStep", the default, at the next
@@ -75,6 +62,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         hold: int = 1,
+        max_episode_steps: int | None = None,
     ):
         """Put Gymnasium's face on episodes.
 
@@ -84,29 +72,32 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
             autoreset_mode: see the class.
             render_mode: None; one robot is drawn by its single environment.
             hold: planning periods for which an action is held; rewards are summed.
+            max_episode_steps: after which an episode is truncated, as by Gymnasium's `TimeLimit`; None or
+                -1: by its scenario alone.
 
         Raises:
-            PushRecoveryError: an impossible push distribution, hold or autoreset mode, or a render mode.
+            PushRecoveryError: an impossible push distribution, hold, limit or autoreset mode, or a render
+                mode.
         """
         if render_mode is not None:
             raise InvalidValueError(
                 f"a vector environment draws nothing, got render_mode {render_mode!r}; use None, or gym.make"
             )
-        self.autoreset_mode, self.hold = check_autoreset_mode(autoreset_mode), check_hold(hold)
+        modes = [known.value for known in AutoresetMode]
+        if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in modes:
+            raise UnknownNameError("autoreset mode", str(autoreset_mode), modes)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.hold = require_integer("hold", hold, 1)
+        endless = max_episode_steps is None or max_episode_steps == -1
+        self._longest = np.inf if endless else require_integer("max_episode_steps", max_episode_steps, 1)
+        self._steps = np.zeros(episodes.n, np.int64)  # of the episode
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}  # type: ignore[misc]
-        self.push_distribution = check_push_distribution(push_distribution, episodes.robot)
-        self.episodes, self.num_envs = episodes, episodes.n
-        self.core: Core = episodes.core
-        self.monitor, self.robot, self.limits = episodes.monitor, episodes.robot, episodes.limits
-        self.preset, self.dt = episodes.preset, 1.0 / episodes.control_hz  # planning period [s]
-        seen, action = spaces_of(episodes)
-        spaces = self.single_observation_space, self.single_action_space = seen, note_hold(action, self.hold)
-        self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in spaces)
-        self._info = InfoReader(episodes)
+        self.num_envs = episodes.n
+        seen, action = self._set_up(episodes, push_distribution)
+        alone = self.single_observation_space, self.single_action_space = seen, note_hold(action, self.hold)
+        self.observation_space, self.action_space = (batch_space(space, self.num_envs) for space in alone)
         self._rngs: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int] = [-1] * self.num_envs
-        self._begun = np.zeros(self.num_envs, np.bool_)  # has been reset once
-        self._ended = np.zeros(self.num_envs, np.bool_)  # waits for its reset
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -123,8 +114,8 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         for k in np.flatnonzero(rows).tolist():
             if seeds[k] is not None or self._rngs[k] is None:
                 self._rngs[k], self._seeds[k] = seeding.np_random(seeds[k])
-            self._begin(k, scenarios[k])
-        return self._look(rows, np.zeros((self.num_envs, len(self.episodes.reward_terms))))
+            self._begin_anew(k, scenarios[k])
+        return self._look(rows, self._no_terms())
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Mask, Mask, Info]:
         """One planning period (`hold` of them) under actions (n, action_size) in [-1, 1], clipped."""
@@ -139,13 +130,15 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         reward, terms, terminated, truncated = hold_action(
             self.episodes, ~due, self.hold, lambda live: self._gait_actions(checked, live), at_end
         )
+        self._steps += 1
+        truncated |= ~due & (self._steps >= self._longest)
         for k in np.flatnonzero(due).tolist():
-            self._begin(k)
+            self._begin_anew(k)
         everyone = np.ones(self.num_envs, np.bool_)
         observation, info = self._look(everyone, terms, ends)
         self._ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
-            observation, info = self._begin_anew(observation, terms, ends)
+            observation, info = self._reset_at_once(observation, terms, ends)
         return observation, reward, terminated, truncated, info
 
     def state_snapshot(self, robot: int) -> RobotSnapshot:
@@ -183,10 +176,9 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         given, wanted = _each("snapshot", snapshot, len(asked)), _each("scenario", scenario, len(asked))
         changed = np.zeros(self.num_envs, np.bool_)
         for k, one, way in zip(asked, given, wanted, strict=True):
-            self.episodes.restore(k, one, way)
-            self._note_begin(k, one.scenario if way is None else way)
+            self._restore(k, one, way)
             changed[k] = True
-        return self._look(changed, np.zeros((self.num_envs, len(self.episodes.reward_terms))))
+        return self._look(changed, self._no_terms())
 
     @property
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
@@ -198,11 +190,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         """Their seeds, -1 before the first reset."""
         return tuple(self._seeds)
 
-    def __copy__(self) -> Self:
-        """A copy shares nothing with its original, or is refused (that of bipeds)."""
-        return copy.deepcopy(self)
-
-    # What a residual adds
+    # Hooks of a residual
 
     def _gait_actions(self, actions: Actions, live: Mask) -> Actions:
         """Actions of the episodes for the actions of the robots that go on."""
@@ -213,25 +201,19 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
 
     # Parts of reset and step
 
-    def _begin(self, k: int, scenario: Scenario | None = None) -> None:
-        if scenario is None:
-            rng = self._rngs[k]
-            assert rng is not None  # noqa: S101
-            scenario = self.episodes.drawn(self.push_distribution, rng)
-        self.episodes.begin(k, scenario)
-        self._note_begin(k, scenario)
+    def _begin_anew(self, k: int, given: object = None) -> None:
+        self._begin(k, self._scenario(given, self._rngs[k]))
 
     def _note_begin(self, k: int, scenario: Scenario) -> None:
-        """Robot k is in an episode of a scenario from now on."""
-        self._info.begin(k, scenario)
-        self._begun[k], self._ended[k] = True, False
+        super()._note_begin(k, scenario)
+        self._steps[k] = 0
 
-    def _begin_anew(self, last: Array, terms: Array, ends: Sequence[Ended]) -> tuple[Array, Info]:
+    def _reset_at_once(self, last: Array, terms: Array, ends: Sequence[Ended]) -> tuple[Array, Info]:
         """Reset at once those that have ended; `last` are the observations before."""
         ended = self._ended.copy()
         _, final_info = self._look(ended, terms, ends)
         for k in np.flatnonzero(ended).tolist():
-            self._begin(k)
+            self._begin_anew(k)
         observation, info = self._look(np.ones(self.num_envs, np.bool_), np.where(ended[:, None], 0.0, terms))
         final_obs = np.full(self.num_envs, None, dtype=object)
         for k in np.flatnonzero(ended).tolist():
@@ -275,11 +257,7 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
 
     def _options(self, options: dict[str, Any] | None) -> tuple[Mask, list[Scenario | None]]:
         """The robots to reset (n,) and their scenarios, None where one is to be drawn."""
-        if not isinstance(options, dict | None):
-            raise InvalidValueError(f"reset options must be a dict, got {options!r}")
-        options = options or {}
-        if unknown := sorted(set(options) - set(OPTIONS), key=str):
-            raise UnknownNameError("reset option", unknown[0], OPTIONS)
+        options = check_options(options, ["scenario", "reset_mask"])
         n = self.num_envs
         try:
             rows = np.asarray(options.get("reset_mask", np.ones(n, np.bool_)))
@@ -293,4 +271,45 @@ class GaitVectorEnv(VectorEnv[Array, Actions, NDArray[Any]]):
         listed = list(given) if isinstance(given, list | tuple | np.ndarray) else [given] * n
         if len(listed) != n:
             raise InvalidValueError(f"options['scenario'] must be one Scenario or {n}, got {len(listed)}")
-        return rows, [None if one is None else check_scenario(one) for one in listed]
+        return rows, [None if one is None else self._scenario(one, None) for one in listed]
+
+
+def vector_maker(
+    single: Callable[..., gym.Env],
+    episodes_of: Callable[..., GaitEpisodes],
+    env_of: type[GaitVectorEnv] | None = None,
+) -> Callable[..., GaitVectorEnv]:
+    """The vector entry point of an environment of one robot: `num_envs` of them on one core.
+
+    It takes arguments of `GaitVectorEnv` and then those of the single environment; what is not of the class
+    `env_of`, `GaitVectorEnv` by default, goes to the episodes.
+    """
+    made = env_of or GaitVectorEnv
+
+    def make(
+        num_envs: int = 1,
+        autoreset_mode: str = "NextStep",
+        render_mode: str | None = None,
+        push_distribution: dict[str, Any] | PushDistribution | None = None,
+        max_episode_steps: int | None = None,
+        **more: Any,
+    ) -> GaitVectorEnv:
+        own = {name: more.pop(name) for name in of_env & more.keys()}
+        return made(
+            episodes_of(num_envs, **more), push_distribution=push_distribution, autoreset_mode=autoreset_mode,
+            render_mode=render_mode, max_episode_steps=max_episode_steps, **own,
+        )  # fmt: skip
+
+    def arguments(of: Callable[..., Any]) -> dict[str, inspect.Parameter]:
+        return dict(inspect.signature(of).parameters)
+
+    first, alone = list(arguments(make).values())[:-1], arguments(single)
+    of_env = alone.keys() & (arguments(GaitVectorEnv) | arguments(made)).keys()
+    known = {entry.name for entry in first}
+    rest = [
+        entry
+        for entry in (arguments(episodes_of) | alone).values()
+        if entry.default is not entry.empty and entry.name not in known
+    ]
+    make.__signature__ = inspect.Signature([*first, *rest])  # type: ignore[attr-defined]
+    return make

@@ -33,7 +33,7 @@ from ..biped.env import BipedEnv, BipedEpisodes
 from ..episode.episodes import Mask, Period
 from ..episode.gym_env import GaitEnv
 from ..episode.period_end import REWARD_TERMS, Reward, end_period
-from ..episode.vector_env import GaitVectorEnv
+from ..episode.vector_env import vector_maker
 from ..robots.description import RobotDescription
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
@@ -170,7 +170,7 @@ class JointEpisodes(OnJointsEpisodes):
     core: JointCore
     observation_size: ClassVar[int] = JointCore.observation_size
     action_size: ClassVar[int] = NU
-    reward_terms: ClassVar[tuple[str, ...]] = JOINT_REWARD_TERMS
+    reward_terms: tuple[str, ...] = JOINT_REWARD_TERMS
 
     def __init__(self, n: int, *args: Any, **kwargs: Any):
         super().__init__(n, *args, **kwargs)
@@ -187,17 +187,16 @@ class JointEpisodes(OnJointsEpisodes):
         core = self.core
         core.joints.asked[:] = actions
         core.step(core.gait.plan, core.previous_action)  # which are nobody's
-        return self._judge()
+        return self._end_period(core.gait.plan)
 
-    def _judge(self) -> Period:
-        """What came of the period."""
-        core, nominal = self.core, self.core.gait.plan
-        end_period(self._table, self._constants, nominal, self._ends)
+    def _end_period(self, gaits: Array) -> Period:
+        core = self.core
+        end_period(self._table, self._constants, gaits, self._ends)
         write_rewards(
-            self._episodes.terms, core.truth, nominal, core.joints.effort, core.joints.held,
+            self._episodes.terms, core.truth, gaits, core.joints.effort, core.joints.held,
             self._rewards.before, core.settings.apex, self._ends[0], self._rewards.terms, self._rewards.total,
         )  # fmt: skip
-        return self._period
+        return self._with_added_terms()
 
     def _bind(self) -> None:
         super()._bind()
@@ -262,8 +261,7 @@ class JointResidualEpisodes(OnJointsEpisodes):
         self._statuses = np.full(n, None, dtype=object)
         self._planned = np.zeros(n, np.bool_)  # whether these two are of this episode
 
-    def alike(self, n: int, threads: int = 1) -> JointResidualEpisodes:
-        """Episodes of n such bipeds."""
+    def _clone(self, n: int, threads: int) -> JointResidualEpisodes:
         own = self.description, self.profile.name, self.core.senses.forced, self.arm
         gate = None if self.gate is None else self.gate.band
         return JointResidualEpisodes(
@@ -295,7 +293,7 @@ class JointResidualEpisodes(OnJointsEpisodes):
             self._planned[rows] = True
         return super().step(self._base)
 
-    def told_of_planner(self) -> dict[str, tuple[NDArray[Any], Mask]]:
+    def planner_info(self) -> dict[str, tuple[NDArray[Any], Mask]]:
         """The planner's action and what the solver of its stage 2 said."""
         solved = self._planned & (self._statuses != None)  # noqa: E711
         return {"baseline_action": (self._base, self._planned), "qp_status": (self._statuses, solved)}
@@ -351,35 +349,5 @@ class BipedJointResidualEnv(BipedEnv):
         self.arm = arm
 
 
-def make_biped_joint_vector(
-    num_envs: int = 1,
-    autoreset_mode: str = "NextStep",
-    threads: int = 1,
-    render_mode: str | None = None,
-    push_distribution: dict[str, Any] | PushDistribution | None = None,
-    **biped: Any,
-) -> GaitVectorEnv:
-    """Vector entry point of PushRecovery/BipedJoint-v0: `num_envs` bipeds on one core.
-
-    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
-    those of `BipedJointEnv`.
-    """
-    episodes = JointEpisodes(num_envs, threads=threads, **biped)
-    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)
-
-
-def make_biped_joint_residual_vector(
-    num_envs: int = 1,
-    autoreset_mode: str = "NextStep",
-    threads: int = 1,
-    render_mode: str | None = None,
-    push_distribution: dict[str, Any] | PushDistribution | None = None,
-    **biped: Any,
-) -> GaitVectorEnv:
-    """Vector entry point of PushRecovery/BipedJointResidual-v0: `num_envs` bipeds on one core.
-
-    `threads` share the physics; `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others
-    those of `BipedJointResidualEnv`.
-    """
-    episodes = JointResidualEpisodes(num_envs, threads=threads, **biped)
-    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)
+make_biped_joint_vector = vector_maker(BipedJointEnv, JointEpisodes)
+make_biped_joint_residual_vector = vector_maker(BipedJointResidualEnv, JointResidualEpisodes)

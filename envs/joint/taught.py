@@ -241,4 +241,4 @@ class TaughtEpisodes(JointEpisodes):
         if len(rows):
             self._plans[rows] = self.planner.predict(core.teacher.seen[rows])[0]
         core.step(self.limits.from_action(self._plans), self._plans.astype(np.float64))
-        return self._judge()
+        return self._end_period(core.gait.plan)

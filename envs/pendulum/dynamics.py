@@ -1,17 +1,5 @@
 """n linear inverted pendulums with flywheel, integrated exactly, with their model errors.
 
-Where the pendulum's CoP may be: in the stance sole, and in the hull of both while both feet stand.
-
-Model errors of n pendulums: mass, slope, late actions, noisy observations.
-
-A pendulum m (1 + e) times as heavy, its trunk's inertia alike, falls as before, but a push F and a trunk
-torque tau move it less: F / (1 + e), theta'' / (1 + e). A floor that rises by s pulls it downhill with
-m g tan(s); the part of gravity normal to the floor stays g. With a delay d, CoP and trunk acceleration of an
-action act from d after its period began; place and time of the step count at once. An action for a step that
-is over when its time comes moves the CoP as a touchdown does.
-
-n linear inverted pendulums with flywheel, integrated exactly.
-
 Per horizontal axis, with x_CMP = z + (j / (m g)) theta'' and a push F,
 
     x'' = omega^2 (x - c),    c = x_CMP - F / (m omega^2),    theta'' = a.
@@ -20,6 +8,12 @@ Between events c and a are constant, so xi = x + x'/omega and eta = x - x'/omega
 c. A cycle is cut at every event inside it: touchdown, the edges of pushes, the trunk's arrival at its stop.
 There is no integration step. State is kept in the world frame: x forward, y left. In double support, which
 begins every step, the other foot stays where it stood and the CoP may be anywhere in the hull of both soles.
+
+A pendulum m (1 + e) times as heavy, its trunk's inertia alike, falls as before, but a push F and a trunk
+torque tau move it less: F / (1 + e), theta'' / (1 + e). A floor that rises by s pulls it downhill with
+m g tan(s); the part of gravity normal to the floor stays g. With a delay d, CoP and trunk acceleration of an
+action act from d after its period began; place and time of the step count at once. An action for a step that
+is over when its time comes moves the CoP as a touchdown does.
 """
 
 from __future__ import annotations
@@ -86,7 +80,7 @@ _PUSH = PUSH_ESTIMATE.start
 
 
 class PendulumErrors(NamedTuple):
-    """What the compiled loops need of the errors of n pendulums."""
+    """Model errors of n pendulums for compiled loops."""
 
     weight: Array  # (n,) true mass over the believed one
     downhill: Array  # (n, 2) of gravity along the floor, over the believed mass [m/s^2]
@@ -240,15 +234,15 @@ def time_to_stop(angle, rate, acceleration, limit):  # pragma: no cover
     """Least s > 0 with angle + rate s + acceleration s^2 / 2 = +-limit, moving outwards; inf if never."""
     best = np.inf
     for sign in (1.0, -1.0):
-        room, speed, push = limit - sign * angle, sign * rate, sign * acceleration
-        if room <= 0.0 and (speed > 0.0 or (speed == 0.0 and push > 0.0)):
+        left, speed, push = limit - sign * angle, sign * rate, sign * acceleration
+        if left <= 0.0 and (speed > 0.0 or (speed == 0.0 and push > 0.0)):
             return 0.0
-        square = speed * speed + 2.0 * push * room
-        if square < 0.0 or room < 0.0:
+        square = speed * speed + 2.0 * push * left
+        if square < 0.0 or left < 0.0:
             continue
         root = speed + math.sqrt(square)
-        if root > 0.0 and room > 0.0:
-            best = min(best, 2.0 * room / root)
+        if root > 0.0 and left > 0.0:
+            best = min(best, 2.0 * left / root)
     return best
 
 

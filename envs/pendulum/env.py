@@ -1,8 +1,7 @@
 """`PushRecovery/Pendulum-v0`: the paper's linear inverted pendulum with flywheel as an environment.
 
-What a pendulum shows of itself: its observation, its capture margin, and whether it has fallen.
-
-n pendulums behind the arrays and calls that episodes need of a core.
+`observe` and `check_failures` make a pendulum's observation, its capture margin and its falls; `PendulumCore`
+is what episodes need of n of them.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ from ...controllers.validation import require_kind
 from ..episode.episodes import GaitEpisodes, Ints
 from ..episode.gym_env import GaitEnv
 from ..episode.period_end import Motion
-from ..episode.vector_env import GaitVectorEnv
+from ..episode.vector_env import vector_maker
 from ..scenario.arrays import assign_changes, assign_pushes, empty_pushes, empty_schedule, follow_all
 from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
@@ -72,6 +71,7 @@ _DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMM
 _SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
 _ANGLE, _RATE, _PREVIOUS = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
 
+Array = NDArray[np.float64]
 BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
 APEX = 0.06  # height of the swing foot in mid-step [m]
 
@@ -147,9 +147,6 @@ def check_failures(s, observation, double_support, constants, margins, first, en
             s.failure[k] = DIVERGED
 
 
-Array = NDArray[np.float64]
-
-
 class PendulumCore:
     """n pendulums; arrays are indexed by pendulum, and none depends on another."""
 
@@ -207,10 +204,6 @@ class PendulumCore:
         self.command[k, :2], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
         self._look(k, k + 1)
 
-    def gaits(self, actions: NDArray[Any]) -> Array:
-        """Gait variables (n, 7) that actions (n, 7) in [-1, 1] mean now, see `gaits_of_actions`."""
-        return gaits_of_actions(self.limits, self.observation, actions, self.physics.double_support)
-
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
         self.state.plan[:] = gaits
@@ -247,9 +240,9 @@ class PendulumEpisodes(GaitEpisodes[PendulumCore]):
         robot = RobotModel() if robot is None else require_kind("robot", robot, RobotModel)
         limits = GaitLimits.of(robot) if limits is None else limits
         super().__init__(n, robot, limits, preset, control_hz)
-        self.core = PendulumCore(self.n, robot, limits, control_hz, self.double_support)
+        self.core = PendulumCore(self.n, robot, limits, self.control_hz, self.double_support)
 
-    def alike(self, n: int, threads: int = 1) -> PendulumEpisodes:
+    def _clone(self, n: int, threads: int) -> PendulumEpisodes:
         """Episodes of n such pendulums; they cost too little to share threads."""
         return PendulumEpisodes(n, self.robot, self.limits, self.preset, self.control_hz)
 
@@ -264,7 +257,7 @@ class PendulumEpisodes(GaitEpisodes[PendulumCore]):
 
     def gaits(self, actions: NDArray[np.float32]) -> Array:
         """Gait variables (n, 7); in double support the CoP may be anywhere in the hull of both soles."""
-        return self.core.gaits(actions)
+        return gaits_of_actions(self.limits, self.core.observation, actions, self.double_support)
 
 
 class PendulumEnv(GaitEnv):
@@ -315,19 +308,4 @@ class PendulumEnv(GaitEnv):
         return image if self.render_mode == "rgb_array" else None
 
 
-def make_pendulum_vector(
-    num_envs: int = 1,
-    autoreset_mode: str = "NextStep",
-    render_mode: str | None = None,
-    control_hz: float = 100.0,
-    preset: str = "default",
-    push_distribution: dict[str, Any] | PushDistribution | None = None,
-    robot: RobotModel | None = None,
-    limits: GaitLimits | None = None,
-) -> GaitVectorEnv:
-    """Vector entry point of PushRecovery/Pendulum-v0: `num_envs` pendulums on one core.
-
-    `autoreset_mode` and `render_mode` are those of `GaitVectorEnv`, the others those of `PendulumEnv`.
-    """
-    episodes = PendulumEpisodes(num_envs, robot, limits, preset, control_hz)
-    return GaitVectorEnv(episodes, push_distribution, autoreset_mode, render_mode)
+make_pendulum_vector = vector_maker(PendulumEnv, PendulumEpisodes)  # of PushRecovery/Pendulum-v0

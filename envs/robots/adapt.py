@@ -1,25 +1,12 @@
-"""A model of somebody else's made ready to walk here: joints, feet, world, limbs.
+"""Somebody else's model made ready to walk here, after its robot file: joints, motors, feet, world, shapes.
 
-Where the model of a robot lies: in a Python package that carries it, or in a file.
-
-A model without its shapes, or with those alone that are looked at or that collide.
-
-Joints of an adapted model: torque motors on those that move, none where the robot is one piece.
-
-Feet of an adapted robot: a box as sole, its site and load sensor, and what can touch what.
-
-The world of an adapted robot: floor, light, colours and options of the biped's own model.
-
-Limbs for the eye of a robot whose meshes cannot be shown: capsules along its skeleton.
-
-A robot description out of a robot file: the model is read when it is needed, and adapted.
-
-The robots that come with the package; their models are in packages of the extra `robots`.
+Shapes of the model are left out of the physics: the soles become boxes that touch the floor and each other,
+the shanks capsules that touch the other leg, and everything else touches nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -43,41 +30,29 @@ PACKAGES = {  # that the extra installs: module -> name on the package index
 }
 
 
-def model_path(model: str) -> Path:
-    """The file of a model, PACKAGE/PATH or a path.
-
-    Raises:
-        MissingExtraError: the package is not installed.
-        InvalidValueError: there is no such file.
-    """
-    package, _, inside = model.partition("/")
-    if package in PACKAGES:
-        found = find_spec(package)
-        if found is None or not found.submodule_search_locations:
-            raise MissingExtraError(PACKAGES[package], EXTRA)
-        path = Path(found.submodule_search_locations[0]) / inside
-    else:
-        path = Path(model)
-    if not path.is_file():
-        raise InvalidValueError(f"there is no model {model!r}")
-    return path
-
-
 def read_model(model: str) -> mujoco.MjSpec:
-    """The model as its file has it, MJCF or URDF.
+    """The model as its file has it, MJCF or URDF; PACKAGE/PATH or a path.
 
     Raises:
         MissingExtraError: its package is not installed.
         InvalidValueError: there is no such file, or MuJoCo cannot read it.
     """
-    path = model_path(model)
+    package, _, inside = model.partition("/")
+    path = Path(model)
+    if package in PACKAGES:
+        installed = find_spec(package)
+        if installed is None or not installed.submodule_search_locations:
+            raise MissingExtraError(PACKAGES[package], EXTRA)
+        path = Path(installed.submodule_search_locations[0]) / inside
+    if not path.is_file():
+        raise InvalidValueError(f"there is no model {model!r}")
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
         raise InvalidValueError(f"MuJoCo cannot read the model {model!r}: {error}") from error
 
 
-SHAPES = 1e-12  # least mass of a body that counts [kg]
+MASS_MIN = 1e-12  # of a body whose inertia counts [kg]
 NONE, VISUAL, SOLID = "none", "visual", "solid"  # shapes that are left: those for the eye, or that collide
 HULL = 32  # corners of the convex hull that a mesh collides with, at most
 VISUAL_GROUP = 1  # of the shapes that are drawn
@@ -103,8 +78,8 @@ def drop_shapes(spec: mujoco.MjSpec, left: str = NONE, fixed: Collection[str] = 
         )
     write_inertias(spec)
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
-    things = spec.sensors, spec.keys, spec.pairs, spec.excludes, spec.actuators, spec.lights, spec.sites
-    for part in chain(*things):
+    extras = spec.sensors, spec.keys, spec.pairs, spec.excludes, spec.actuators, spec.lights, spec.sites
+    for part in chain(*extras):
         spec.delete(part)
     for geom in list(spec.geoms):
         solid = bool(geom.contype or geom.conaffinity) or geom.name in paired
@@ -127,21 +102,20 @@ def drop_shapes(spec: mujoco.MjSpec, left: str = NONE, fixed: Collection[str] = 
 
 def write_inertias(spec: mujoco.MjSpec) -> None:
     """Write down what bodies weigh that take it from their shapes, in place; others are left alone."""
-    unknown = [body for body in spec.bodies if not body.explicitinertial and list(body.geoms)]
-    unknown = [body for body in unknown if body.name != "world"]
+    unknown = [body for body in spec.bodies
+               if not body.explicitinertial and list(body.geoms) and body.name != "world"]  # fmt: skip
     if not unknown:
         return
     model = spec.compile()
     for body in unknown:
         own = model.body(body.name)
-        if own.mass[0] <= SHAPES:
+        if own.mass[0] <= MASS_MIN:
             continue
         body.mass, body.ipos, body.iquat, body.inertia = own.mass[0], own.ipos, own.iquat, own.inertia
         body.explicitinertial = True
 
 
-NO_MOTOR = Motor()
-LEAST_ARMATURE = 0.01  # armature of a joint whose model has none [kg m^2]
+ARMATURE = 0.01  # of a joint whose model has none [kg m^2]
 
 
 def fix_joints(spec: mujoco.MjSpec, fixed: Angles) -> None:
@@ -181,16 +155,11 @@ def _turned(vector: np.ndarray, quat: np.ndarray) -> np.ndarray:
     return turned
 
 
-def motor_for(robot: RobotFile, joint: str) -> Motor:
-    """What a robot file says of a joint's motor."""
-    return next((motor for name, motor in robot.motors if fnmatchcase(joint, name)), NO_MOTOR)
-
-
 def add_motors(spec: mujoco.MjSpec, robot: RobotFile, torques: dict[str, float]) -> None:
     """Put a torque motor on every hinge, with neither friction nor damping, of which control knows nothing.
 
     Raises:
-        InvalidValueError: a joint that is no hinge, or whose largest torque nobody tells.
+        InvalidValueError: a joint that is no hinge, or without a largest torque.
     """
     spec.nuser_actuator = 1
     for joint in spec.joints:
@@ -198,34 +167,32 @@ def add_motors(spec: mujoco.MjSpec, robot: RobotFile, torques: dict[str, float])
             continue
         if joint.type != mujoco.mjtJoint.mjJNT_HINGE:
             raise InvalidValueError(f"joint {joint.name!r} must be a hinge or be named in 'fixed'")
-        motor = motor_for(robot, joint.name)
+        motor = next((motor for name, motor in robot.motors if fnmatchcase(joint.name, name)), Motor())
         torque = motor.torque if motor.torque is not None else torques.get(joint.name)
         if not torque or not torque > 0.0:
             raise InvalidValueError(f"joint {joint.name!r} has no largest torque: name it in 'motors'")
         joint.damping, joint.stiffness = np.zeros_like(joint.damping), np.zeros_like(joint.stiffness)
-        joint.frictionloss = 0.0
-        joint.actfrclimited = False
+        joint.frictionloss, joint.actfrclimited = 0.0, False
         joint.solref_limit = [0.01, 1.0]
-        joint.armature = motor.armature if motor.armature is not None else joint.armature or LEAST_ARMATURE
+        joint.armature = motor.armature if motor.armature is not None else joint.armature or ARMATURE
         added = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        added.forcelimited, added.forcerange = True, [-torque, torque]
-        added.ctrllimited = False
+        added.forcelimited, added.forcerange, added.ctrllimited = True, [-torque, torque], False
         added.userdata = [motor.speed or 0.0]
 
 
 def largest_torques(spec: mujoco.MjSpec) -> dict[str, float]:
-    """Largest torque of the joints as their model has it, of the joint's or its actuator's range [N m]."""
-    found = {joint.name: float(joint.actfrcrange[1]) for joint in spec.joints if joint.actfrcrange[1] > 0.0}
+    """Largest torque of each joint, from its own range or that of its actuator [N m]."""
+    torques = {joint.name: float(joint.actfrcrange[1]) for joint in spec.joints if joint.actfrcrange[1] > 0.0}
     for actuator in spec.actuators:
-        if actuator.trntype != mujoco.mjtTrn.mjTRN_JOINT or actuator.target in found:
+        if actuator.trntype != mujoco.mjtTrn.mjTRN_JOINT or actuator.target in torques:
             continue
         gear = abs(float(actuator.gear[0])) or 1.0
         is_motor = actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
         for bounded in (actuator.forcerange, actuator.ctrlrange if is_motor else (0.0, 0.0)):
             if float(bounded[1]) > 0.0:
-                found[actuator.target] = float(bounded[1]) * gear
+                torques[actuator.target] = float(bounded[1]) * gear
                 break
-    return found
+    return torques
 
 
 THICKNESS = 0.02  # of the box [m]
@@ -242,15 +209,10 @@ def add_feet(spec: mujoco.MjSpec, robot: RobotFile) -> None:
         turn_body(foot, sole.turn)
         _add_sole(spec, foot, side, sole)
         _add_shank(shank, ankle, side)
-    feet, shanks = robot.plan.sole_boxes, tuple(f"{side}_shank_capsule" for side in SIDES)
-    touching = [
-        ("floor", feet[0]),
-        ("floor", feet[1]),
-        feet,
-        shanks,
-        (feet[0], shanks[1]),
-        (shanks[0], feet[1]),
-    ]
+    (left, right), shanks = robot.plan.sole_boxes, [f"{side}_shank_capsule" for side in SIDES]
+    touching = (
+        ("floor", left), ("floor", right), (left, right), tuple(shanks), (left, shanks[1]), (shanks[0], right)
+    )  # fmt: skip
     for first, second in touching:
         spec.add_pair(geomname1=first, geomname2=second, condim=3, friction=FRICTION, solref=HARDNESS)
 
@@ -406,8 +368,9 @@ class AdaptedSpec:
         drop_shapes(spec, shapes, dict(robot.fixed))
         add_root(spec, robot.plan.pelvis)
         fix_joints(spec, robot.fixed)
-        for leg in robot.plan.legs:
-            require_joints(spec, leg)
+        names = [joint.name for joint in spec.joints]
+        if unknown := [name for name in chain(*robot.plan.legs) if name not in names]:
+            raise UnknownNameError("joint of a leg", unknown[0], names)
         add_motors(spec, robot, torques)
         set_options(spec)
         add_world(spec)
@@ -436,36 +399,12 @@ def add_root(spec: mujoco.MjSpec, pelvis: str) -> None:
     body.add_freejoint(name="root")
 
 
-def require_joints(spec: mujoco.MjSpec, leg: tuple[str, ...]) -> None:
-    """Raise UnknownNameError for a joint of a leg that the model does not have."""
-    names = [joint.name for joint in spec.joints]
-    for name in leg:
-        if name not in names:
-            raise UnknownNameError("joint of a leg", name, names)
-
-
 def description_of(robot: RobotFile) -> RobotDescription:
     """The description of a robot file's robot."""
+    plain, looks, solid = (AdaptedSpec(robot, shapes) for shapes in (NONE, VISUAL, SOLID))
     return RobotDescription(
-        robot.name,
-        AdaptedSpec(robot),
-        robot.plan,
-        robot.com_height,
-        robot.preset,
-        looks=AdaptedSpec(robot, VISUAL),
-        solid=AdaptedSpec(robot, SOLID),
+        robot.name, plain, robot.plan, robot.com_height, robot.preset, looks=looks, solid=solid
     )
-
-
-def robot_of_file(robot: object, names: Iterable[str]) -> RobotDescription:
-    """`load_robot` of the path of a robot file.
-
-    Raises:
-        UnknownNameError: none; lists `names`, those that robots have otherwise.
-    """
-    if not (isinstance(robot, str) and robot.endswith(".json")):
-        raise UnknownNameError("robot", robot, [*names, "FILE.json", "MODULE:ATTRIBUTE"])
-    return load_robot(robot)
 
 
 @lru_cache(maxsize=16)
@@ -478,14 +417,18 @@ def load_robot(path: str) -> RobotDescription:
     return description_of(read_robot_file(path))
 
 
-FOLDER = files("push_recovery.envs.robots").joinpath("files")
+FOLDER = files("push_recovery.envs.robots").joinpath("files")  # of the robots that are shipped
 
 
-def shipped_robot(name: str) -> RobotDescription:
-    """The robot of a file of this package."""
-    return load_robot(str(FOLDER.joinpath(f"{name}.json")))
+def robot_of_file(robot: object) -> RobotDescription:
+    """The robot of the path of a robot file, or of the name of one that is shipped.
 
-
-G1 = shipped_robot("g1")  # Unitree G1
-T1 = shipped_robot("t1")  # Booster T1
-JVRC1 = shipped_robot("jvrc1")  # JVRC-1
+    Raises:
+        UnknownNameError: no such name.
+    """
+    shipped = sorted(file.name.removesuffix(".json") for file in FOLDER.iterdir())
+    if robot in shipped:
+        return load_robot(str(FOLDER.joinpath(f"{robot}.json")))
+    if not (isinstance(robot, str) and robot.endswith(".json")):
+        raise UnknownNameError("robot", robot, ["biped", *shipped, "FILE.json", "MODULE:ATTRIBUTE"])
+    return load_robot(robot)

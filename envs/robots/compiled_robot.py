@@ -1,17 +1,12 @@
 """A robot's compiled model with what control and planner need to know of it.
 
-Joints that keep an angle: their motors become servos, which MuJoCo evaluates in its own step.
-
-The torque of a held joint is that of a critically damped spring about its angle,
+The joints that a plan holds keep their angle by servos, which MuJoCo evaluates in its own step. The torque of
+a held joint is that of a critically damped spring about its angle,
 
     tau = I w^2 (q_held - q) - 2 I w qd,    clipped to the motor's forcerange,
 
 with I the inertia that the joint moves in the held posture, the rest of the robot at rest, and w well above
 what walking excites. Control takes the joint for rigid: it knows neither its coordinate nor its torque.
-
-What the planner knows of a robot, read from its compiled model.
-
-A robot's compiled model with what control needs to know of it.
 """
 
 from __future__ import annotations
@@ -32,7 +27,7 @@ from ...controllers.whole_body.limits import NEVER
 from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.push import BODIES, LINK
 from .description import RobotDescription
-from .indices import MISSING, TILT, Indices, find_indices, hinge, motor_of
+from .indices import MISSING, TILT, Indices, find_indices, hinge, known, motor_of
 
 FREQUENCY = 60.0  # w [rad/s]
 
@@ -46,7 +41,10 @@ def hold_joints(model: mujoco.MjModel, plan: BodyPlan) -> None:
     """
     if not plan.held:
         return
-    inertia = _inertia(model, plan)
+    data = mujoco.MjData(model)
+    put_held(model, plan, data)
+    mujoco.mj_forward(model, data)
+    inertia = data.M[model.M_rowadr + model.M_rownnz - 1].copy()  # diagonal of the mass matrix [kg m^2]
     for name, angle in plan.held:
         joint = hinge(model, name)
         low, high = model.jnt_range[joint]
@@ -66,14 +64,6 @@ def put_held(model: mujoco.MjModel, plan: BodyPlan, data: mujoco.MjData) -> None
         data.qpos[model.jnt_qposadr[hinge(model, name)]] = angle
 
 
-def _inertia(model: mujoco.MjModel, plan: BodyPlan) -> np.ndarray:
-    """Diagonal of the mass matrix in the held posture, (nv,) [kg m^2]."""
-    data = mujoco.MjData(model)
-    put_held(model, plan, data)
-    mujoco.mj_forward(model, data)
-    return data.M[model.M_rowadr + model.M_rownnz - 1].copy()
-
-
 def robot_model(data: mujoco.MjData, indices: Indices, com_height: float) -> RobotModel:
     """Mass, trunk, feet and pelvis width of a robot whose `data` is in its reference posture.
 
@@ -85,12 +75,11 @@ def robot_model(data: mujoco.MjData, indices: Indices, com_height: float) -> Rob
     length, width, _ = 2.0 * model.geom_size[indices.sole_boxes[0]]
     inertia, torque, angle = SMALLEST, SMALLEST, SMALLEST
     pitch, roll = (joint != MISSING for joint in indices.joints[1:3])
-    waist = [(joint, motor) for joint, motor in zip(indices.joints[1:3], indices.motors[:2], strict=True)
-             if joint != MISSING]  # fmt: skip
+    waist = known(indices.joints[1:3])
     if waist:
         inertia = trunk_inertia(data, indices)
-        torque = min(float(model.actuator_forcerange[motor, 1]) for _, motor in waist)
-        ranges = [np.abs(model.jnt_range[joint]).min() for joint, _ in waist if model.jnt_limited[joint]]
+        torque = min(float(model.actuator_forcerange[indices.motors[axis], 1]) for axis, _ in waist)
+        ranges = [np.abs(model.jnt_range[joint]).min() for _, joint in waist if model.jnt_limited[joint]]
         angle = float(min([*ranges, math.pi / 2.0]))
     return RobotModel(
         mass=float(model.body_subtreemass[indices.pelvis]),
@@ -117,10 +106,10 @@ def trunk_inertia(data: mujoco.MjData, indices: Indices) -> float:
             above = int(model.body_parentid[above])
         if above == 0:
             continue
-        arm = data.xipos[body] - anchor
+        lever = data.xipos[body] - anchor
         own = data.ximat[body].reshape(3, 3).T @ axis
         total += float(model.body_inertia[body] @ own**2)
-        total += float(model.body_mass[body] * (arm @ arm - (arm @ axis) ** 2))
+        total += float(model.body_mass[body] * (lever @ lever - (lever @ axis) ** 2))
     return total
 
 
@@ -140,7 +129,7 @@ class CompiledRobot:
         self.model = self.compiled(description.spec())
         self.indices: Indices = find_indices(self.model, self.plan)
         self._scratch = threading.local()
-        self.found: dict[str, Any] = {}  # what others have worked out of the model once
+        self.found: dict[str, Any] = {}  # results that others have worked out of the model once
 
     @property
     def plan(self) -> BodyPlan:
@@ -171,7 +160,7 @@ class CompiledRobot:
 
     @cached_property
     def robot(self) -> RobotModel:
-        """What the planner knows of it."""
+        """Physical constants that the planner knows."""
         if self.description.model is not None:
             return self.description.model
         return robot_model(self.in_reference_posture(), self.indices, self.description.com_height)
@@ -258,7 +247,7 @@ class CompiledRobot:
         return np.where(low * high > 0.0, 0.0, np.where(low + high < 0.0, -1.0, 1.0))
 
     def constants(self) -> tuple[Array, Array, Array, Ints, Array]:
-        """What compiled control knows of the robot: the last fields of `Physics`."""
+        """Constants of compiled control: the last fields of `Physics`."""
         form = np.array([self.leg_form])
         return self.soles, np.array([self.ankle_height]), self.mirror, form, self.knee_bend
 

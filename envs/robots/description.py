@@ -1,11 +1,4 @@
-"""What makes a robot: its model, its body plan, its preset, and environment ids for it.
-
-What makes a robot: where its model comes from, its body plan and the preset that belongs to it.
-
-Environment ids for a robot of one's own.
-
-Whether a preset belongs to a robot: one that was made for another is refused with what differs.
-"""
+"""A robot by its model, its body plan and its preset; environment ids for a robot of one's own."""
 
 from __future__ import annotations
 
@@ -23,13 +16,8 @@ from ...controllers.model.robot import BodyPlan, RobotModel
 from ...controllers.settings import load_preset
 from ...controllers.validation import differences, require_number
 
-SHIPPED = {  # name -> module:attribute
-    "biped": f"{__package__}.biped:ROBOT",
-    "g1": f"{__package__}.adapt:G1",
-    "t1": f"{__package__}.adapt:T1",
-    "jvrc1": f"{__package__}.adapt:JVRC1",
-}
-ADAPTED = f"{__package__}.adapt"  # reads robot files; no kernel depends on it
+BIPED = f"{__package__}.biped:ROBOT"
+ADAPTED = f"{__package__}.adapt"  # reads robot files, shipped ones among them; no kernel depends on it
 
 
 @dataclass(frozen=True)
@@ -63,17 +51,19 @@ def robot_description(robot: str | RobotDescription) -> RobotDescription:
     """
     if isinstance(robot, RobotDescription):
         return robot
-    place = SHIPPED.get(robot, robot) if isinstance(robot, str) else ""
+    place = BIPED if robot == "biped" else robot if isinstance(robot, str) else ""
     module, _, attribute = place.partition(":")
     if not (module and attribute):
-        return import_module(ADAPTED).robot_of_file(robot, SHIPPED)
+        return import_module(ADAPTED).robot_of_file(robot)
     try:
-        found = getattr(import_module(module), attribute)
+        description = getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise InvalidValueError(f"cannot load robot {robot!r}: {error}") from error
-    if not isinstance(found, RobotDescription):
-        raise InvalidValueError(f"robot {robot!r} must be a RobotDescription, got {type(found).__name__}")
-    return found
+    if not isinstance(description, RobotDescription):
+        raise InvalidValueError(
+            f"robot {robot!r} must be a RobotDescription, got {type(description).__name__}"
+        )
+    return description
 
 
 FORMS = "", "Residual", "Joint", "JointResidual"  # of an environment: what follows the robot's name
@@ -102,12 +92,8 @@ def register_robot(name: str, robot: str) -> tuple[str, ...]:
             raise InvalidValueError(f"{env_id} is registered already; choose another name")
     for env_id, form in zip(ids, FORMS, strict=True):
         biped = gym.spec(f"PushRecovery/Biped{form}-v0")
-        register(
-            env_id,
-            biped.entry_point,
-            vector_entry_point=biped.vector_entry_point,
-            kwargs={"robot": robot},
-        )
+        vector = biped.vector_entry_point
+        register(env_id, biped.entry_point, vector_entry_point=vector, kwargs={"robot": robot})
     return ids
 
 
@@ -123,9 +109,9 @@ def check_preset(preset: str, robot: RobotModel, limits: GaitLimits) -> None:
         limits: the preset's.
     """
     made_for = load_preset(preset).made_for
-    if isinstance(made_for, dict) and (told := differences(made_for, asdict(robot))):
+    if isinstance(made_for, dict) and (differing := differences(made_for, asdict(robot))):
         raise InvalidValueError(
-            f"preset {preset!r} was made for another robot than the environment's: {told}"
+            f"preset {preset!r} was made for another robot than the environment's: {differing}"
         )
     sole, own = (2.0 * limits.cop_x_max, 2.0 * limits.cop_y_max), (robot.foot_length, robot.foot_width)
     if any(asked > size + ROUNDING for asked, size in zip(sole, own, strict=True)):

@@ -1,8 +1,4 @@
-"""From the names of a body plan to the numbers of a compiled model, and the fields that control reads.
-
-From the names of a body plan to the numbers of a compiled model.
-
-Which entries of MuJoCo's fields control reads and writes, in the places where it expects them.
+"""From the names of a body plan to the numbers of a compiled model, and to the fields that control reads.
 
 Control knows a base, a waist of two axes and two legs of six joints (`controllers.whole_body.kinematics`).
 Each entry of a robot's own fields is copied to the place that its part has there. What a robot does not have,
@@ -110,52 +106,66 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
     hinges = [*waist, *legs[0], *legs[1]]
     held = [hinge(model, name) for name, _ in plan.held]
     base_qpos, base_dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
-    found = Indices(
+
+    def address(addresses: np.ndarray, joint: int) -> int:
+        return MISSING if joint == MISSING else int(addresses[joint])
+
+    def two(kind: str, names: Pair) -> tuple[int, int]:
+        return number_of(model, kind, names[0]), number_of(model, kind, names[1])
+
+    def links(leg: list[int]) -> tuple[int, int, int]:
+        """Bodies that the hip's last axis, the knee and the ankle's last axis move."""
+        thigh, shank, foot = (int(model.jnt_bodyid[leg[joint]]) for joint in (2, 3, 5))
+        return thigh, shank, foot
+
+    left_load, right_load = (int(model.sensor_adr[sensor]) for sensor in two("sensor", plan.loads))
+    indices = Indices(
         pelvis=pelvis,
         trunk=trunk,
-        links=(_links(model, legs[0]), _links(model, legs[1])),
+        links=(links(legs[0]), links(legs[1])),
         joints=(free, *hinges),
-        qpos=(*range(base_qpos, base_qpos + 7), *(_address(model.jnt_qposadr, joint) for joint in hinges)),
-        dof=(*range(base_dof, base_dof + 6), *(_address(model.jnt_dofadr, joint) for joint in hinges)),
+        qpos=(*range(base_qpos, base_qpos + 7), *(address(model.jnt_qposadr, joint) for joint in hinges)),
+        dof=(*range(base_dof, base_dof + 6), *(address(model.jnt_dofadr, joint) for joint in hinges)),
         motors=tuple(MISSING if joint == MISSING else motor_of(model, joint) for joint in hinges),
-        soles=_two(model, "site", plan.soles),
-        loads=(_load(model, plan.loads[0]), _load(model, plan.loads[1])),
-        sole_boxes=_boxes(model, plan.sole_boxes),
-        held_qpos=tuple(_address(model.jnt_qposadr, joint) for joint in held),
-        held_dof=tuple(_address(model.jnt_dofadr, joint) for joint in held),
+        soles=two("site", plan.soles),
+        loads=(left_load, right_load),
+        sole_boxes=two("geom", plan.sole_boxes),
+        held_qpos=tuple(int(model.jnt_qposadr[joint]) for joint in held),
+        held_dof=tuple(int(model.jnt_dofadr[joint]) for joint in held),
         held_links=tuple(int(model.jnt_bodyid[joint]) for joint in held),
     )
-    check_roles(model, found)
-    check_tree(model, found)
-    check_waist(model, found)
-    return found
-
-
-def check_roles(model: mujoco.MjModel, found: Indices) -> None:
-    """Raise InvalidValueError for a joint of the robot that the plan gives no role."""
+    for geom, name in zip(indices.sole_boxes, plan.sole_boxes, strict=True):
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
+            kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
+            raise InvalidValueError(
+                f"sole {name!r} must be a box, got a {kind}; `spec` may put one under each foot in its place"
+            )
     for dof in range(model.nv):
-        if dof not in {*found.dof, *found.held_dof}:
+        if dof not in {*indices.dof, *indices.held_dof}:
             raise InvalidValueError(
                 f"joint {model.joint(model.dof_jntid[dof]).name!r} has no role in the BodyPlan; name it in "
                 "`held` with the angle that it shall keep"
             )
+    _check_tree(model, indices)
+    _check_waist(model, indices)
+    return indices
 
 
-def check_tree(model: mujoco.MjModel, found: Indices) -> None:
+def _check_tree(model: mujoco.MjModel, indices: Indices) -> None:
     """Raise InvalidValueError where base, waist and legs are no chains, but for held degrees of freedom.
 
     The two axes of the waist may follow each other in either order.
     """
-    waist = sorted(found.joints[1:3], key=lambda joint: model.jnt_dofadr[joint])
-    chains = {"waist": waist, "left leg": found.legs[0], "right leg": found.legs[1]}
+    waist = sorted(indices.joints[1:3], key=lambda joint: model.jnt_dofadr[joint])
+    chains = {"waist": waist, "left leg": indices.legs[0], "right leg": indices.legs[1]}
     for chain, joints in chains.items():
-        before = found.dof[5]
+        before = indices.dof[5]
         for joint in joints:
             if joint == MISSING:
                 continue
             own = int(model.jnt_dofadr[joint])
             parent = int(model.dof_parentid[own])
-            while parent in found.held_dof:
+            while parent in indices.held_dof:
                 parent = int(model.dof_parentid[parent])
             if parent != before:
                 raise InvalidValueError(
@@ -165,27 +175,17 @@ def check_tree(model: mujoco.MjModel, found: Indices) -> None:
             before = own
 
 
-def check_waist(model: mujoco.MjModel, found: Indices) -> None:
+def _check_waist(model: mujoco.MjModel, indices: Indices) -> None:
     """Raise InvalidValueError where the waist does not pitch about y and roll about x."""
     data = mujoco.MjData(model)
-    data.qpos[list(found.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+    data.qpos[list(indices.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
     mujoco.mj_kinematics(model, data)
-    for joint, axis in zip(found.joints[1:3], ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), strict=True):
+    for joint, axis in zip(indices.joints[1:3], ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), strict=True):
         if joint != MISSING and np.abs(data.xaxis[joint] - axis).max() > TILT:
             raise InvalidValueError(
                 f"waist joint {model.joint(joint).name!r} must turn about {axis} (pitch y, roll x), "
                 f"got {data.xaxis[joint].round(6).tolist()}"
             )
-
-
-def _links(model: mujoco.MjModel, leg: list[int]) -> tuple[int, int, int]:
-    """Bodies that the hip's last axis, the knee and the ankle's last axis move."""
-    thigh, shank, foot = (int(model.jnt_bodyid[leg[joint]]) for joint in (2, 3, 5))
-    return thigh, shank, foot
-
-
-def _address(addresses: np.ndarray, joint: int) -> int:
-    return MISSING if joint == MISSING else int(addresses[joint])
 
 
 def hinge(model: mujoco.MjModel, name: str) -> int:
@@ -205,7 +205,7 @@ def motor_of(model: mujoco.MjModel, joint: int) -> int:
     """Number of the torque motor that drives a joint.
 
     Raises:
-        InvalidValueError: none, more than one, or one that does not give the torque that it is told.
+        InvalidValueError: none, more than one, or one that does not give the torque that is asked of it.
     """
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     motors = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
@@ -216,30 +216,10 @@ def motor_of(model: mujoco.MjModel, joint: int) -> int:
     gear, gain = model.actuator_gear[motor, 0], model.actuator_gainprm[motor, 0]
     if gear != 1.0 or gain != 1.0 or model.actuator_biasprm[motor].any():
         raise InvalidValueError(
-            f"the motor of joint {name!r} must give the torque that it is told: gear 1, gain 1, no bias, "
+            f"the motor of joint {name!r} must give the torque that is asked of it: gear 1, gain 1, no bias, "
             f"got gear {gear:g}, gain {gain:g}, bias {model.actuator_biasprm[motor, :3].tolist()}"
         )
     return motor
-
-
-def _two(model: mujoco.MjModel, kind: str, names: Pair) -> tuple[int, int]:
-    return number_of(model, kind, names[0]), number_of(model, kind, names[1])
-
-
-def _boxes(model: mujoco.MjModel, names: Pair) -> tuple[int, int]:
-    """Numbers of the boxes under the feet, whose sizes are those of the soles."""
-    found = _two(model, "geom", names)
-    for geom, name in zip(found, names, strict=True):
-        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
-            kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
-            raise InvalidValueError(
-                f"sole {name!r} must be a box, got a {kind}; `spec` may put one under each foot in its place"
-            )
-    return found
-
-
-def _load(model: mujoco.MjModel, name: str) -> int:
-    return int(model.sensor_adr[number_of(model, "sensor", name)])
 
 
 Pairs = list[tuple[int, int]]
@@ -247,7 +227,7 @@ Pairs = list[tuple[int, int]]
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
     """Torques, and forces on the bodies that pushes act on."""
-    pushed = pushed_rows(indices)
+    pushed = _pushed_rows(indices)
     count = 1 + max(row for row, _ in pushed)
     if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
         pushed.remove((TRUNK, indices.trunk))
@@ -259,12 +239,14 @@ def inputs(indices: Indices) -> tuple[Field, ...]:
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
     bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
-    turned = pushed_rows(indices)
+    turned = _pushed_rows(indices)
     count = 1 + max(row for row, _ in turned)
     joints = known(indices.joints)
+    # of the state what control knows, then the held joints, which make nominal dynamics of the whole robot
+    qpos, qvel = (*indices.qpos, *indices.held_qpos), (*indices.dof, *indices.held_dof)
     return (
-        _with_held("qpos", indices.qpos, indices.held_qpos),
-        _with_held("qvel", indices.dof, indices.held_dof),
+        picked("qpos", (len(qpos),), known(qpos)),
+        picked("qvel", (len(qvel),), known(qvel)),
         rows("xpos", BODIES, 3, bodies),
         rows("xmat", count, 9, turned),
         rows("xanchor", len(indices.joints), 3, joints),
@@ -277,15 +259,10 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     )
 
 
-def pushed_rows(indices: Indices) -> Pairs:
+def _pushed_rows(indices: Indices) -> Pairs:
     """(row, body) of every body that is pushed: links of held joints after the rows that any robot has."""
     places = *PUSHED_BODY, *range(BODIES, BODIES + len(indices.pushed) - len(PUSHED_BODY))
     return [*zip(places, indices.pushed, strict=True)]
-
-
-def _with_held(name: str, own: tuple[int, ...], held: tuple[int, ...]) -> Field:
-    """A field of the state: what control knows, then the held joints, whose place `believe` needs."""
-    return picked(name, (len(own) + len(held),), known((*own, *held)))
 
 
 def known(numbers: tuple[int, ...]) -> Pairs:

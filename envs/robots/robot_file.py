@@ -1,4 +1,4 @@
-"""Robot files: what a model of somebody else's needs said of it before it can walk here.
+"""Robot files: what has to be known of somebody else's model before it can walk here.
 
     {"format": "push-recovery robot", "format_version": 1,
      "name": "g1",
@@ -57,7 +57,7 @@ class Motor:
 
 @dataclass(frozen=True)
 class RobotFile:
-    """What a robot file says."""
+    """The content of a robot file."""
 
     name: str
     model: str  # in a package or, from a file of one's own, an absolute path

@@ -1,21 +1,17 @@
-"""Variants of the biped, each at odds with an assumption that a closed form makes.
+"""Variants of the biped, each at odds with an assumption that a closed form makes; they share its preset.
 
-Three variants of the biped, each at odds with an assumption that a closed form makes.
-
-They share the biped's preset. `robot="push_recovery.envs.robots.variants:ANKLE_ROLL_FIRST"` puts
-one into an environment.
-
-Variants of the biped with held joints, with one body for pelvis and trunk, and without a waist.
-
-Their trees are those of robots that exist: arms over a waist of yaw, roll and pitch; legs below a waist that
-only yaws. They share the biped's preset.
+`VARIANTS` differ in the order of their joints, `HELD_VARIANTS` have held joints, one body for pelvis and
+trunk, or no waist: their trees are those of robots that exist, arms over a waist of yaw, roll and pitch, and
+legs below a waist that only yaws. `robot="push_recovery.envs.robots.variants:ANKLE_ROLL_FIRST"` puts one into
+an environment.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 
@@ -39,16 +35,17 @@ def exchange(first: mujoco.MjsJoint, second: mujoco.MjsJoint) -> None:
     second.name, second.axis, second.range = first_has
 
 
-def exchange_in_legs(model: mujoco.MjSpec, first: str, second: str) -> None:
-    """`exchange` in both legs, and the largest torques and speeds with them, which motors have by joint."""
+def exchange_in_legs(first: str, second: str) -> mujoco.MjSpec:
+    """The biped with two joints of each leg exchanged, and their largest torques and speeds with them."""
+    model = spec()
     for side in SIDES:
         exchange(model.joint(f"{side}_{first}"), model.joint(f"{side}_{second}"))
+    return model
 
 
 def pitch_roll_yaw_hips() -> mujoco.MjSpec:
     """Hips that pitch first and yaw last, about axes that do not meet."""
-    model = spec()
-    exchange_in_legs(model, "hip_yaw", "hip_pitch")
+    model = exchange_in_legs("hip_yaw", "hip_pitch")
     for side in SIDES:
         for joint, place in HIP_PLACES.items():
             model.joint(f"{side}_{joint}").pos = place
@@ -57,9 +54,7 @@ def pitch_roll_yaw_hips() -> mujoco.MjSpec:
 
 def ankle_roll_first() -> mujoco.MjSpec:
     """Ankles that roll before they pitch."""
-    model = spec()
-    exchange_in_legs(model, "ankle_pitch", "ankle_roll")
-    return model
+    return exchange_in_legs("ankle_pitch", "ankle_roll")
 
 
 def no_waist_roll() -> mujoco.MjSpec:
@@ -75,29 +70,24 @@ def legs(joints: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(f"left_{joint}" for joint in joints), tuple(f"right_{joint}" for joint in joints)
 
 
-HIPS_PITCH_ROLL_YAW = RobotDescription(
+def variant(name: str, made: Callable[[], mujoco.MjSpec], **plan: Any) -> RobotDescription:
+    """A description with changes of the biped's plan."""
+    return RobotDescription(name, made, replace(PLAN, **plan), BIPED.com_height)
+
+
+HIPS_PITCH_ROLL_YAW = variant(
     "hips pitch-roll-yaw, axes apart",
     pitch_roll_yaw_hips,
-    replace(
-        PLAN,
-        legs=legs(("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")),
-        bend=(-0.3, 0.0, 0.0, 0.6, -0.3, 0.0),
-    ),
-    BIPED.com_height,
+    legs=legs(("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")),
+    bend=(-0.3, 0.0, 0.0, 0.6, -0.3, 0.0),
 )
-ANKLE_ROLL_FIRST = RobotDescription(
+ANKLE_ROLL_FIRST = variant(
     "ankle roll before pitch",
     ankle_roll_first,
-    replace(
-        PLAN,
-        legs=legs(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_roll", "ankle_pitch")),
-        bend=(0.0, 0.0, -0.3, 0.6, 0.0, -0.3),
-    ),
-    BIPED.com_height,
+    legs=legs(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_roll", "ankle_pitch")),
+    bend=(0.0, 0.0, -0.3, 0.6, 0.0, -0.3),
 )
-NO_WAIST_ROLL = RobotDescription(
-    "no waist roll", no_waist_roll, replace(PLAN, waist=("waist_pitch", None)), BIPED.com_height
-)
+NO_WAIST_ROLL = variant("no waist roll", no_waist_roll, waist=("waist_pitch", None))
 VARIANTS = (HIPS_PITCH_ROLL_YAW, ANKLE_ROLL_FIRST, NO_WAIST_ROLL)
 
 
@@ -178,17 +168,11 @@ def held_arms() -> tuple[tuple[str, float], ...]:
     return tuple((f"{side}_{name}", angle) for side, arm in angles for name, angle in arm.items())
 
 
-ARMS_HELD = RobotDescription(
-    "arms and waist yaw held",
-    arms_over_a_waist_of_three,
-    replace(PLAN, held=(("waist_yaw", 0.0), *held_arms())),
-    BIPED.com_height,
+ARMS_HELD = variant(
+    "arms and waist yaw held", arms_over_a_waist_of_three, held=(("waist_yaw", 0.0), *held_arms())
 )
-NO_WAIST = RobotDescription("no waist", no_waist, replace(PLAN, waist=(None, None)), BIPED.com_height)
-LEGS_BELOW_A_YAW = RobotDescription(
-    "legs below a held yaw",
-    legs_below_a_yaw,
-    replace(PLAN, trunk="pelvis", waist=(None, None), held=(("waist_yaw", 0.0),)),
-    BIPED.com_height,
+NO_WAIST = variant("no waist", no_waist, waist=(None, None))
+LEGS_BELOW_A_YAW = variant(
+    "legs below a held yaw", legs_below_a_yaw, trunk="pelvis", waist=(None, None), held=(("waist_yaw", 0.0),)
 )
 HELD_VARIANTS = (ARMS_HELD, NO_WAIST, LEGS_BELOW_A_YAW)

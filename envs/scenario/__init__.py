@@ -1,1 +1,1 @@
-"""What happens in an episode, complete and frozen: pushes, command, model errors, noise."""
+"""Scenarios: disturbances, command, model errors and noise of an episode, complete and frozen."""

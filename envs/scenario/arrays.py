@@ -1,37 +1,27 @@
-"""Pushes and command changes of n robots as arrays for compiled loops.
+"""Pushes and command changes of n robots as arrays for compiled loops: when they come, and how much of them.
 
-The command changes of n robots as arrays, and the command in force.
-
-The pushes of n robots as arrays for compiled loops, and what each has delivered.
-
-A kick has a row after those of the pushes, without a force: what counts from the first push on, as limits met
-do, counts from it on.
-
-When a push starts, and the exact share of its force in any interval; compiled.
+The forces of all disturbances have a row each; after them a jump of the velocity has one without a force, so
+that what counts from the first disturbance on, as limits that are met do, counts from it on, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.jit import njit
 from ...controllers.model.observation import heading_frame, in_world
-from .push import BODIES, FRAMES, PENDING, GaitEvent, Push, Side
+from .push import BODIES, FRAMES, PENDING, GaitEvent, Push
 from .scenario import Scenario
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 DUE = 1e-9  # a change this soon after the period begins is due: times are sums of steps [s]
 
 
 class Schedule(NamedTuple):
-    """What the n robots will be told, at most C changes each."""
+    """Changes of the command of n robots, at most C each."""
 
     time: Floats2  # (n, C) since reset [s], rising; inf: there are no more
     command: Floats3  # (n, C, 3) velocity in the heading frame [m/s], turn [rad/s]
@@ -78,56 +68,21 @@ def follow_all(schedule, now, command, first, end):  # pragma: no cover
         follow(schedule, k, now[k], command[k])
 
 
-MARK = 1e-3  # duration of a kick's row [s]
+MARK = 1e-3  # duration of a jump's row [s]
 NUMBERS = {name: number for number, name in enumerate(BODIES)}
 
 
-class PushArrays(NamedTuple):
-    """The pushes of one scenario as arrays for compiled loops; P pushes."""
-
-    force: NDArray[np.float64]  # (P, 3) [N]; the env writes here where it turns one into the world
-    duration: NDArray[np.float64]  # (P,) [s]
-    start: NDArray[np.float64]  # (P,) [s], PENDING until the gait event has come; the env writes here
-    step: NDArray[np.int64]  # (P,) index of the event's step, -1 for a push at a time
-    fraction: NDArray[np.float64]  # (P,) of the planned step duration
-    body: NDArray[np.int64]  # (P,) number of the body, at first those of BODIES
-    offset: NDArray[np.float64]  # (P, 3) [m]
-    frame: NDArray[np.int64]  # (P,) of the force, index into FRAMES; the env writes here
-
-
-def push_arrays(pushes: Sequence[Push], first_side: Side, bodies: Mapping[str, int] = NUMBERS) -> PushArrays:
-    """Arrays of the pushes for an episode; a fresh copy each time.
-
-    Args:
-        pushes: of the episode.
-        first_side: that its step 0 stands on.
-        bodies: number of each body that is pushed, by name.
-    """
-    events = [push.start if isinstance(push.start, GaitEvent) else None for push in pushes]
-    times = [PENDING if isinstance(push.start, GaitEvent) else push.start for push in pushes]
-    return PushArrays(
-        force=np.array([push.force for push in pushes], dtype=np.float64).reshape(-1, 3),
-        duration=np.array([push.duration for push in pushes], dtype=np.float64),
-        start=np.array(times, dtype=np.float64),
-        step=np.array([-1 if e is None else e.step_index(first_side) for e in events], dtype=np.int64),
-        fraction=np.array([0.0 if e is None else e.fraction for e in events], dtype=np.float64),
-        body=np.array([bodies[push.body] for push in pushes], dtype=np.int64),
-        offset=np.array([push.offset for push in pushes], dtype=np.float64).reshape(-1, 3),
-        frame=np.array([FRAMES.index(push.frame) for push in pushes], dtype=np.int64),
-    )
-
-
 class Pushes(NamedTuple):
-    """The fields of `PushArrays` for n robots with at most P pushes each, and the impulse delivered."""
+    """The forces that act on n robots, at most P each, and the impulse that they have delivered."""
 
-    force: Floats3  # (n, P, 3) [N]
+    force: Floats3  # (n, P, 3) [N]; written where one is turned into the world
     duration: Floats2  # (n, P) [s]
-    start: Floats2  # (n, P) [s], PENDING until the gait event has come
-    step: Ints2  # (n, P)
-    fraction: Floats2  # (n, P)
+    start: Floats2  # (n, P) [s], PENDING until the gait event has come; written then
+    step: Ints2  # (n, P) index of the event's step, -1 for a push at a time
+    fraction: Floats2  # (n, P) of the planned step duration
     body: Ints2  # (n, P) number of the body, at first those of BODIES
     offset: Floats3  # (n, P, 3) from the body's CoM, body axes [m]
-    frame: Ints2  # (n, P) of the force, index into FRAMES
+    frame: Ints2  # (n, P) of the force, index into FRAMES; written
     delivered: Floats3  # (n, P, 3) impulse so far [N s]
 
 
@@ -142,38 +97,44 @@ def empty_pushes(n: int, count: int) -> Pushes:
 
 
 def assign_pushes(pushes: Pushes, k: int, scenario: Scenario, bodies: Mapping[str, int] = NUMBERS) -> Pushes:
-    """Give robot k the pushes of a scenario, in place; returns larger arrays where they do not fit."""
-    marks = (Push((0.0, 0.0, 0.0), MARK, kick.start) for kick in scenario.kicks)
-    new = push_arrays((*scenario.pushes, *marks), scenario.stance_side, bodies)
+    """Give robot k the disturbances of a scenario, in place; returns larger arrays where they do not fit.
+
+    `bodies` has the number of each body that is pushed, by name.
+    """
+    marks = (Push((0.0, 0.0, 0.0), MARK, kick.start) for kick in scenario.jumps)
+    own = [*scenario.forces, *marks]
     n, capacity = pushes.start.shape
-    count = new.start.shape[0]
-    if count > capacity:
-        grown = empty_pushes(n, count)
+    if len(own) > capacity:
+        grown = empty_pushes(n, len(own))
         for old, field in zip(pushes, grown, strict=True):
             field[:, :capacity] = old
-        pushes, capacity = grown, count
-    for field, blank in zip(pushes, empty_pushes(1, capacity), strict=True):
+        pushes = grown
+    for field, blank in zip(pushes, empty_pushes(1, max(capacity, len(own))), strict=True):
         field[k] = blank[0]
-    for field, value in zip(pushes[:-1], new, strict=True):
-        field[k, :count] = value
+    for i, push in enumerate(own):
+        pushes.force[k, i], pushes.duration[k, i], pushes.offset[k, i] = (
+            push.force,
+            push.duration,
+            push.offset,
+        )
+        if isinstance(push.start, GaitEvent):
+            pushes.step[k, i] = push.start.step_index(scenario.stance_side)
+            pushes.fraction[k, i] = push.start.fraction
+        else:
+            pushes.start[k, i] = push.start
+        pushes.body[k, i], pushes.frame[k, i] = bodies[push.body], FRAMES.index(push.frame)
     return pushes
 
 
 @njit(cache=True)
 def resolve_starts(
-    start: NDArray[np.float64],
-    step: NDArray[np.int64],
-    fraction: NDArray[np.float64],
-    step_index: int,
-    step_start: float,
-    planned_duration: float,
-    t0: float,
-    t1: float,
-) -> None:
-    """Write the start times of the gait events that come within [t0, t1) into `start`, in place.
+    start, step, fraction, step_index, step_start, planned_duration, t0, t1
+):  # pragma: no cover
+    """Write the start times of the gait events that come within [t0, t1) into `start` (P,), in place.
 
     start = max(t0, step_start + fraction * planned_duration) in the event's step, t0 if that step is over.
-    `step_index` and `step_start` [s] are those of the present step, `planned_duration` its planned T [s].
+    `step` and `fraction` (P,) are the events', `step_index` and `step_start` [s] those of the present step,
+    `planned_duration` its planned T [s].
     """
     for i in range(start.shape[0]):
         if step[i] < 0 or start[i] != np.inf or step_index < step[i]:
@@ -184,13 +145,7 @@ def resolve_starts(
 
 
 @njit(cache=True)
-def turn_forces(
-    force: NDArray[np.float64],
-    frame: NDArray[np.int64],
-    start: NDArray[np.float64],
-    heading: float,
-    t1: float,
-) -> None:
+def turn_forces(force, frame, start, heading, t1):  # pragma: no cover
     """Turn forces in the heading's frame by the heading [rad] where their push starts before t1, in place.
 
     They are in the world's frame from then on: F_world = R_z(heading) F.
@@ -203,27 +158,14 @@ def turn_forces(
 
 
 @njit(cache=True)
-def overlap(start: float, duration: float, t0: float, t1: float) -> float:
-    """Length of [start, start + duration] within [t0, t1] [s]; PENDING starts give 0."""
-    return max(0.0, min(t1, start + duration) - max(t0, start))
-
-
-@njit(cache=True)
-def mean_force(
-    force: NDArray[np.float64],
-    duration: NDArray[np.float64],
-    start: NDArray[np.float64],
-    index: int,
-    t0: float,
-    t1: float,
-    out: NDArray[np.float64],
-) -> bool:
+def mean_force(force, duration, start, index, t0, t1, out):  # pragma: no cover
     """Write the force of push `index` averaged over [t0, t1] into `out` (3,) [N]; True where it is not zero.
 
     mean = F * |[start, start + d] and [t0, t1]| / (t1 - t0), so that the sum of mean * (t1 - t0) over any
-    partition of time is F d exactly (to rounding), at every control rate.
+    partition of time is F d exactly (to rounding), at every control rate. A PENDING start gives 0.
     """
-    share = overlap(start[index], duration[index], t0, t1) / (t1 - t0)
+    span = max(0.0, min(t1, start[index] + duration[index]) - max(t0, start[index]))
+    share = span / (t1 - t0)
     for axis in range(3):
         out[axis] = force[index, axis] * share
     return share > 0.0

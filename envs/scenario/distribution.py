@@ -1,12 +1,9 @@
-"""Random scenarios: what `reset` draws from where it is given none.
-
-Ranges of model errors: the robot of every drawn scenario is off in its own way.
-"""
+"""Random scenarios: the pushes, commands and model errors that `reset` draws where it is given none."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -14,8 +11,8 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import Similarity
-from ...controllers.validation import require_integer, require_keys, require_number
-from .model_errors import CONTROL_STEP, EXACT_MODEL, SCALES, ModelErrors
+from ...controllers.validation import require_integer, require_number
+from .model_errors import CONTROL_STEP, EXACT_MODEL, SCALES, JsonRecord, ModelErrors, object_of
 from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, Push, polar_push, require_body
 from .scenario import FASTEST_TURN, SETTLE_TIME, Command, Scenario
 
@@ -26,12 +23,14 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class ErrorRanges:
+class ErrorRanges(JsonRecord):
     """Uniform ranges (low, high) of model errors for domain randomisation; None: always the default.
 
     A range of `trunk_com` holds for each of its three components. A delay is drawn in whole control steps of
     the biped.
     """
+
+    json_name, left_out = "error ranges", None
 
     mass: Range | None = None
     payload: Range | None = None  # [kg]
@@ -61,8 +60,9 @@ class ErrorRanges:
             if low > high:
                 raise InvalidValueError(f"ErrorRanges.{field.name} must have low <= high, got {low} > {high}")
             for bound in (low, high):  # raises where it is out of bounds
-                _errors({field.name: (bound,) * 3 if field.name == "trunk_com" else bound})
-            object.__setattr__(self, field.name, (low, high))
+                value: Any = (bound,) * 3 if field.name == "trunk_com" else bound
+                ModelErrors(**{field.name: value})
+            self._set(**{field.name: (low, high)})
         if self.delay is not None and math.ceil(self._delay_steps[0]) > math.floor(self._delay_steps[1]):
             raise InvalidValueError(
                 f"ErrorRanges.delay must hold a multiple of {CONTROL_STEP} s, got {self.delay}"
@@ -101,21 +101,7 @@ class ErrorRanges:
             else:
                 drawn = [float(bounds[0] + x * (bounds[1] - bounds[0])) for x in mine]
             values[field.name] = tuple(drawn) if count == 3 else drawn[0]
-        return _errors(values)
-
-    def to_dict(self) -> dict[str, list[float]]:
-        """Plain JSON types; fields without a range are left out."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {name: list(value) for name, value in values.items() if value is not None}
-
-    @classmethod
-    def from_dict(cls, data: object) -> ErrorRanges:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("error ranges", data, set(), {f.name for f in fields(cls)}))
-
-
-def _errors(values: dict[str, Any]) -> ModelErrors:
-    return ModelErrors(**values)
+        return ModelErrors(**values)
 
 
 TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
@@ -125,7 +111,7 @@ LATEST_NEXT = 4  # steps after a push in which the next one comes
 
 
 @dataclass(frozen=True)
-class PushDistribution:
+class PushDistribution(JsonRecord):
     """Scenarios with one push or more, drawn from a Generator; used by `reset` without a scenario.
 
     Impulse, direction and phase are uniform; the command is in place, forward, backward or sideways with
@@ -138,6 +124,8 @@ class PushDistribution:
     divided by sqrt(n), on the same body for the same time; a later one comes in one of the four steps after
     that of the push before, half of them in the direction of the first.
     """
+
+    json_name, left_out = "push distribution", ("errors",)
 
     impulse_min: float = 5.0  # [N s]
     impulse_max: float = 80.0  # [N s]
@@ -157,8 +145,7 @@ class PushDistribution:
     errors: ErrorRanges | None = None  # of the robot, drawn anew for every scenario
 
     def __post_init__(self) -> None:
-        if isinstance(self.errors, Mapping):  # of JSON
-            object.__setattr__(self, "errors", ErrorRanges.from_dict(self.errors))
+        self._set(errors=object_of(ErrorRanges, self.errors))
         if not isinstance(self.errors, ErrorRanges | None):
             raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {self.errors!r}")
         require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
@@ -182,7 +169,7 @@ class PushDistribution:
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
         require_number("PushDistribution.turn [rad/s]", self.turn, 0.0, FASTEST_TURN)
         require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
-        object.__setattr__(self, "bodies", tuple(self.bodies))
+        self._set(bodies=tuple(self.bodies))
         if not self.bodies:
             raise InvalidValueError("PushDistribution.bodies must name at least one body")
         for body in self.bodies:
@@ -223,7 +210,7 @@ class PushDistribution:
         return self.bodies[0 if len(self.bodies) == 1 else int(rng.integers(len(self.bodies)))]
 
     def duration(self, rng: np.random.Generator) -> float:
-        """Of a push [s]; no draw where all last equally long."""
+        """Duration of a push [s]; no draw where all last equally long."""
         ratio = self.push_duration_ratio
         return self.push_duration * (1.0 if ratio == 1.0 else ratio ** float(rng.random()))
 
@@ -275,15 +262,3 @@ class PushDistribution:
         )
         step = event.step_index(scenario.stance_side)
         return replace(scenario, pushes=self.with_later(push, scenario, step, rng))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types; `errors` is left out where it is not given."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "errors"}
-        values["bodies"] = list(self.bodies)
-        return values if self.errors is None else {**values, "errors": self.errors.to_dict()}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> PushDistribution:
-        """Inverse of `to_dict`; fields may be left out."""
-        names = set(cls.__dataclass_fields__)
-        return cls(**require_keys("push distribution", data, set(), names))

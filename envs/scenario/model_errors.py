@@ -1,16 +1,15 @@
 """How far robot and floor are from what the planner believes, and how the physics is computed.
 
-How finely and with which contacts the physics is computed: `PhysicsOptions`, a part of a scenario.
-
-How far the robot is from what its planner believes: `ModelErrors`, a part of a scenario.
+These and all other parts of a scenario are a `JsonRecord`: a frozen dataclass, read from JSON and written.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
+from functools import cache
+from typing import Any, ClassVar, Self
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
@@ -23,6 +22,71 @@ from ...controllers.validation import (
     require_vector,
 )
 
+
+class JsonRecord:
+    """Base of a frozen dataclass whose fields are the keys of a JSON object, in their order."""
+
+    json_name: ClassVar[str]  # what errors call such an object
+    left_out: ClassVar[tuple[str, ...] | None] = ()  # keys not written at their default; None: all of them
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types: a tuple is a list, another record an object."""
+        values = {}
+        for name, default in _defaults(type(self)):
+            value = getattr(self, name)
+            if default is MISSING or value != default:
+                values[name] = _plain(value)
+        return values
+
+    @classmethod
+    def from_dict(cls, data: object) -> Self:
+        """Inverse of `to_dict`; fields with a default may be left out.
+
+        Raises:
+            InvalidValueError: no object, a missing key, or an impossible value.
+            UnknownNameError: an unknown key.
+        """
+        entries = fields(cls)  # type: ignore[arg-type]
+        required = {entry.name for entry in entries if entry.default is MISSING}
+        values = require_keys(cls.json_name, data, required, {entry.name for entry in entries} - required)
+        return cls(**{name: cls._parsed(name, value) for name, value in values.items()})
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The record of a JSON text; raises InvalidValueError on text that is no JSON."""
+        return cls.from_dict(parse_json(f"text of {cls.json_name}", text))
+
+    @classmethod
+    def _parsed(cls, name: str, value: Any) -> Any:
+        """The value of a field, from its JSON; a list is a tuple, so that the record can be hashed."""
+        return tuple(value) if isinstance(value, list) else value
+
+    def _set(self, **values: Any) -> None:
+        """Replace fields of the frozen record, from within its `__post_init__`."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+def object_of(kind: type[JsonRecord], value: Any) -> Any:
+    """The record of a JSON object; any other value as it is, for the constructor to judge."""
+    return kind.from_dict(value) if isinstance(value, Mapping) else value
+
+
+@cache
+def _defaults(kind: type[JsonRecord]) -> tuple[tuple[str, Any], ...]:
+    """Fields of a kind of record, each with the default at which it is left out; MISSING: never."""
+    return tuple(
+        (field.name, field.default if kind.left_out is None or field.name in kind.left_out else MISSING)
+        for field in fields(kind)  # type: ignore[arg-type]
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    return value.to_dict() if isinstance(value, JsonRecord) else value
+
+
 CONTROL_STEP = 0.002  # control acts this often, whatever the time step [s]
 FINEST = 20  # physics steps in one step of control, at most
 CHOICES = {
@@ -34,12 +98,14 @@ NUMBERS = {"impratio": ("", 0.1, 1000.0), "contact_time": (" [s]", 1e-4, 0.2)}  
 
 
 @dataclass(frozen=True)
-class PhysicsOptions:
+class PhysicsOptions(JsonRecord):
     """Numerical options of MuJoCo, of which no result should hang; None: what the robot's model says.
 
     Torques and pushes are held, and the mean force of contact is measured, over the steps between two of
     control.
     """
+
+    json_name, left_out = "physics options", None
 
     time_step: float = CONTROL_STEP  # 2 ms over a whole number [s]
     integrator: str | None = None  # see CHOICES
@@ -56,32 +122,21 @@ class PhysicsOptions:
                 f"PhysicsOptions.time_step [s] must be {CONTROL_STEP:g} over a whole number up to {FINEST}, "
                 f"such as 0.001, got {time_step:g}"
             )
-        object.__setattr__(self, "time_step", time_step)
+        self._set(time_step=time_step)
         for name, valid in CHOICES.items():
             if (value := getattr(self, name)) is not None:
                 require_choice(name, value, valid)
         for name, (unit, low, high) in NUMBERS.items():
             if (value := getattr(self, name)) is not None:
-                number = require_number(f"PhysicsOptions.{name}{unit}", value, low, high)
-                object.__setattr__(self, name, number)
+                self._set(**{name: require_number(f"PhysicsOptions.{name}{unit}", value, low, high)})
 
     @property
     def steps(self) -> int:
         """Physics steps in one step of control."""
         return round(CONTROL_STEP / self.time_step)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types; options at their default are left out."""
-        return changed_fields(self)
-
-    @classmethod
-    def from_dict(cls, data: object) -> PhysicsOptions:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("physics options", data, set(), {f.name for f in fields(cls)}))
-
 
 PLAIN_PHYSICS = PhysicsOptions()
-
 
 STEEPEST_SLOPE = math.radians(5.0)  # [rad]
 TRUNK_COM_MAX = 0.1  # [m]
@@ -105,7 +160,6 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "continuous_torque": ("", 0.1, 1.0),
 }
 OPEN = ("friction", "motor_power", "bus_power", "continuous_torque")  # that may be None
-SWITCHES = ("collisions",)
 SCALES = {  # field -> what of `Similarity` it goes with; times, angles and shares are any robot's
     "payload": "mass", "trunk_com": "length", "dcm_noise": "length", "floor_step": "length",
     "joint_friction": "torque", "joint_damping": "damping", "armature": "inertia",
@@ -114,11 +168,13 @@ SCALES = {  # field -> what of `Similarity` it goes with; times, angles and shar
 
 
 @dataclass(frozen=True)
-class ModelErrors:
-    """What is true of the robot and its floor, and unknown to planner and whole-body control.
+class ModelErrors(JsonRecord):
+    """Properties of the robot and its floor that planner and whole-body control do not know.
 
     Both go on believing the nominal robot of 60 kg on a level floor. The defaults are no errors.
     """
+
+    json_name, left_out = "model errors", None
 
     mass: float = 0.0  # relative, of every body, its inertia and the rotors': 0.1 is 10 % heavier
     payload: float = 0.0  # a point mass at the trunk's CoM [kg]
@@ -144,14 +200,15 @@ class ModelErrors:
             if name in OPEN and value is None:
                 continue
             checked = require_number(f"ModelErrors.{name}{unit}", value, low, high)
-            object.__setattr__(self, name, checked + 0.0)  # no -0.0
+            self._set(**{name: checked + 0.0})  # no -0.0
         trunk_com = require_vector("ModelErrors.trunk_com [m]", self.trunk_com)
         for axis, value in zip("xyz", trunk_com, strict=True):
             require_number(f"ModelErrors.trunk_com {axis} [m]", value, -TRUNK_COM_MAX, TRUNK_COM_MAX)
-        object.__setattr__(self, "trunk_com", tuple(value + 0.0 for value in trunk_com))
-        for name in SWITCHES:
-            if not isinstance(value := getattr(self, name), bool):
-                raise InvalidValueError(f"ModelErrors.{name} must be true or false, got {shown(value)}")
+        self._set(trunk_com=tuple(value + 0.0 for value in trunk_com))
+        if not isinstance(self.collisions, bool):
+            raise InvalidValueError(
+                f"ModelErrors.collisions must be true or false, got {shown(self.collisions)}"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -173,28 +230,7 @@ class ModelErrors:
     def mirrored(self) -> ModelErrors:
         """Reflection in the x-z plane; noise is mirrored with the stance side of the first step."""
         x, y, z = self.trunk_com
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return ModelErrors(**{**values, "trunk_com": (x, -y, z), "slope_left": -self.slope_left})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types; fields at their default are left out."""
-        values = changed_fields(self).items()
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in values}
-
-    @classmethod
-    def from_dict(cls, data: object) -> ModelErrors:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("model errors", data, set(), {f.name for f in fields(cls)}))
-
-    @classmethod
-    def from_json(cls, text: str) -> ModelErrors:
-        """From a JSON object such as '{"mass": 0.1, "friction": 0.6}'.
-
-        Raises:
-            InvalidValueError: no JSON, or a value out of its bounds.
-            UnknownNameError: for an unknown field.
-        """
-        return cls.from_dict(parse_json("text of model errors", text))
+        return replace(self, trunk_com=(x, -y, z), slope_left=-self.slope_left)
 
     def require_only(self, robot: str, known: Sequence[str]) -> None:
         """Raise InvalidValueError where an error is set that this kind of robot cannot have."""

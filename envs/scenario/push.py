@@ -1,12 +1,27 @@
-"""Pushes: a constant force on one body for a stated time; and kicks: jumps of the velocity of all bodies."""
+"""Disturbances of a robot: forces on its bodies, jumps of its velocity, and what is made of both.
+
+To the compiled loops every disturbance is a number of constant forces (`Push`) and of jumps (`Kick`). A new
+kind is one class that says which ones it is made of:
+
+    @register_disturbance
+    @dataclass(frozen=True)
+    class DoubleTap(Disturbance):
+        json_name = "double tap"
+        first: Push
+        pause: float  # [s]
+
+        @property
+        def forces(self): ...
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, TypeVar, get_args
 
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     require_choice,
@@ -15,7 +30,9 @@ from ...controllers.validation import (
     require_number,
     require_vector,
 )
+from .model_errors import JsonRecord, object_of
 
+Vector = tuple[float, float, float]
 Side = Literal["left", "right"]
 Body = Literal[
     "pelvis", "trunk", "left_thigh", "left_shank", "left_foot", "right_thigh", "right_shank", "right_foot"
@@ -39,35 +56,30 @@ def other_side(side: Side) -> Side:
     return "right" if side == "left" else "left"
 
 
-def mirrored_body(body: str) -> str:
-    """The same part of the other side, by its name; pelvis and trunk have none."""
-    parts = ("left", "right"), ("right", "left")
-    return next((body.replace(side, other) for side, other in parts if side in body), body)
-
-
 def require_body(body: object) -> None:
-    """Raise UnknownNameError for a body that no push may name; which held joints there are a robot tells."""
+    """Raise UnknownNameError for a body that no push may name; which held joints there are a robot knows."""
     if not (isinstance(body, str) and body.startswith(LINK)):
         require_choice("push body", body, BODIES)
 
 
 @dataclass(frozen=True)
-class GaitEvent:
+class GaitEvent(JsonRecord):
     """A moment of the gait: a fraction of the planned duration of one step.
 
     The step is the first one with index >= `step` (0-based from reset) whose stance foot is `side`; the event
     comes when its elapsed time reaches `fraction` times its planned duration, at the latest when it ends.
     """
 
+    json_name = "gait event"
+
     step: int
     side: Side
     fraction: float = 0.0  # of the planned step duration, in [0, 1]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "step", require_integer("GaitEvent.step", self.step, high=STEP_MAX))
+        self._set(step=require_integer("GaitEvent.step", self.step, high=STEP_MAX))
         require_choice("stance side", self.side, SIDES)
-        fraction = require_number("GaitEvent.fraction", self.fraction, 0.0, 1.0)
-        object.__setattr__(self, "fraction", fraction)
+        self._set(fraction=require_number("GaitEvent.fraction", self.fraction, 0.0, 1.0))
 
     def step_index(self, first_side: Side) -> int:
         """Index of the step the event falls in, when step 0 stands on `first_side` and sides alternate."""
@@ -78,18 +90,70 @@ class GaitEvent:
         """The same event on the other foot."""
         return GaitEvent(self.step, other_side(self.side), self.fraction)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return {"step": self.step, "side": self.side, "fraction": self.fraction}
 
-    @classmethod
-    def from_dict(cls, data: object) -> GaitEvent:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("gait event", data, {"step", "side"}, {"fraction"}))
+class Disturbance(JsonRecord, ABC):
+    """Something that disturbs a robot from outside: forces for a time, jumps of its velocity, or both.
+
+    A kind is a frozen dataclass. It is over when the last of its forces has ended and the last of its jumps
+    has come; forces at gait events start when the robot's steps say so.
+    """
+
+    @property
+    def forces(self) -> tuple[Push, ...]:
+        """The constant forces that it is made of."""
+        return ()
+
+    @property
+    def jumps(self) -> tuple[Kick, ...]:
+        """The jumps of the robot's velocity that it is made of."""
+        return ()
+
+    @abstractmethod
+    def mirrored(self) -> Self:
+        """Reflection in the x-z plane."""
+
+    @abstractmethod
+    def scaled(self, scale: Similarity) -> Self:
+        """The same disturbance for a robot of another size."""
+
+    @property
+    def impulse(self) -> Vector:
+        """Sum of F d over its forces, (3,) [N s]."""
+        x, y, z = (sum((push.impulse[axis] for push in self.forces), 0.0) for axis in range(3))
+        return x, y, z
 
 
+DISTURBANCES: dict[str, type[Disturbance]] = {}  # by the kind's name in JSON
+_Kind = TypeVar("_Kind", bound=type[Disturbance])
+
+
+def register_disturbance(kind: _Kind) -> _Kind:
+    """Let scenarios have a kind of disturbance, by its `json_name`; a decorator of its class.
+
+    Raises:
+        InvalidValueError: another kind has that name.
+    """
+    if DISTURBANCES.setdefault(kind.json_name, kind) is not kind:
+        raise InvalidValueError(f"a disturbance of kind {kind.json_name!r} is registered already")
+    return kind
+
+
+def read_disturbance(data: object) -> Disturbance:
+    """The disturbance of a JSON object whose key "kind" names what it is.
+
+    Raises:
+        UnknownNameError: no such kind, or another key than it has.
+        InvalidValueError: no object, or an impossible value.
+    """
+    keys = set(data) - {"kind"} if isinstance(data, dict) else set()
+    values = dict(require_keys("disturbance", data, {"kind"}, keys))
+    require_choice("kind of disturbance", kind := values.pop("kind"), list(DISTURBANCES))
+    return DISTURBANCES[kind].from_dict(values)
+
+
+@register_disturbance
 @dataclass(frozen=True)
-class Push:
+class Push(Disturbance):
     """A constant force F [N] on a body for a duration d [s]; it delivers the impulse F d [N s].
 
     Each component of the force is at most FORCE_MAX, the duration DURATION_MAX, both far beyond what leaves a
@@ -100,28 +164,36 @@ class Push:
     body is "link:JOINT", the one that a held joint of the robot moves, such as an arm's.
     """
 
-    force: tuple[float, float, float]  # [N]
+    json_name = "push"
+    left_out = ("frame",)
+
+    force: Vector  # [N]
     duration: float  # [s]
     start: float | GaitEvent  # seconds from reset, or a moment of the gait
     body: Body | str = "pelvis"
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # point of attack from the body's CoM, body axes [m]
+    offset: Vector = (0.0, 0.0, 0.0)  # point of attack from the body's CoM, body axes [m]
     frame: PushFrame = "world"  # of the force
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", require_vector("Push.force [N]", self.force, FORCE_MAX))
-        object.__setattr__(self, "offset", require_vector("Push.offset [m]", self.offset, OFFSET_MAX))
-        duration = require_number("Push.duration [s]", self.duration, 0.0, DURATION_MAX, open_low=True)
-        object.__setattr__(self, "duration", duration)
+        self._set(force=require_vector("Push.force [N]", self.force, FORCE_MAX))
+        self._set(offset=require_vector("Push.offset [m]", self.offset, OFFSET_MAX))
+        self._set(
+            duration=require_number("Push.duration [s]", self.duration, 0.0, DURATION_MAX, open_low=True)
+        )
         require_body(self.body)
         require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
-            object.__setattr__(self, "start", require_number("Push.start [s]", self.start, 0.0))
+            self._set(start=require_number("Push.start [s]", self.start, 0.0))
 
     @property
-    def impulse(self) -> tuple[float, float, float]:
+    def forces(self) -> tuple[Push, ...]:
+        """The push itself."""
+        return (self,)
+
+    @property
+    def impulse(self) -> Vector:
         """F d, (3,) [N s]."""
-        x, y, z = self.force
-        return (x * self.duration, y * self.duration, z * self.duration)
+        return _times(self.force, self.duration)
 
     @property
     def impulse_magnitude(self) -> float:
@@ -135,10 +207,10 @@ class Push:
 
     def mirrored(self) -> Push:
         """Reflection in the x-z plane: y components negated, body and event those of the other side."""
-        (fx, fy, fz), (px, py, pz) = self.force, self.offset
         start = self.start.mirrored() if isinstance(self.start, GaitEvent) else self.start
-        body, offset = mirrored_body(self.body), (px, 0.0 - py, pz)
-        return Push((fx, 0.0 - fy, fz), self.duration, start, body, offset, self.frame)
+        swaps = (("left", "right"), ("right", "left"))
+        body = next((self.body.replace(*swap) for swap in swaps if swap[0] in self.body), self.body)
+        return Push(_mirrored(self.force), self.duration, start, body, _mirrored(self.offset), self.frame)
 
     def scaled(self, scale: Similarity) -> Push:
         """The same push for a robot of another size; a gait event stays."""
@@ -146,29 +218,14 @@ class Push:
         start = self.start if isinstance(self.start, GaitEvent) else self.start * scale.time
         return Push(force, self.duration * scale.time, start, self.body, offset, self.frame)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types; a gait event is an object, a time a number; the world's frame is left out."""
-        values: dict[str, Any] = {
-            "force": list(self.force),
-            "duration": self.duration,
-            "start": self.start.to_dict() if isinstance(self.start, GaitEvent) else self.start,
-            "body": self.body,
-            "offset": list(self.offset),
-        }
-        return values if self.frame == "world" else {**values, "frame": self.frame}
-
     @classmethod
-    def from_dict(cls, data: object) -> Push:
-        """Inverse of `to_dict`."""
-        optional = {"body", "offset", "frame"}
-        values = dict(require_keys("push", data, {"force", "duration", "start"}, optional))
-        if isinstance(values["start"], Mapping):
-            values["start"] = GaitEvent.from_dict(values["start"])
-        return cls(**values)
+    def _parsed(cls, name: str, value: Any) -> Any:
+        return object_of(GaitEvent, value) if name == "start" else value
 
 
+@register_disturbance
 @dataclass(frozen=True)
-class Kick:
+class Kick(Disturbance):
     """A jump of the velocity of the whole robot: an impulse m v through its CoM in no time.
 
     The velocity of its base changes by `velocity`, in world axes, and no joint's rate does, so that every
@@ -176,33 +233,35 @@ class Kick:
     later, after the policy has chosen that period's action.
     """
 
-    velocity: tuple[float, float, float]  # [m/s]
+    json_name = "kick"
+
+    velocity: Vector  # [m/s]
     start: float  # since reset [s]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "velocity", require_vector("Kick.velocity [m/s]", self.velocity, JUMP_MAX))
-        object.__setattr__(self, "start", require_number("Kick.start [s]", self.start, 0.0))
+        self._set(velocity=require_vector("Kick.velocity [m/s]", self.velocity, JUMP_MAX))
+        self._set(start=require_number("Kick.start [s]", self.start, 0.0))
+
+    @property
+    def jumps(self) -> tuple[Kick, ...]:
+        """The kick itself."""
+        return (self,)
 
     def mirrored(self) -> Kick:
         """Reflection in the x-z plane."""
-        x, y, z = self.velocity
-        return Kick((x, 0.0 - y, z), self.start)
+        return Kick(_mirrored(self.velocity), self.start)
 
     def scaled(self, scale: Similarity) -> Kick:
         """The same kick for a robot of another size."""
         return Kick(_times(self.velocity, scale.velocity), self.start * scale.time)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return {"velocity": list(self.velocity), "start": self.start}
 
-    @classmethod
-    def from_dict(cls, data: object) -> Kick:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("kick", data, {"velocity", "start"}, set()))
+def _mirrored(vector: Vector) -> Vector:
+    x, y, z = vector
+    return x, 0.0 - y, z
 
 
-def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+def _times(vector: Vector, factor: float) -> Vector:
     x, y, z = vector
     return x * factor, y * factor, z * factor
 

@@ -1,15 +1,11 @@
-"""Scenarios: all that happens to the robot in one episode, fixed before it begins.
-
-What the robot is told to do: a velocity, and changes of it while it walks.
-
-Profiles: how real the simulated robot is, as one name for model errors, physics and sensing.
-"""
+"""Scenarios: all that happens to the robot in one episode, fixed before it begins."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -17,32 +13,31 @@ from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     changed_fields,
-    parse_json,
     require_choice,
     require_integer,
-    require_keys,
     require_kind,
     require_number,
 )
-from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
-from .push import SIDES, Kick, Push, Side, other_side
+from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, JsonRecord, ModelErrors, PhysicsOptions, object_of
+from .push import SIDES, Disturbance, Kick, Push, Side, other_side, read_disturbance
 
 FASTEST_TURN = 0.6  # [rad/s]
 
 
 @dataclass(frozen=True)
-class Command:
+class Command(JsonRecord):
     """Commanded mean velocity in the heading frame, and how fast the heading turns."""
+
+    json_name, left_out = "command", ("turn",)
 
     vx: float = 0.0  # forward [m/s]
     vy: float = 0.0  # to the left [m/s]
     turn: float = 0.0  # to the left [rad/s]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vx", require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
-        object.__setattr__(self, "vy", require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
-        turn = require_number("Command.turn [rad/s]", self.turn, -FASTEST_TURN, FASTEST_TURN)
-        object.__setattr__(self, "turn", turn)
+        self._set(vx=require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
+        self._set(vy=require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
+        self._set(turn=require_number("Command.turn [rad/s]", self.turn, -FASTEST_TURN, FASTEST_TURN))
 
     def mirrored(self) -> Command:
         """Sideways velocity and turning negated."""
@@ -53,30 +48,21 @@ class Command:
         turn = min(max(self.turn / scale.time, -FASTEST_TURN), FASTEST_TURN)
         return Command(self.vx * scale.velocity, self.vy * scale.velocity, turn)
 
-    def to_dict(self) -> dict[str, float]:
-        """Plain JSON types; `turn` is left out where it is 0."""
-        values = {"vx": self.vx, "vy": self.vy}
-        return {**values, "turn": self.turn} if self.turn else values
-
-    @classmethod
-    def from_dict(cls, data: object) -> Command:
-        """Inverse of `to_dict`."""
-        return cls(**require_keys("command", data, set(), {"vx", "vy", "turn"}))
-
 
 IN_PLACE = Command()
 
 
 @dataclass(frozen=True)
-class CommandChange:
+class CommandChange(JsonRecord):
     """From the first planning period that begins at `time` or later, another command is in force."""
+
+    json_name = "command change"
 
     time: float  # since reset [s]
     command: Command
 
     def __post_init__(self) -> None:
-        time = require_number("CommandChange.time [s]", self.time, 0.0, open_low=True)
-        object.__setattr__(self, "time", time)
+        self._set(time=require_number("CommandChange.time [s]", self.time, 0.0, open_low=True))
         if not isinstance(self.command, Command):
             raise InvalidValueError(f"CommandChange.command must be a Command, got {self.command!r}")
 
@@ -88,35 +74,9 @@ class CommandChange:
         """The same change for a robot of another size."""
         return CommandChange(self.time * scale.time, self.command.scaled(scale))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return {"time": self.time, "command": self.command.to_dict()}
-
     @classmethod
-    def from_dict(cls, data: object) -> CommandChange:
-        """Inverse of `to_dict`."""
-        values = require_keys("command change", data, {"time", "command"}, set())
-        return cls(values["time"], Command.from_dict(values["command"]))
-
-
-def check_changes(changes: object) -> tuple[CommandChange, ...]:
-    """Changes of a scenario as a tuple.
-
-    Raises:
-        InvalidValueError: something else among them, or times that do not rise.
-    """
-    if not isinstance(changes, Iterable):
-        raise InvalidValueError(f"Scenario.changes must be a sequence of CommandChange, got {shown(changes)}")
-    checked: list[CommandChange] = []
-    for change in changes:
-        if not isinstance(change, CommandChange):
-            raise InvalidValueError(f"Scenario.changes must hold CommandChange objects, got {change!r}")
-        if checked and change.time <= checked[-1].time:
-            raise InvalidValueError(
-                f"Scenario.changes must rise in time, got {change.time:g} s after {checked[-1].time:g} s"
-            )
-        checked.append(change)
-    return tuple(checked)
+    def _parsed(cls, name: str, value: Any) -> Any:
+        return object_of(Command, value) if name == "command" else value
 
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
@@ -126,13 +86,16 @@ __all__ = ["SETTLE_TIME", "Command", "CommandChange", "Kick", "Scenario"]
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(JsonRecord):
     """One episode, complete: the same scenario and policy give the same outcome bit for bit.
 
     The robot starts at the beginning of a nominal step (for the command) on `stance_side`. The episode ends
     at `duration` where that is given, otherwise `settle_time` after the last push has ended, the last kick
     has come and the command has changed for the last time (after reset where there is none of them).
     """
+
+    json_name = "scenario"
+    left_out = ("errors", "changes", "physics", "sensing", "kicks", "disturbances")
 
     id: str
     pushes: tuple[Push, ...] = ()
@@ -144,58 +107,59 @@ class Scenario:
     errors: ModelErrors = EXACT_MODEL  # what planner and control do not know
     changes: tuple[CommandChange, ...] = ()  # of the command, rising in time
     physics: PhysicsOptions = PLAIN_PHYSICS  # how it is computed
-    sensing: str = EXACT_SENSING  # what control acts on: the true state, or what "onboard" sensors tell
+    sensing: str = EXACT_SENSING  # what control acts on: the true state, or what "onboard" sensors measure
     kicks: tuple[Kick, ...] = ()  # jumps of the velocity
+    disturbances: tuple[Disturbance, ...] = ()  # of kinds made of pushes and kicks
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
             raise InvalidValueError(f"Scenario.id must be a non-empty string, got {self.id!r}")
-        if not isinstance(self.pushes, Iterable):
-            raise InvalidValueError(f"Scenario.pushes must be a sequence of Push, got {shown(self.pushes)}")
-        pushes = tuple(self.pushes)
-        if bad := [push for push in pushes if not isinstance(push, Push)]:
-            raise InvalidValueError(f"Scenario.pushes must hold Push objects, got {bad[0]!r}")
-        object.__setattr__(self, "pushes", pushes)
+        for name, kind in _LISTS.items():
+            self._set(**{name: _all_of(name, getattr(self, name), kind)})
         if not isinstance(self.command, Command):
             raise InvalidValueError(f"Scenario.command must be a Command, got {self.command!r}")
         require_choice("stance side", self.stance_side, SIDES)
-        settle = require_number("Scenario.settle_time [s]", self.settle_time, 0.0, open_low=True)
-        object.__setattr__(self, "settle_time", settle)
-        if self.duration is not None:
-            duration = require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True)
-            object.__setattr__(self, "duration", duration)
-        object.__setattr__(
-            self, "noise_seed", require_integer("Scenario.noise_seed", self.noise_seed, high=SEED_MAX)
+        self._set(
+            settle_time=require_number("Scenario.settle_time [s]", self.settle_time, 0.0, open_low=True)
         )
+        if self.duration is not None:
+            self._set(duration=require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True))
+        self._set(noise_seed=require_integer("Scenario.noise_seed", self.noise_seed, high=SEED_MAX))
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
         require_choice("sensing", self.sensing, SENSING)
-        object.__setattr__(self, "changes", check_changes(self.changes))
-        kicks = tuple(self.kicks) if isinstance(self.kicks, Iterable) else (self.kicks,)
-        if bad := [kick for kick in kicks if not isinstance(kick, Kick)]:
-            raise InvalidValueError(f"Scenario.kicks must be a sequence of Kick, got {shown(bad[0])}")
-        object.__setattr__(self, "kicks", kicks)
+        for before, change in pairwise(self.changes):
+            if change.time <= before.time:
+                raise InvalidValueError(
+                    f"Scenario.changes must rise in time, got {change.time:g} s after {before.time:g} s"
+                )
+
+    @property
+    def forces(self) -> tuple[Push, ...]:
+        """The constant forces of all disturbances, first the pushes."""
+        return self.pushes + tuple(push for other in self.disturbances for push in other.forces)
+
+    @property
+    def jumps(self) -> tuple[Kick, ...]:
+        """The jumps of the velocity of all disturbances, first the kicks."""
+        return self.kicks + tuple(kick for other in self.disturbances for kick in other.jumps)
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].
 
         Args:
-            last_push_end: latest of start + duration over the pushes [s]; inf while a gait event has not come
-                yet, 0 where there is no push.
+            last_push_end: latest of start + duration over the forces [s]; inf while a gait event has not come
+                yet, 0 where there is no force.
         """
-        last = max(last_push_end, self.last_change, self.last_kick)
+        last = max(last_push_end, self.last_sudden_change)
         return self.duration if self.duration is not None else last + self.settle_time
 
     @property
-    def last_change(self) -> float:
-        """Time of the last change of command [s], 0 without one."""
-        return self.changes[-1].time if self.changes else 0.0
-
-    @property
-    def last_kick(self) -> float:
-        """Time of the last kick [s], 0 without one."""
-        return max((kick.start for kick in self.kicks), default=0.0)
+    def last_sudden_change(self) -> float:
+        """Time of the last change of command or jump of the velocity [s], 0 without one."""
+        times = (*(change.time for change in self.changes[-1:]), *(kick.start for kick in self.jumps))
+        return max(times, default=0.0)
 
     def side_of_step(self, index: int) -> Side:
         """Stance side of the step with this index; sides alternate."""
@@ -203,84 +167,61 @@ class Scenario:
 
     def mirrored(self) -> Scenario:
         """Reflection in the x-z plane; the id gains or loses the suffix '~'."""
-        name = self.id[:-1] if self.id.endswith("~") and len(self.id) > 1 else self.id + "~"
-        return Scenario(
-            id=name,
-            pushes=tuple(push.mirrored() for push in self.pushes),
+        return replace(
+            self,
+            id=self.id[:-1] if self.id.endswith("~") and len(self.id) > 1 else self.id + "~",
             command=self.command.mirrored(),
             stance_side=other_side(self.stance_side),
-            settle_time=self.settle_time,
-            duration=self.duration,
-            noise_seed=self.noise_seed,
             errors=self.errors.mirrored(),
-            changes=tuple(change.mirrored() for change in self.changes),
-            physics=self.physics,
-            sensing=self.sensing,
-            kicks=tuple(kick.mirrored() for kick in self.kicks),
+            **{name: tuple(part.mirrored() for part in getattr(self, name)) for name in _LISTS},
         )
 
     def scaled(self, scale: Similarity) -> Scenario:
         """The same scenario, of the same id, for a robot of another size."""
         return replace(
             self,
-            pushes=tuple(push.scaled(scale) for push in self.pushes),
             command=self.command.scaled(scale),
             settle_time=self.settle_time * scale.time,
             duration=None if self.duration is None else self.duration * scale.time,
             errors=self.errors.scaled(scale),
-            changes=tuple(change.scaled(scale) for change in self.changes),
-            kicks=tuple(kick.scaled(scale) for kick in self.kicks),
+            **{name: tuple(part.scaled(scale) for part in getattr(self, name)) for name in _LISTS},
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types, every field; the last five only where they are not at their default."""
-        values: dict[str, Any] = {
-            "id": self.id,
-            "pushes": [push.to_dict() for push in self.pushes],
-            "command": self.command.to_dict(),
-            "stance_side": self.stance_side,
-            "settle_time": self.settle_time,
-            "duration": self.duration,
-            "noise_seed": self.noise_seed,
-        }
-        if self.errors != EXACT_MODEL:
-            values["errors"] = self.errors.to_dict()
-        if self.changes:
-            values["changes"] = [change.to_dict() for change in self.changes]
-        if self.physics != PLAIN_PHYSICS:
-            values["physics"] = self.physics.to_dict()
-        if self.sensing != EXACT_SENSING:
-            values["sensing"] = self.sensing
-        if self.kicks:
-            values["kicks"] = [kick.to_dict() for kick in self.kicks]
+        """Plain JSON types, every field; those of `left_out` only where they are not at their default."""
+        values = super().to_dict()
+        for kept, other in zip(values.get("disturbances", ()), self.disturbances, strict=True):
+            kept["kind"] = other.json_name
         return values
 
     @classmethod
-    def from_dict(cls, data: object) -> Scenario:
-        """Inverse of `to_dict`; fields other than the id may be left out."""
-        optional = {f.name for f in fields(cls)} - {"id"}
-        values = dict(require_keys("scenario", data, {"id"}, optional))
-        for name, kind in (("pushes", Push), ("changes", CommandChange), ("kicks", Kick)):
-            if not isinstance(values.get(name, []), list):
-                raise InvalidValueError(f"scenario {name} must be a list, got {values[name]!r}")
-            if name in values:
-                values[name] = tuple(kind.from_dict(part) for part in values[name])
-        if "command" in values:
-            values["command"] = Command.from_dict(values["command"])
-        if "errors" in values:
-            values["errors"] = ModelErrors.from_dict(values["errors"])
-        if "physics" in values:
-            values["physics"] = PhysicsOptions.from_dict(values["physics"])
-        return cls(**values)
+    def _parsed(cls, name: str, value: Any) -> Any:
+        if name in _LISTS:
+            if not isinstance(value, list):
+                raise InvalidValueError(f"scenario {name} must be a list, got {value!r}")
+            read = read_disturbance if name == "disturbances" else _LISTS[name].from_dict
+            return tuple(read(part) for part in value)
+        return object_of(_OBJECTS[name], value) if name in _OBJECTS else value
 
     def to_json(self) -> str:
         """One line of canonical JSON: sorted keys, no spaces, shortest round-trip floats."""
         return json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
-    @classmethod
-    def from_json(cls, text: str) -> Scenario:
-        """Inverse of `to_json`; raises InvalidValueError on text that is no JSON."""
-        return cls.from_dict(parse_json("scenario", text))
+
+_LISTS: dict[str, Any] = {
+    "pushes": Push, "changes": CommandChange, "kicks": Kick, "disturbances": Disturbance
+}  # fmt: skip
+_OBJECTS = {"command": Command, "errors": ModelErrors, "physics": PhysicsOptions}
+
+
+def _all_of(name: str, values: object, kind: type) -> tuple[Any, ...]:
+    """The values of a field of a scenario as a tuple; raises InvalidValueError for one of another kind."""
+    if not isinstance(values, Iterable):
+        raise InvalidValueError(f"Scenario.{name} must be a sequence of {kind.__name__}, got {shown(values)}")
+    checked = tuple(values)
+    if bad := [value for value in checked if not isinstance(value, kind)]:
+        raise InvalidValueError(f"Scenario.{name} must hold {kind.__name__} objects, got {shown(bad[0])}")
+    return checked
 
 
 @dataclass(frozen=True)
@@ -296,19 +237,14 @@ class Profile:
         """The scenario on such a robot, of the same id and noise seed; what it says itself stands."""
         return replace(
             scenario,
-            errors=_completed(scenario.errors, self.errors),
-            physics=_completed(scenario.physics, self.physics),
+            errors=replace(self.errors, **changed_fields(scenario.errors)),
+            physics=replace(self.physics, **changed_fields(scenario.physics)),
             sensing=self.sensing if scenario.sensing == EXACT_SENSING else scenario.sensing,
         )
 
     def scaled(self, scale: Similarity) -> Profile:
         """The same profile for a robot of another size."""
         return replace(self, errors=self.errors.scaled(scale))
-
-
-def _completed(own: Any, common: Any) -> Any:
-    """A dataclass with the fields of `common` where its own are at their default."""
-    return replace(common, **changed_fields(own))
 
 
 EXACT = Profile("exact")

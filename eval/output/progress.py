@@ -139,8 +139,8 @@ def episode_seconds(env_id: str, scenarios: Iterable[Scenario], workers: int = 1
 
 def _end(scenario: Scenario) -> float:
     """When an episode ends [s], about where its pushes wait for a moment of the gait."""
-    starts = [push.start if isinstance(push.start, float) else EVENT for push in scenario.pushes]
-    ends = [start + push.duration for start, push in zip(starts, scenario.pushes, strict=True)]
+    starts = [push.start if isinstance(push.start, float) else EVENT for push in scenario.forces]
+    ends = [start + push.duration for start, push in zip(starts, scenario.forces, strict=True)]
     return scenario.end_time(max(ends, default=0.0))
 
 

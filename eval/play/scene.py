@@ -99,7 +99,7 @@ def support_polygon(episodes: BipedEpisodes) -> Array:
     """Hull (k, 2) of the corners of the soles that carry load, as they lie."""
     core, points = episodes.core, []
     state, half = core.true_state(0), np.array(core.body.half_sole)
-    for leg, loaded in enumerate(episodes.told()[0][LOADED] > 0.0):
+    for leg, loaded in enumerate(episodes.info_rows()[0][LOADED] > 0.0):
         if loaded:
             axes = state.xmat[0, FOOT_BODY[leg]].reshape(3, 3)[:2, :2]
             points.append(np.array(sole_position(state, 0, leg)[:2]) + (CORNERS * half) @ axes.T)

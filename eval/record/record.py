@@ -111,7 +111,7 @@ class Sampler:
     def row(self) -> Row:
         """The numbers of now, by column."""
         episodes, core = self._episodes, self._episodes.core
-        told, motion = episodes.told()[0], episodes.motion()
+        told, motion = episodes.info_rows()[0], episodes.motion()
         stance, heading = int(motion.side[0]), float(motion.heading[0])
         row: Row = {
             "time": told[TIME], "step": motion.steps[0], "stance_side": stance, "heading": heading,

@@ -400,7 +400,7 @@ def batch_episodes(env: gym.Env, n: int, threads: int = 1) -> GaitEpisodes | Non
     own = isinstance(env, GaitEnv) and all(
         getattr(type(env), name) is getattr(GaitEnv, name) for name in ("reset", "step")
     )
-    return env.episodes.alike(n, threads) if own else None  # type: ignore[attr-defined]
+    return env.episodes.clone(n, threads) if own else None  # type: ignore[attr-defined]
 
 
 def plans_batches(policy: Policy) -> bool:

@@ -64,7 +64,7 @@ class Outcome:
     @classmethod
     def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
         """The row of an episode that has ended after so many environment steps."""
-        first = scenario.pushes[0] if scenario.pushes else None
+        first = scenario.forces[0] if scenario.forces else None
         moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
         settled, bounds = ending.recovered_at, ending.bounds
         return cls(
@@ -79,12 +79,12 @@ class Outcome:
             total_reward=ending.total_reward,
             impulse=first.impulse_magnitude if first else 0.0,
             psi_deg=math.degrees(first.direction) if first and moving else None,
-            pushes=len(scenario.pushes),
+            pushes=len(scenario.forces),
             command=(scenario.command.vx, scenario.command.vy),
             first_limit=next(iter(bounds.met), None),
             limits_met={name: round(time, 6) for name, time in bounds.met.items()},
             limit_shares={name: round(share, 6) for name, share in bounds.shares.items()},
-            kick=scenario.kicks[0].velocity if scenario.kicks else None,
+            kick=scenario.jumps[0].velocity if scenario.jumps else None,
             measures=dict(ending.measures),
         )
 

@@ -20,7 +20,7 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode import period_end as gait_period
 from push_recovery.envs.scenario.scenario import Scenario
 
-ARENA, JUDGED = biped_arena.Arena, gait_period.Judged
+ARENA, JUDGED = biped_arena.Arena, gait_period.PeriodArrays
 
 
 def reader(parts, name):
@@ -63,7 +63,7 @@ def test_the_arena_is_read_where_it_is(episodes, name):
 
 @pytest.mark.parametrize("name", JUDGED._fields)
 def test_the_judge_reads_its_arrays_where_they_are(episodes, name):
-    judged = gait_period.Judged(episodes.robots, episodes._episodes, episodes.monitor.state)
+    judged = gait_period.PeriodArrays(episodes.robots, episodes._episodes, episodes.monitor.state)
     same(reader(JUDGED, name)(episodes._table), getattr(judged, name))
 
 

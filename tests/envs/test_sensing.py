@@ -353,7 +353,7 @@ def test_the_environment_takes_it_alone_and_in_a_vector():
 
 
 def test_episodes_alike_sense_alike():
-    assert BipedEpisodes(1, sensing="onboard").alike(2).core.senses.forced == "onboard"
+    assert BipedEpisodes(1, sensing="onboard").clone(2).core.senses.forced == "onboard"
 
 
 def test_a_robot_begins_as_if_there_had_been_none_before_it():

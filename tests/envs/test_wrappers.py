@@ -183,10 +183,11 @@ def test_hold_repeats_the_residual_while_the_base_replans():
     np.testing.assert_allclose(terms, rewards, atol=1e-12)
 
 
-@pytest.mark.parametrize("periods", [0, -1, 1.5, True])
-def test_impossible_holds_are_refused(periods):
-    with pytest.raises(InvalidValueError, match="held"):
+@pytest.mark.parametrize("periods", [0, -1, 1.5, True, "2", None])
+def test_an_action_is_held_for_whole_periods(periods):
+    with pytest.raises(InvalidValueError, match=r"^hold must be an integer >= 1, got"):
         ActionHold(EchoEnv(), periods)
+    assert ActionHold(EchoEnv(), np.int64(3)).periods == 3
 
 
 def test_checkers_pass_on_the_wrapper():

@@ -7,7 +7,7 @@ from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, O
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-from push_recovery.envs.scenario.arrays import mean_force, push_arrays, resolve_starts
+from push_recovery.envs.scenario.arrays import Pushes, assign_pushes, empty_pushes, mean_force, resolve_starts
 from push_recovery.envs.scenario.distribution import PushDistribution
 
 STEP = 0.65
@@ -28,7 +28,8 @@ class ToyEnv(gym.Env):
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         self.scenario = (options or {}).get("scenario") or PushDistribution().sample(self.np_random)
-        self.pushes = push_arrays(self.scenario.pushes, self.scenario.stance_side)
+        pushes = assign_pushes(empty_pushes(1, len(self.scenario.pushes)), 0, self.scenario)
+        self.pushes = Pushes(*(field[0] for field in pushes))
         self.position, self.velocity, self.tick = np.zeros(2), np.zeros(2), 0
         return self._observation(), {}
 

@@ -198,7 +198,7 @@ def test_a_snapshot_carries_what_has_come(taken):
     act(others, 40)
     assert np.array_equal(envs.core.observation, others.core.observation)
     assert others.core.kicks.done.tolist() == [1, 1, 1]
-    with pytest.raises(InvalidValueError, match="kicks"):
+    with pytest.raises(InvalidValueError, match="must have its jumps"):
         others.restore(snapshots[0], [0], replace(ROBOTS[0], kicks=()))
 
 

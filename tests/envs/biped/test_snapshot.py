@@ -255,6 +255,23 @@ def test_what_is_to_come_may_change(walked):
     assert envs.core.gait.time[0] == snapshots[0].time
 
 
+def test_a_new_command_must_come_after_the_snapshot_and_is_followed(walked):
+    _, snapshots = walked
+    envs, snapshot, action = vector(1), snapshots[0], np.zeros((1, 7), np.float32)
+    now, command = snapshot.time, Command(0.05, -0.1, 0.1)
+    at_once = replace(SCENARIOS[0], changes=(TOLD[0], CommandChange(now, command)))
+    with pytest.raises(InvalidValueError, match="changes of command that came before"):
+        envs.restore(snapshot, scenario=at_once)
+    for wait, periods in ((0.005, 1), (0.03, 3)):
+        change = CommandChange(now + wait, command)
+        envs.restore(snapshot, scenario=replace(SCENARIOS[0], changes=(TOLD[0], change)))
+        assert envs.episodes._episodes.changed[0] == change.time
+        for _ in range(periods):
+            assert envs.core.command[0].tolist() == [0.1, 0.0, 0.2]
+            envs.step(action)
+        assert envs.core.command[0].tolist() == [0.05, -0.1, 0.1]
+
+
 def test_a_new_push_must_begin_after_the_snapshot(walked):
     """Within the step that goes on, a moment of the gait is over where the elapsed time has passed it."""
     _, snapshots = walked

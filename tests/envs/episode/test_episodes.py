@@ -1,9 +1,17 @@
+"""Held actions, and what users add to episodes: reward terms and measures."""
+
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.envs.episode.episodes import check_hold, hold_action
+from push_recovery.controllers.model.observation import DCM
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.episode.episodes import hold_action
+from push_recovery.envs.joint.env import JointEpisodes
+from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes, make_pendulum_vector
+from push_recovery.envs.scenario.push import SIDES, Kick, Push
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 
 class Counting:
@@ -25,27 +33,27 @@ class Counting:
 
 
 def run(ends, periods, live=(True, True, True)):
-    episodes, seen, came = Counting(ends), [], []
+    episodes, seen, ends_seen = Counting(ends), [], []
 
     def act(live):
         seen.append(live.tolist())
         return np.zeros((3, 7), np.float32)
 
     def at_end(over, left, held):
-        came.append((over.tolist(), left, held.reward.tolist()))
+        ends_seen.append((over.tolist(), left, held.reward.tolist()))
 
     held = hold_action(episodes, np.array(live), periods, act, at_end)
-    return episodes, held, seen, came
+    return episodes, held, seen, ends_seen
 
 
 def test_rewards_add_up_to_the_end_of_each_episode():
-    episodes, held, seen, came = run([9, 2, 3], 4)
+    episodes, held, seen, ends_seen = run([9, 2, 3], 4)
     assert held.reward.tolist() == [4.0, 20.0, 300.0]
     assert held.terms[:, 6].tolist() == [4.0, 20.0, 300.0]
     assert held.failed.tolist() == [False, True, False]
     assert held.truncated.tolist() == [False, False, True]
     assert seen == [[True] * 3, [True] * 3, [True, False, True], [True, False, False]]
-    assert came == [
+    assert ends_seen == [
         ([False, True, False], 2, [2.0, 20.0, 200.0]),
         ([False, False, True], 1, [3.0, 20.0, 300.0]),
     ]
@@ -53,14 +61,14 @@ def test_rewards_add_up_to_the_end_of_each_episode():
 
 
 def test_it_stops_where_all_have_ended():
-    episodes, held, _, came = run([1, 1, 1], 5)
+    episodes, held, _, ends_seen = run([1, 1, 1], 5)
     assert (episodes.periods, held.reward.tolist()) == (1, [1.0, 10.0, 100.0])
-    assert came == [([True, True, True], 4, [1.0, 10.0, 100.0])]
+    assert ends_seen == [([True, True, True], 4, [1.0, 10.0, 100.0])]
 
 
 def test_robots_that_wait_count_for_nothing_and_all_waiting_costs_one_period():
-    episodes, held, _, came = run([1, 1, 9], 2, live=(False, False, True))
-    assert (held.reward.tolist(), held.failed.any(), held.truncated.any(), came) == (
+    episodes, held, _, ends_seen = run([1, 1, 9], 2, live=(False, False, True))
+    assert (held.reward.tolist(), held.failed.any(), held.truncated.any(), ends_seen) == (
         [0, 0, 200],
         False,
         False,
@@ -70,11 +78,82 @@ def test_robots_that_wait_count_for_nothing_and_all_waiting_costs_one_period():
     assert (episodes.periods, held.reward.tolist()) == (1, [0.0, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("periods", [0, -1, 1.0, True, "2", None])
-def test_an_action_is_held_for_whole_periods(periods):
-    with pytest.raises(InvalidValueError, match="whole number of periods >= 1"):
-        check_hold(periods)
+def leaning(episodes):
+    """-|horizontal distance of the DCM from the stance sole| [m]."""
+    return -np.hypot(*episodes.core.truth[:, DCM].T)
 
 
-def test_a_hold_passes():
-    assert check_hold(3) == 3
+@pytest.mark.parametrize("robots", [PendulumEpisodes, JointEpisodes])
+def test_a_reward_term_of_the_users_counts_beside_the_others(robots):
+    plain, own = robots(2), robots(2)
+    own.add_reward_term(leaning)
+    own.add_reward_term(lambda episodes: np.array([1.0, 2.0]), "place")
+    assert own.reward_terms == (*plain.reward_terms, "leaning", "place")
+    copies = own.clone(1), plain.clone(1)
+    assert copies[0].reward_terms == own.reward_terms
+    for episodes in (plain, own):
+        for k in range(2):
+            episodes.begin(k, Scenario("a", stance_side=SIDES[k]))
+    action = np.zeros((2, own.action_size), np.float32)
+    for _ in range(3):
+        before, reward = plain.step(action).reward, own.step(action).reward
+        expected = leaning(own), [1.0, 2.0]
+        np.testing.assert_array_equal(reward.terms[:, :-2], before.terms)
+        np.testing.assert_array_equal(reward.terms[:, -2:].T, expected)
+        np.testing.assert_allclose(reward.total, before.total + expected[0] + expected[1], rtol=1e-15)
+    with pytest.raises(InvalidValueError, match="has a term 'alive' already: alive, fall"):
+        own.add_reward_term(leaning, "alive")
+
+
+@pytest.mark.parametrize("vector", [True, False])
+def test_users_terms_and_measures_are_in_info(vector):
+    env = make_pendulum_vector(2) if vector else PendulumEnv()
+    env.episodes.add_reward_term(leaning)
+    env.episodes.add_measure(leaning, "distance")
+    env.episodes.add_measure(lambda episodes: episodes.core.world[:, :2], "place")
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(np.zeros(env.action_space.shape))
+    expected = leaning(env.episodes)
+    total = sum(info["reward_terms"][name] for name in env.episodes.reward_terms)
+    np.testing.assert_allclose(reward, total)
+    np.testing.assert_array_equal(info["distance"], expected if vector else expected[0])
+    np.testing.assert_array_equal(info["place"], env.core.world[:, :2] if vector else env.core.world[0, :2])
+    assert not vector or info["_distance"].all()
+
+
+@pytest.mark.parametrize("rate", [np.int64(50), np.float32(50.0), 50])
+def test_rate_and_number_of_robots_may_be_numpys(rate):
+    episodes = PendulumEpisodes(np.int32(2), control_hz=rate)
+    assert (episodes.n, episodes.control_hz, episodes.core.dt) == (2, 50.0, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("robots", "changes", "kicks", "end"),
+    [
+        (PendulumEpisodes, (0.1, 0.2), (), 0.3),
+        (BipedEpisodes, (), (0.2, 0.1), 0.3),
+        (BipedEpisodes, (0.1,), (0.2,), 0.3),
+        (BipedEpisodes, (0.2,), (0.1,), 0.3),
+        (BipedEpisodes, (), (0.02,), 0.15),  # the push ends later
+    ],
+)
+def test_an_episode_ends_some_time_after_its_last_event(robots, changes, kicks, end):
+    episodes, push = robots(1), Push((1.0, 0.0, 0.0), 0.03, 0.02)
+    scenario = Scenario(
+        "a", (push,), settle_time=0.1, kicks=tuple(Kick((0.01, 0.0, 0.0), start) for start in kicks),
+        changes=tuple(CommandChange(time, Command(0.1)) for time in changes),
+    )  # fmt: skip
+    episodes.begin(0, scenario)
+    ends = [episodes.step(np.zeros((1, 7), np.float32)).truncated.item() for _ in range(32)]
+    assert ends.index(True) + 1 == round(100 * end)
+
+
+def test_the_last_sudden_change_is_that_of_command_or_kick():
+    """An episode waits for the later one of the two, and never for less."""
+    change = (CommandChange(0.4, Command(0.1)),)
+    for changes, kicks, last in (
+        ((), (), 0.0), (change, (), 0.4), ((), (0.7, 0.2), 0.7), (change, (0.2,), 0.4), (change, (0.7,), 0.7)
+    ):  # fmt: skip
+        scenario = Scenario("a", changes=changes, kicks=tuple(Kick((0.01, 0, 0), start) for start in kicks))
+        assert scenario.last_sudden_change == last
+        assert scenario.end_time(0.1) == max(last, 0.1) + scenario.settle_time

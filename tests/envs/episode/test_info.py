@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.observation import ELAPSED, STANCE_CONTACT, SWING_CONTACT
 from push_recovery.envs.episode.info import InfoReader
-from push_recovery.envs.episode.period_end import REWARD_TERMS, told_push
+from push_recovery.envs.episode.period_end import REWARD_TERMS, latest_push
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -18,7 +18,7 @@ PUSHES = (
 
 
 @pytest.mark.parametrize(
-    ("starts", "count", "time", "told"),
+    ("starts", "count", "time", "index"),
     [
         ([0.5, 0.2], 0, 1.0, -1),
         ([0.5, 0.2], 2, 0.1, 0),  # none has begun: the first of the list
@@ -32,8 +32,8 @@ PUSHES = (
         ([math.inf], 1, 1.0, 0),
     ],
 )
-def test_the_push_told_of(starts, count, time, told):
-    assert told_push(np.array(starts), count, time) == told
+def test_the_push_of_info(starts, count, time, index):
+    assert latest_push(np.array(starts), count, time) == index
 
 
 def written():

@@ -7,6 +7,7 @@ from operator import add
 
 import numpy as np
 import pytest
+from push_recovery.controllers.array_table import parts_table
 from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
@@ -14,10 +15,10 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.episode.period_end import (
     REWARD_TERMS,
     Episodes,
+    PeriodArrays,
     Robots,
     end_period,
     period_constants,
-    period_table,
 )
 from push_recovery.envs.episode.recovery import GaitMonitor, uphill_dcm
 from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes
@@ -52,7 +53,7 @@ def draw(n):
 
 def judge(robots, episodes, gaits, timing=(0.0, 0.0)):
     monitor, ends = GaitMonitor(len(gaits)), np.zeros((2, len(gaits)), np.bool_)
-    table = period_table(robots, episodes, monitor.state)
+    table = parts_table(PeriodArrays(robots, episodes, monitor.state))
     end_period(table, period_constants(ROBOT, LIMITS, *timing), gaits, ends)
     return monitor.state, ends
 
@@ -140,7 +141,7 @@ def test_steps_are_judged_once_each():
     robots, episodes, gaits = draw(4)
     robots.steps[:] = 0, 1, 2, 0
     monitor, ends = GaitMonitor(4), np.zeros((2, 4), np.bool_)
-    table = period_table(robots, episodes, monitor.state)
+    table = parts_table(PeriodArrays(robots, episodes, monitor.state))
     for _ in range(3):
         end_period(table, period_constants(ROBOT, LIMITS, 0.0, 0.0), gaits, ends)
     assert monitor.state.touchdowns.tolist() == [0, 1, 1, 0]

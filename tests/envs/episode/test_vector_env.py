@@ -235,6 +235,39 @@ def test_a_residual_of_zero_is_the_policy_on_any_robot():
         assert not info["_qp_status"].any()  # stage 1 alone has no such solver
 
 
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    ("name", "kwargs"), [(PENDULUM, {}), (RESIDUAL, {"hold": 2}), ("PushRecovery/BipedJoint-v0", {})]
+)
+def test_a_limit_of_steps_truncates_as_in_the_single_form(name, kwargs, mode):
+    kwargs = {**kwargs, "max_episode_steps": 7}
+    ours = native(name, 2, autoreset_mode=mode.value, **kwargs)
+    theirs = gym.make_vec(
+        name, 2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **kwargs
+    )
+    assert_same(ours.reset(seed=1), theirs.reset(seed=1))
+    ends = []
+    for _ in range(18):
+        actions = np.zeros(ours.action_space.shape, np.float32)
+        step = ours.step(actions)
+        assert_same(step, theirs.step(actions))
+        ends.append(step[3].tolist())
+    assert [i for i, end in enumerate(ends, 1) if end == [True, True]] == (
+        [7, 15] if mode is AutoresetMode.NEXT_STEP else [7, 14]
+    )
+    theirs.close()
+
+
+def test_without_a_limit_of_steps_the_scenario_ends_the_episode():
+    for limit in (None, -1, np.int64(100)):
+        env = native(PENDULUM, 1, max_episode_steps=limit)
+        env.reset(options={"scenario": Scenario("short", duration=0.1)})
+        ends = [env.step(np.zeros((1, 7)))[3].item() for _ in range(10)]
+        assert ends == 9 * [False] + [True]
+    with pytest.raises(InvalidValueError, match="max_episode_steps must be an integer >= 1, got 0"):
+        native(PENDULUM, 1, max_episode_steps=0)
+
+
 def test_gymnasiums_vector_wrappers_work():
     env = RecordEpisodeStatistics(native(PENDULUM, 2))
     env.reset(options={"scenario": Scenario("short", duration=0.1)})
@@ -267,7 +300,7 @@ def test_arguments_are_those_of_the_single_environment(one, many):
     expected = defaults(one)
     if one is make_biped_residual:
         expected = {**defaults(BipedEnv), **expected}
-    more = {"num_envs": 1, "autoreset_mode": "NextStep"}
+    more = {"num_envs": 1, "autoreset_mode": "NextStep", "max_episode_steps": None}
     assert defaults(many) == {**expected, **more, **({} if one is PendulumEnv else {"threads": 1})}
 
 
@@ -277,7 +310,7 @@ def test_arguments_are_those_of_the_single_environment(one, many):
         ({"num_envs": 0}, InvalidValueError, r"num_envs must be an integer in \[1, 100000\], got 0"),
         ({"autoreset_mode": "Later"}, UnknownNameError, "NextStep, SameStep, Disabled"),
         ({"render_mode": "rgb_array"}, InvalidValueError, "draws nothing, got render_mode 'rgb_array'"),
-        ({"control_hz": 5}, InvalidValueError, "20-1000 Hz, got 5"),
+        ({"control_hz": 5}, InvalidValueError, r"control_hz \[Hz\] must be in \[20, 1000\], got 5"),
         ({"push_distribution": 3}, InvalidValueError, "push_distribution"),
     ],
 )

@@ -170,8 +170,8 @@ def test_while_the_gate_is_shut_the_planners_walk_passes_bit_for_bit():
             assert gated.core.physics.qpos.tobytes() == plan.core.physics.qpos.tobytes()
     assert max(opened) == 1.0
     assert (gated.core.physics.qpos != plan.core.physics.qpos).any()
-    assert gated.alike(2).gate.band == gated.gate.band == (0.03, 0.1)
-    assert free.alike(2).gate is None
+    assert gated.clone(2).gate.band == gated.gate.band == (0.03, 0.1)
+    assert free.clone(2).gate is None
 
 
 @pytest.mark.parametrize("gate", [(0.1, 0.1), (-0.1, 0.2), (0.1,), "wide"])

@@ -48,13 +48,13 @@ def test_nominal_gait_is_kept_for_20_steps(velocity):
         if not feet or np.any(state.stance[0] != feet[-1]):
             feet.append(state.stance[0].copy())
             sign = -1.0 if info["stance_side"] == "left" else 1.0
-            gait = env._nominal(velocity[0], sign * velocity[1])
+            gait = env.episodes.nominal(velocity[0], sign * velocity[1])
             start = np.array(step_start_dcm(gait, 0.2, env.robot.omega, 0.0, D))
             if len(feet) > 1:
                 assert (info["dcm"] - feet[-1]) * [1, sign] == pytest.approx(start, abs=1e-3)
                 wanted = feet[-2] + [gait.length, sign * gait.width]
         if len(feet) > 2:
-            before = env._nominal(velocity[0], -sign * velocity[1])
+            before = env.episodes.nominal(velocity[0], -sign * velocity[1])
             wanted = feet[-2] + [before.length, -sign * before.width]
             assert feet[-1] == pytest.approx(wanted, abs=1e-3)
     assert state.steps[0] == 20
@@ -64,7 +64,10 @@ def test_nominal_gait_is_kept_for_20_steps(velocity):
 def test_start_is_on_the_periodic_orbit_of_the_linear_transfer():
     """com'' = omega^2 (com - z): two steps of different width lead back to the CoM of the start."""
     env = PendulumEnv(preset="double-support")
-    omega, feet = env.robot.omega, {1.0: env._nominal(0.3, 0.1), -1.0: env._nominal(0.3, -0.1)}
+    omega, feet = (
+        env.robot.omega,
+        {1.0: env.episodes.nominal(0.3, 0.1), -1.0: env.episodes.nominal(0.3, -0.1)},
+    )
     first = nominal_start(feet[1.0], 0.2, omega, 0.0, D)
     y = np.concatenate([first.com, first.com_velocity])
     for sign in (1.0, -1.0):

@@ -16,13 +16,13 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.episodes import GaitEpisodes
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.arrays import (
+    Pushes,
     assign_changes,
     assign_pushes,
     empty_pushes,
     empty_schedule,
     follow,
     mean_force,
-    push_arrays,
     resolve_starts,
     turn_forces,
 )
@@ -148,6 +148,11 @@ ONE = Push((1.0, 2.0, 3.0), 0.1, 0.5)
 TWO = Push((4.0, 5.0, 6.0), 0.2, GaitEvent(2, "right", 0.25), "trunk", (0.1, 0.2, 0.3), "heading")
 
 
+def one_robot(*pushes: Push) -> Pushes:
+    """The arrays of one robot that starts on its left foot, without the axis of robots."""
+    return Pushes(*(field[0] for field in assign_pushes(empty_pushes(1, 1), 0, Scenario("a", pushes))))
+
+
 def of(pushes, k):
     """What robot k has, field by field, as lists."""
     return [field[k].tolist() for field in pushes]
@@ -185,7 +190,7 @@ def test_fewer_pushes_leave_nothing_of_those_before():
 
 def delivered(push: Push, edges: np.ndarray) -> np.ndarray:
     """Impulse summed over a partition of time."""
-    arrays = push_arrays([push], "left")
+    arrays = one_robot(push)
     total, force = np.zeros(3), np.zeros(3)
     for t0, t1 in itertools.pairwise(edges):
         mean_force(arrays.force, arrays.duration, arrays.start, 0, t0, t1, force)
@@ -210,7 +215,7 @@ def test_impulse_is_exact_on_random_partitions():
 
 
 def test_no_force_outside_the_push():
-    arrays = push_arrays([Push((10.0, 0.0, 0.0), 0.1, 1.0)], "left")
+    arrays = one_robot(Push((10.0, 0.0, 0.0), 0.1, 1.0))
     out = np.ones(3)
     for t0, t1 in [(0.0, 1.0), (1.1, 1.2), (5.0, 6.0)]:
         assert not mean_force(arrays.force, arrays.duration, arrays.start, 0, t0, t1, out)
@@ -218,7 +223,7 @@ def test_no_force_outside_the_push():
 
 
 def test_pending_push_has_no_force():
-    arrays = push_arrays([Push((10.0, 0.0, 0.0), 0.1, GaitEvent(4, "left"))], "left")
+    arrays = one_robot(Push((10.0, 0.0, 0.0), 0.1, GaitEvent(4, "left")))
     out = np.ones(3)
     assert arrays.start[0] == PENDING
     assert not mean_force(arrays.force, arrays.duration, arrays.start, 0, 0.0, 100.0, out)
@@ -228,7 +233,7 @@ def test_pending_push_has_no_force():
 @pytest.mark.parametrize("tick", [0.01, 0.004, 0.1])
 def test_event_resolves_to_its_moment(tick):
     push = Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.3))
-    arrays = push_arrays([push], "left")
+    arrays = one_robot(push)
     duration = 0.65
     for k in range(int(4 * duration / tick)):
         t0 = k * tick
@@ -240,7 +245,7 @@ def test_event_resolves_to_its_moment(tick):
 
 
 def test_event_missed_by_an_early_touchdown_fires_at_once():
-    arrays = push_arrays([Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.9))], "left")
+    arrays = one_robot(Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.9)))
     resolve_starts(arrays.start, arrays.step, arrays.fraction, 2, 1.0, 0.6, 1.4, 1.41)
     assert arrays.start[0] == PENDING
     resolve_starts(arrays.start, arrays.step, arrays.fraction, 3, 1.415, 0.6, 1.42, 1.43)
@@ -253,7 +258,7 @@ def test_event_missed_by_an_early_touchdown_fires_at_once():
 )
 def test_an_event_follows_the_duration_that_is_planned_in_mid_step(asked, start):
     """Step 2 began at 1 s with T = 0.6 s; at 1.25 s another T is asked for."""
-    arrays = push_arrays([Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.5))], "left")
+    arrays = one_robot(Push((10.0, 0.0, 0.0), 0.1, GaitEvent(2, "left", 0.5)))
     for tick in range(100):
         t0 = 1.0 + 0.01 * tick
         duration = 0.6 if tick < 25 else asked
@@ -264,7 +269,7 @@ def test_an_event_follows_the_duration_that_is_planned_in_mid_step(asked, start)
 def test_a_force_turns_with_the_heading_once_when_its_push_starts():
     along, fixed = polar_push(10.0, 0.3, 0.1, 1.0, frame="heading"), polar_push(10.0, 0.3, 0.1, 1.0)
     late = Push((0.0, 10.0, -3.0), 0.1, GaitEvent(4, "left"), frame="heading")
-    arrays = push_arrays([along, fixed, late], "left")
+    arrays = one_robot(along, fixed, late)
     before = arrays.force.copy()
     turn_forces(arrays.force, arrays.frame, arrays.start, 2.0, 1.0)  # none has started yet
     np.testing.assert_array_equal(arrays.force, before)
@@ -279,6 +284,6 @@ def test_a_force_turns_with_the_heading_once_when_its_push_starts():
 
 def test_at_heading_0_the_frames_are_the_same():
     force = (123.4, -56.7, 8.9)
-    arrays = push_arrays([Push(force, 0.1, 1.0, frame="heading")], "left")
+    arrays = one_robot(Push(force, 0.1, 1.0, frame="heading"))
     turn_forces(arrays.force, arrays.frame, arrays.start, 0.0, 1.002)
     assert tuple(arrays.force[0]) == force

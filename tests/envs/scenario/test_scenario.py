@@ -211,7 +211,7 @@ def test_a_vector_of_robots_has_the_profile_too(env_id):
         envs.reset(seed=3)
         core = envs.unwrapped.core
         seen.append((core.errors.delay.tolist(), core.simulations.models[1].opt.timestep, core.senses.of(1)))
-        alike = envs.unwrapped.episodes.alike(1)
+        alike = envs.unwrapped.episodes.clone(1)
         assert alike.drawn(envs.unwrapped.push_distribution, np.random.default_rng(0)).errors.collisions == (
             profile == "hardware"
         )
