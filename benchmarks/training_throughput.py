@@ -14,7 +14,8 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from push_recovery.training.builders import completed, make_env, make_ppo, make_vec_env
+from push_recovery.training.builders import completed, make_env, make_vec_env
+from push_recovery.training.ppo import PPOAlgorithm
 from push_recovery.training.recipes import get_recipe
 
 UPDATES = 4  # of PPO a round; the environment alone steps as often
@@ -27,7 +28,7 @@ def main() -> None:
     env = make_env(settings)
     settings = completed(settings, env)
     venv = make_vec_env(settings, env, 0)
-    model = make_ppo(settings, venv, 0, None)
+    model = PPOAlgorithm(settings, venv, 0).model
     model.learn(settings.rollout)  # compiled, warm
     robots = venv.unwrapped
     alone = robots.episodes.clone(settings.n_envs, 2)

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
-import torch
-from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
@@ -26,8 +22,7 @@ from ..eval.rollout import environments
 from ..eval.rollout.episodes import action_rule, batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from ..eval.rollout.names import default_workers
-from .actor import Actor, critic_size
-from .networks import AsymmetricPolicy
+from .actor import Actor
 from .reward import REWARDS
 from .settings import STARTS, TrainingSettings
 from .starts import PushStarts, ResetStarts, Starts, Uncorrected, take_walks
@@ -35,18 +30,6 @@ from .vec_env import TrainingRobots
 
 OBSERVATION_CLIP = 10.0
 ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
-
-
-@dataclass(frozen=True)
-class FallingRate:
-    """Learning rate that falls linearly from `start` to `end` as the remaining share goes from 1 to 0."""
-
-    start: float
-    end: float
-
-    def __call__(self, remaining: float) -> float:
-        """Rate at a remaining share of the run in [0, 1]."""
-        return self.end + (self.start - self.end) * remaining
 
 
 def make_plain_env(env_id: str, profile: str = "exact") -> gym.Env:
@@ -200,50 +183,6 @@ def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNorm
         clip_obs=OBSERVATION_CLIP,
         gamma=settings.gamma,
     )
-
-
-def make_ppo(settings: TrainingSettings, venv: VecNormalize, seed: int, out: Path | None) -> PPO:
-    """PPO with a tanh network whose last policy layer is zero: the untrained residual is the policy below."""
-    torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
-    policy, options = "MlpPolicy", {}
-    if settings.critic:
-        inputs: Any = venv.observation_space.shape
-        policy, options = AsymmetricPolicy, {"seen": inputs[0] - critic_size(settings.critic)}
-    model = PPO(
-        policy,
-        venv,
-        learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),
-        n_steps=settings.n_steps,
-        batch_size=settings.minibatch,
-        n_epochs=settings.n_epochs,
-        gamma=settings.gamma,
-        gae_lambda=settings.gae_lambda,
-        clip_range=settings.clip_range,
-        policy_kwargs={
-            "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
-            "activation_fn": torch.nn.Tanh,
-            **options,
-        },
-        tensorboard_log=None if out is None else str(out / "tensorboard"),
-        seed=seed,
-        device="cpu",
-    )
-    for parameter in model.policy.action_net.parameters():
-        torch.nn.init.zeros_(parameter)
-    _set_log_std(model, settings)
-    return model
-
-
-def _set_log_std(model: PPO, settings: TrainingSettings) -> None:
-    """Give every action its own initial exploration noise, which PPO then adapts."""
-    log_std: torch.Tensor = model.policy.log_std.data
-    initial = settings.initial_log_std
-    if len(initial) not in {1, log_std.numel()}:
-        raise InvalidValueError(
-            f"log_std must be one number or {log_std.numel()} for the actions of {settings.env_id}, "
-            f"got {list(initial)}"
-        )
-    log_std.copy_(torch.tensor(initial))
 
 
 def segment_seed(seed: int, timesteps: int) -> int:

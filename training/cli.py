@@ -29,7 +29,7 @@ from .recipes import RECIPES, difference, file_settings, get_recipe
 from .settings import TrainingSettings
 
 if TYPE_CHECKING:
-    from .ppo import Report, TrainingResult
+    from .run import Report, TrainingResult
 
 
 def require_training() -> None:
@@ -73,7 +73,7 @@ class Train(Options):
         """The settings of a run to go on with, or of a recipe: what differs from them the user has given."""
         if self.resume is None:
             return None if self.recipe is None else Train(settings=get_recipe(self.recipe))
-        from .checkpoint import load_checkpoint
+        from .run import load_checkpoint
 
         require_training()
         return Train(settings=load_checkpoint(Path(self.resume)).settings)
@@ -89,7 +89,7 @@ class Train(Options):
         _tell(self._start() if self.resume is None else self._go_on(Path(self.resume)))
 
     def _start(self) -> TrainingResult:
-        from .ppo import train
+        from .run import train
 
         settings = self._with_env(self.settings)
         if self.recipe is not None and self.env is None:
@@ -100,8 +100,7 @@ class Train(Options):
         return with_progress(work_of(settings, out), settings, lambda report: train(settings, out, report))
 
     def _go_on(self, path: Path) -> TrainingResult:
-        from .checkpoint import load_checkpoint
-        from .ppo import resume
+        from .run import load_checkpoint, resume
 
         if self.out is not None:
             raise InvalidValueError(f"--out is for a new run; --resume goes on in {path}")
@@ -234,8 +233,7 @@ def train_recipe(name: str, folder: Path, report: Report) -> None:
     Raises:
         InvalidValueError: The run there has other settings.
     """
-    from .checkpoint import find_checkpoints, load_checkpoint
-    from .ppo import POLICY, resume, train
+    from .run import POLICY, find_checkpoints, load_checkpoint, resume, train
 
     settings, run = RECIPES[name], folder / name
     if find_checkpoints(run):

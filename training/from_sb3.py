@@ -22,7 +22,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError, MissingExtraError
@@ -36,11 +35,13 @@ from .networks import network_of, normalisation_of
 from .settings import ENV_OF_KIND, TrainingSettings
 
 
-def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: TrainingSettings) -> NetworkPolicy:
+def export_policy(
+    network: Mlp, venv: VecNormalize, env: gym.Env, settings: TrainingSettings
+) -> NetworkPolicy:
     """The policy as it stands, in numpy.
 
     Args:
-        model: SB3's PPO with an MlpPolicy.
+        network: that it acts by.
         venv: Its normalisation.
         env: One training environment, for the robot, the limits and the policy below.
         settings: Of the run, completed.
@@ -57,7 +58,7 @@ def export_policy(model: PPO, venv: VecNormalize, env: gym.Env, settings: Traini
         settings.inputs or (OBSERVATION,),
     )
     below = None if wrapper is None else wrapper.policy
-    network, whole = network_of(model), normalisation_of(venv)
+    whole = normalisation_of(venv)
     seen = slice(network.weights[0].shape[1])  # what only the critic sees stands behind it
     normalisation = replace(whole, mean=whole.mean[seen], variance=whole.variance[seen])
     return NetworkPolicy(network, normalisation, description, below)

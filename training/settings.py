@@ -1,4 +1,4 @@
-"""What a training run is: all of it, frozen, as JSON."""
+"""Settings of a training run: all of them, frozen, as JSON and as options of the command line."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
-from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.errors import InvalidValueError
 from ..controllers.policies.mlp import check_inputs
 from ..controllers.policies.residual import check_gate, check_residual_scale
+from ..controllers.validation import require_choice
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.scenario import get_profile
 from .actor import check_critic
 from .reward import REWARDS
 
 STARTS = ("push", "reset")
-KINDS = ("residual", "scratch", "joint", "joint-residual")
+# Subclasses of `training.algorithm.Algorithm`, or MODULE:CLASS of one, which is imported where it is used
+ALGORITHMS: dict[str, Any] = {"ppo": ".ppo:PPOAlgorithm"}
 # The environment of a kind, in place of another one of the same robot. A residual run wraps the gait
 # environment itself, so that the policy also scores on the plain one.
 ENV_OF_KIND = {
@@ -30,14 +32,14 @@ ENV_OF_KIND = {
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
-LATER: dict[str, Any] = {"initial": None, "critic": []}  # what runs of before these settings did
+LATER: dict[str, Any] = {"initial": None, "critic": [], "algorithm": "ppo"}  # runs before these settings
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """One run of PPO; the defaults are those that worked on the biped.
+    """One training run; the defaults are those with which PPO worked on the biped.
 
     These are the options of `push-recovery train` too, with what stands beside them as their help; those
     marked Suppress the command line gives in another form (`--env`, `--scale`) or not at all.
@@ -73,7 +75,7 @@ class TrainingSettings:
     starts: Literal["push", "reset"] | None = None
     """when episodes begin. push: at the moment of a push, in walks that are put back; reset: at a reset, with
     `pushes` to come; None: push where robots can be put back"""
-    reward: Literal["recovery", "environment"] | None = None
+    reward: Annotated[str | None, arg(metavar="{None,recovery,environment}")] = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
     the environment's own reward; None: recovery where robots share one core, but environment for joint"""
     profile: str = "exact"  # profile of the robots: exact or hardware
@@ -89,7 +91,8 @@ class TrainingSettings:
     """chance that a push is taken whose kind is always or never recovered from; 1: all are taken alike"""
     walks: int = 1500  # number of walks that are put back, each of another robot and command
 
-    # Proximal policy optimisation
+    # Proximal policy optimisation, or another algorithm
+    algorithm: Annotated[str, arg(metavar="{ppo}")] = "ppo"  # learning algorithm
     n_steps: int = 64  # number of learned actions per environment and update
     batch_size: int = 1024  # largest batch; the largest divisor of n_envs x n_steps up to it is taken
     n_epochs: int = 5  # number of passes over the actions of an update
@@ -112,56 +115,46 @@ class TrainingSettings:
     evaluation_scenarios: int = 512  # number of pushes of an evaluation
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise UnknownNameError("kind of training", self.kind, KINDS)
-        self._check(
-            "timesteps", isinstance(self.timesteps, int) and self.timesteps >= 0, "a whole number >= 0"
-        )
-        self._check("hold", self.hold is None or (isinstance(self.hold, int) and self.hold >= 1),
-                    "a whole number >= 1")  # fmt: skip
-        self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
-        self._check("initial", not (self.initial and self.teacher), "None beside a teacher")
-        self._check("value_first", isinstance(self.value_first, int) and self.value_first >= 0,
-                    "a whole number >= 0")  # fmt: skip
+        require_choice("kind of training", self.kind, tuple(ENV_OF_KIND))
+        for name in ("timesteps", "value_first"):
+            self._check_whole(name, 0)
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
                   "evaluation_scenarios", "walks")  # fmt: skip
-        for name in counts:
-            self._check(
-                name, isinstance(getattr(self, name), int) and getattr(self, name) >= 1, "a whole number >= 1"
-            )
+        for name in counts if self.hold is None else (*counts, "hold"):
+            self._check_whole(name, 1)
         self._check(
             "seed", isinstance(self.seed, int) and 0 <= self.seed < 2**31, "a whole number in [0, 2^31)"
         )
         self._check("n_steps x n_envs", self.n_steps * self.n_envs > 1, "more than 1")
-        for name in ("gamma", "gae_lambda"):
+        self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
+        self._check("initial", not (self.initial and self.teacher), "None beside a teacher")
+        for name in ("gamma", "gae_lambda", "least_acceptance"):
             self._check(name, 0 < getattr(self, name) <= 1, "in (0, 1]")
         for name in ("clip_range", "learning_rate", "learning_rate_end"):
             value = getattr(self, name)
             self._check(name, math.isfinite(value) and value > 0, "positive and finite")
-        if self.gate is not None:
-            object.__setattr__(self, "gate", check_gate(self.gate))
-        if isinstance(self.pushes, dict):
-            object.__setattr__(self, "pushes", PushDistribution.from_dict(self.pushes))
-        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
-        object.__setattr__(self, "errors", tuple(tuple(one) for one in self.errors))
-        object.__setattr__(self, "easy", tuple(self.easy))
-        self.easy_pushes  # noqa: B018  # raises where it is impossible
         self._check("easy_share", 0 <= self.easy_share <= 1, "in [0, 1]")
-        self._check("least_acceptance", 0 < self.least_acceptance <= 1, "in (0, 1]")
-        for name, valid in (("starts", STARTS), ("reward", tuple(REWARDS))):
-            if (value := getattr(self, name)) is not None and value not in valid:
-                raise UnknownNameError(f"training setting {name}", str(value), valid)
+        for name, valid in (("starts", STARTS), ("reward", REWARDS), ("algorithm", ALGORITHMS)):
+            if (value := getattr(self, name)) is not None:
+                require_choice(f"training setting {name}", value, tuple(valid))
         get_profile(self.profile)
+        if isinstance(self.pushes, dict):
+            self._set("pushes", PushDistribution.from_dict(self.pushes))
+        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
+        self._set("errors", tuple(tuple(one) for one in self.errors))
+        self._set("easy", tuple(self.easy))
+        self.easy_pushes  # noqa: B018  # raises where it is impossible
+        if self.gate is not None:
+            self._set("gate", check_gate(self.gate))
         if self.inputs is not None:
-            object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual))
-        object.__setattr__(self, "critic", check_critic(self.critic))
+            self._set("inputs", check_inputs(self.inputs, self.residual))
+        self._set("critic", check_critic(self.critic))
         self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
         for name in ("policy_layers", "value_layers"):
-            layers = tuple(getattr(self, name))
-            self._check(name, all(isinstance(n, int) and n >= 1 for n in layers), "widths >= 1")
-            object.__setattr__(self, name, layers)
+            self._set(name, tuple(getattr(self, name)))
+            self._check(name, all(isinstance(n, int) and n >= 1 for n in getattr(self, name)), "widths >= 1")
         env_id = self.env_id.removeprefix("push_recovery:")
-        object.__setattr__(self, "env_id", ENV_OF_KIND[self.kind].get(env_id, env_id))
+        self._set("env_id", ENV_OF_KIND[self.kind].get(env_id, env_id))
         if self.kind == "joint-residual" and self.policy != "two-stage":
             raise InvalidValueError(f"a joint residual corrects two-stage, not {self.policy!r}")
         if self.scale is not None:
@@ -169,7 +162,14 @@ class TrainingSettings:
                 raise InvalidValueError(
                     f"a scale belongs to residual training, which corrects gait actions, not to {self.kind!r}"
                 )
-            object.__setattr__(self, "scale", tuple(check_residual_scale(self.scale).tolist()))
+            self._set("scale", tuple(check_residual_scale(self.scale).tolist()))
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    def _check_whole(self, name: str, least: int) -> None:
+        value = getattr(self, name)
+        self._check(name, isinstance(value, int) and value >= least, f"a whole number >= {least}")
 
     def _check(self, name: str, good: bool, wanted: str) -> None:
         if not good:
@@ -184,13 +184,13 @@ class TrainingSettings:
 
     @property
     def drawn_pushes(self) -> PushDistribution:
-        """Of most training episodes, on robots with `errors` where any are given."""
+        """Pushes of most training episodes, on robots with `errors` where any are given."""
         ranges = {name: (low, high) for name, low, high in self.errors}
         return replace(self.pushes, errors=ErrorRanges.from_dict(ranges)) if ranges else self.pushes
 
     @property
     def easy_pushes(self) -> PushDistribution:
-        """Of the others: the same, with the impulses of `easy`."""
+        """Pushes of the other episodes: the same, with the impulses of `easy`."""
         return replace(self.drawn_pushes, impulse_min=self.easy[0], impulse_max=self.easy[1])
 
     @property
@@ -228,7 +228,7 @@ class TrainingSettings:
 
     @classmethod
     def from_json(cls, values: Any) -> TrainingSettings:
-        """The settings that `to_json` wrote; those of before a setting of LATER was there go without it.
+        """The settings that `to_json` wrote; those of runs before a setting of LATER go without it.
 
         Raises:
             InvalidValueError: The keys are not exactly the settings, or a value is impossible.

@@ -15,9 +15,9 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.training.builders import FallingRate, make_ppo
 from push_recovery.training.curve import curve_scenarios
-from push_recovery.training.ppo import train
+from push_recovery.training.ppo import FallingRate, PPOAlgorithm
+from push_recovery.training.run import train
 from push_recovery.training.settings import LOG_STD, TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
@@ -135,10 +135,10 @@ def test_the_registered_residual_is_made_again_from_its_spec():
 def test_every_action_has_its_own_noise(vec_env_of):
     settings = dataclasses.replace(SMALL, env_id=PENDULUM)
     venv = vec_env_of(settings, 0)
-    log_std = make_ppo(settings, venv, 0, None).policy.log_std.detach().numpy()
+    log_std = PPOAlgorithm(settings, venv, 0).model.policy.log_std.detach().numpy()
     np.testing.assert_array_equal(log_std, np.full(7, np.float32(LOG_STD["residual"])))
     with pytest.raises(InvalidValueError, match="log_std"):
-        make_ppo(dataclasses.replace(settings, log_std=(-1.0, -2.0)), venv, 0, None)
+        PPOAlgorithm(dataclasses.replace(settings, log_std=(-1.0, -2.0)), venv, 0)
 
 
 def test_a_closed_gate_leaves_the_walk_to_the_planner():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
-from push_recovery.training.builders import make_ppo, segment_seed
+from push_recovery.training.builders import segment_seed
+from push_recovery.training.ppo import PPOAlgorithm
 from push_recovery.training.settings import TrainingSettings
 
 
@@ -24,7 +25,7 @@ def test_every_setting_is_handed_over(settings, vec_env_of):
     assert (venv.num_envs, venv.gamma, venv.norm_reward, venv.clip_obs) == (2, 0.87, False, 10.0)
     for given in (True, None):  # None: as this is the environment's own reward
         assert vec_env_of(dataclasses.replace(settings, normalise_reward=given), 3).norm_reward
-    model = make_ppo(settings, venv, 3, None)
+    model = PPOAlgorithm(settings, venv, 3).model
     assert (model.n_steps, model.batch_size, model.n_epochs) == (24, 16, 3)
     assert (model.gamma, model.gae_lambda, model.seed) == (0.87, 0.77, 3)
     assert model.clip_range(1.0) == model.clip_range(0.0) == 0.13

@@ -14,12 +14,10 @@ from push_recovery.eval.cli.main import main, parse
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.training import cli as extras
-from push_recovery.training import cli as policies
-from push_recovery.training import ppo
-from push_recovery.training.checkpoint import load_checkpoint
+from push_recovery.training import cli
 from push_recovery.training.cli import is_complete, train_recipe
 from push_recovery.training.recipes import RECIPES, difference
+from push_recovery.training.run import load_checkpoint, silent
 from push_recovery.training.settings import TrainingSettings
 
 
@@ -48,7 +46,7 @@ def test_the_command_trains_what_is_missing(recipes, tmp_path, monkeypatch, caps
     content = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
     assert set(content) == {f"{name}.{kind}" for name in recipes for kind in ("json", "safetensors")}
     assert json.loads(content["joint.json"])["training"]["command"] == "push-recovery train --recipe joint"
-    monkeypatch.setattr(policies, "train_recipe", None)  # nothing is trained again
+    monkeypatch.setattr(cli, "train_recipe", None)  # nothing is trained again
     run("scratch", "joint", "--out", tmp_path)
     assert content == {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
 
@@ -75,23 +73,23 @@ def test_a_run_that_was_stopped_goes_on(recipes, tmp_path):
 
 
 def test_a_policy_killed_before_it_was_put_there_is_put_there(recipes, tmp_path):
-    train_recipe("joint", tmp_path, ppo.silent)
+    train_recipe("joint", tmp_path, silent)
     weights = (tmp_path / "joint.safetensors").read_bytes()
     (tmp_path / "joint.json").unlink()
     assert not is_complete(tmp_path, "joint")
-    train_recipe("joint", tmp_path, ppo.silent)
+    train_recipe("joint", tmp_path, silent)
     assert (tmp_path / "joint.safetensors").read_bytes() == weights
     assert is_complete(tmp_path, "joint")
 
 
 def test_a_policy_of_another_recipe_is_not_complete_and_its_run_stays(recipes, tmp_path, monkeypatch):
-    train_recipe("joint", tmp_path, ppo.silent)
+    train_recipe("joint", tmp_path, silent)
     monkeypatch.setitem(recipes, "joint", dataclasses.replace(recipes["joint"], gamma=0.5))
     assert not is_complete(tmp_path, "joint")
     with pytest.raises(
         InvalidValueError, match=r"joint has gamma 0.99, its recipe 0.5: choose another --out"
     ):
-        train_recipe("joint", tmp_path, ppo.silent)
+        train_recipe("joint", tmp_path, silent)
 
 
 def test_unknown_names_are_refused_before_any_training(recipes, tmp_path):
@@ -188,7 +186,7 @@ def test_a_run_keeps_all_its_settings_when_it_goes_on(tmp_path, toy):
 
 @pytest.mark.parametrize("missing", ["torch", "stable_baselines3", "tensorboard"])
 def test_a_missing_extra_names_the_command_that_installs_it(monkeypatch, missing):
-    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == missing else object())
+    monkeypatch.setattr(cli, "find_spec", lambda name: None if name == missing else object())
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[train\]'"):
         train()
 

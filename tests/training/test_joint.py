@@ -11,10 +11,10 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.training import ppo
+from push_recovery.training import run
 from push_recovery.training.builders import make_env as make_training_env
 from push_recovery.training.imitation import ImitationSettings
-from push_recovery.training.ppo import train
+from push_recovery.training.run import train
 from push_recovery.training.settings import TrainingSettings
 from push_recovery.training.vec_env import TrainingRobots
 
@@ -57,7 +57,7 @@ def test_what_belongs_to_gait_residuals_is_refused():
 def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypatch, capsys):
     """Two rounds with six robots: the first policy is the taught one, and going on shows nothing again."""
     few = {"robots": 6, "rounds": 2, "periods": 10, "batches": 4, "last_batches": 4, "batch_size": 32}
-    monkeypatch.setattr(ppo, "ImitationSettings", lambda **given: ImitationSettings(**given, **few))
+    monkeypatch.setattr(run, "ImitationSettings", lambda **given: ImitationSettings(**given, **few))
     settings = replace(SHORT, timesteps=0, teacher=True)
     result = train(settings, tmp_path / "run")
     said = capsys.readouterr().err
@@ -68,8 +68,8 @@ def test_a_policy_on_joints_begins_as_what_the_planner_shows(tmp_path, monkeypat
         np.testing.assert_array_equal(mine, shown)
     np.testing.assert_array_equal(begun.normalisation.mean, taught.normalisation.mean)
     assert any(np.any(weight) for weight in taught.network.weights)
-    monkeypatch.setattr(ppo, "imitate_once", None)
-    assert ppo.resume(tmp_path / "run", 16).timesteps == 16
+    monkeypatch.setattr(run, "imitate_once", None)
+    assert run.resume(tmp_path / "run", 16).timesteps == 16
 
 
 def test_what_a_kind_leaves_open():

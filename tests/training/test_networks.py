@@ -3,20 +3,21 @@
 PPO that starts from a policy acts as that policy, and lets it rest while its value is learned.
 """
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.learned import NetworkPolicy
-from push_recovery.training.builders import completed, make_env, make_ppo, make_vec_env
+from push_recovery.training.builders import completed, make_env, make_vec_env
 from push_recovery.training.from_sb3 import export_policy
 from push_recovery.training.imitation import ImitationSettings, imitate
-from push_recovery.training.networks import AsymmetricPolicy, ValueFirst, start_from
+from push_recovery.training.networks import network_of
+from push_recovery.training.ppo import AsymmetricPolicy, PPOAlgorithm, ValueFirst
 from push_recovery.training.settings import TrainingSettings
-from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
-from torch import nn
 
 SETTINGS = TrainingSettings(n_envs=2, walks=2, critic=("push", "sensing"), policy_layers=(8,), n_steps=8)
 
@@ -25,7 +26,7 @@ def made():
     env = make_env(SETTINGS)
     settings = completed(SETTINGS, env)
     venv = make_vec_env(settings, env, 0)
-    model = make_ppo(settings, venv, 0, None)
+    model = PPOAlgorithm(settings, venv, 0).model
     torch.nn.init.normal_(model.policy.action_net.weight, generator=torch.Generator().manual_seed(0))
     return env, settings, venv, model
 
@@ -47,7 +48,7 @@ def test_only_the_value_hangs_on_what_the_policy_does_not_see():
 def test_the_exported_policy_acts_as_the_trained_one_without_the_rest(tmp_path):
     env, settings, venv, model = made()
     model.learn(16)
-    policy = export_policy(model, venv, env, settings)
+    policy = export_policy(network_of(model), venv, env, settings)
     assert policy.network.weights[0].shape == (8, 45)
     rows = venv.venv.reset()
     ours = policy.network.forward(policy.normalisation.apply(rows[:, :45].astype(np.float64)))
@@ -90,10 +91,12 @@ class Joints(gym.Env):
         )
 
 
-def make(layers=(16, 8), **options) -> tuple[PPO, VecNormalize]:
+def make(layers=(16, 8), **options) -> PPOAlgorithm:
     venv = VecNormalize(DummyVecEnv([Joints]), norm_reward=False, **{"clip_obs": 10.0, **options})
-    kwargs = {"net_arch": {"pi": list(layers), "vf": [8]}, "activation_fn": nn.Tanh}
-    return PPO("MlpPolicy", venv, n_steps=32, batch_size=16, policy_kwargs=kwargs, device="cpu"), venv
+    settings = TrainingSettings(
+        "joint", n_envs=1, n_steps=32, batch_size=16, policy_layers=layers, value_layers=(8,)
+    )
+    return PPOAlgorithm(settings, venv, 0)
 
 
 @pytest.fixture(scope="module")
@@ -102,24 +105,27 @@ def policy():
 
 
 def test_ppo_acts_as_the_policy_it_starts_from(policy):
-    model, venv = make()
-    start_from(policy, model, venv)
+    algorithm = make()
+    algorithm.start_from(policy)
+    model, venv = algorithm.model, algorithm.venv
     observations = np.random.default_rng(0).normal(size=(20, 58))
     actions = model.predict(venv.normalize_obs(observations), deterministic=True)[0]
     np.testing.assert_allclose(actions, policy.predict(observations)[0], atol=1e-5)
 
 
 def test_the_normalisation_stays(policy):
-    model, venv = make()
-    start_from(policy, model, venv)
+    algorithm = make()
+    algorithm.start_from(policy)
+    model, venv = algorithm.model, algorithm.venv
     model.learn(64)
     np.testing.assert_allclose(venv.obs_rms.mean, policy.normalisation.mean, atol=1e-6)
     np.testing.assert_allclose(venv.obs_rms.var, policy.normalisation.variance, rtol=1e-6)
 
 
 def test_the_value_is_learned_first(policy):
-    model, venv = make()
-    start_from(policy, model, venv)
+    algorithm = make()
+    algorithm.start_from(policy)
+    model = algorithm.model
     model.learn(64, callback=ValueFirst(1000))
     np.testing.assert_array_equal(model.policy.action_net.weight.detach(), policy.network.weights[-1])
     value = model.policy.value_net.weight.detach().clone()
@@ -130,9 +136,16 @@ def test_the_value_is_learned_first(policy):
 
 def test_other_layers_are_refused(policy):
     with pytest.raises(InvalidValueError, match=r"needs its layers, .* set policy_layers"):
-        start_from(policy, *make(layers=(16,)))
+        make(layers=(16,)).start_from(policy)
+
+
+def test_a_policy_of_another_activation_is_refused(policy):
+    """The same widths with relu between them would act otherwise."""
+    relu = NetworkPolicy(replace(policy.network, activation="relu"), policy.normalisation, policy.description)
+    with pytest.raises(InvalidValueError, match="relu and linear, got tanh and linear"):
+        make().start_from(relu)
 
 
 def test_another_normalisation_is_refused(policy):
     with pytest.raises(InvalidValueError, match="are not the environments'"):
-        start_from(policy, *make(clip_obs=5.0))
+        make(clip_obs=5.0).start_from(policy)

@@ -13,9 +13,8 @@ from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
-from push_recovery.training.checkpoint import _tensors, find_checkpoints, load_checkpoint, restore
 from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
-from push_recovery.training.ppo import Run, resume, train
+from push_recovery.training.run import Run, find_checkpoints, load_checkpoint, resume, train
 from push_recovery.training.settings import TrainingSettings
 
 
@@ -205,13 +204,13 @@ def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, training_run_s
     train(training_run_settings, out)
     checkpoint = load_checkpoint(out)
     run = Run(training_run_settings, tmp_path / "other")
-    restore(checkpoint, run.model, run.venv)
-    restored = _tensors(run.model, run.venv)
+    run.algorithm.restore(checkpoint.tensors, checkpoint.timesteps, checkpoint.updates)
+    restored = run.algorithm.tensors()
     assert restored.keys() == checkpoint.tensors.keys()
     assert any(name.startswith("optimizer.") for name in restored)
     for name, value in restored.items():
         np.testing.assert_array_equal(value, checkpoint.tensors[name], err_msg=name)
-    assert (run.model.num_timesteps, run.model._n_updates) == (checkpoint.timesteps, checkpoint.updates)
+    assert (run.timesteps, run.algorithm.updates) == (checkpoint.timesteps, checkpoint.updates)
     updates = 1024 // (training_run_settings.n_steps * training_run_settings.n_envs)
     assert (checkpoint.timesteps, checkpoint.updates) == (1024, updates * training_run_settings.n_epochs)
     for name, statistics in (("observation", run.venv.obs_rms), ("return", run.venv.ret_rms)):
@@ -243,7 +242,7 @@ def test_a_checkpoint_of_other_layers_is_refused(tmp_path, training_run_settings
     train(dataclasses.replace(training_run_settings, timesteps=256), out)
     run = Run(dataclasses.replace(training_run_settings, policy_layers=(8, 8)), tmp_path / "other")
     with pytest.raises(InvalidValueError, match="does not fit"):
-        restore(load_checkpoint(out), run.model, run.venv)
+        run.algorithm.restore(load_checkpoint(out).tensors, 256, 5)
     run.close()
 
 
@@ -282,7 +281,7 @@ def test_a_run_without_a_checkpoint_is_none(tmp_path, training_run_settings, mon
     """No space for the first checkpoint: the same command starts again, and --resume says what there is."""
     out = tmp_path / "run"
     with monkeypatch.context() as patch:
-        patch.setattr("push_recovery.training.checkpoint.save", no_space)
+        patch.setattr("push_recovery.training.run.save", no_space)
         with pytest.raises(OSError, match="No space"):
             train(training_run_settings, out)
     assert (out / "settings.json").exists()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
-from push_recovery.training.ppo import Progress
+from push_recovery.training.run import Progress
 
 FELL = {"failure_reason": "low", "recovered_at": 1.0}  # it had recovered, and fell all the same
 STOOD = {"failure_reason": None, "recovered_at": None}

@@ -9,8 +9,8 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.eval.rollout.environments import code_digest
 from push_recovery.eval.rollout.load_policy import NAMES
-from push_recovery.training.ppo import train
 from push_recovery.training.recipes import RECIPES, command_of, difference, get_recipe
+from push_recovery.training.run import train
 from push_recovery.training.settings import TrainingSettings
 
 

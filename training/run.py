@@ -1,0 +1,385 @@
+"""A training run in its folder: from the start or from a checkpoint to a policy file.
+
+Beside the policy (policy.safetensors, .json) lie settings.json, curve.csv, tensorboard/, the model in
+Stable-Baselines3's own form (sb3/) and checkpoints/. A checkpoint is whole or absent: safetensors and JSON in
+a folder that is renamed into place, with all that the algorithm needs to go on; reading one runs no code.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+from stable_baselines3.common.callbacks import BaseCallback
+
+from ..controllers.errors import InvalidValueError
+from ..controllers.files import read_file, sync_names, write_atomically
+from ..controllers.policies.learned import NetworkPolicy, policy_paths
+from ..controllers.validation import parse_json
+from ..eval.output.progress import Work, about, progress_bars
+from ..eval.output.rows import Writer, source_commit, versions
+from ..eval.rollout.environments import EnvName, code_digest, size_of
+from ..eval.rollout.load_policy import named_file
+from .algorithm import Tensors, make_algorithm
+from .builders import completed, make_env, make_plain_env, make_vec_env, segment_seed
+from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
+from .from_sb3 import export_policy
+from .imitation import ImitationSettings, imitate_once
+from .recipes import command_of
+from .settings import TrainingSettings
+
+POLICY, TAUGHT = "policy", "taught"  # files of the result and of what a teacher showed, without suffixes
+CHECKPOINTS, KEPT_CHECKPOINTS, FORMAT_VERSION = "checkpoints", 2, 1
+PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
+ROUND = 4.5  # seconds of one core that a round of imitation takes, about
+Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run at one moment."""
+
+    settings: TrainingSettings
+    timesteps: int
+    updates: int  # gradient epochs so far, Stable-Baselines3's counter
+    seconds: float  # of training so far, over all its parts
+    tensors: Tensors
+
+
+def find_checkpoints(out: Path) -> list[Path]:
+    """The whole checkpoints of a run, oldest first."""
+    folder = out / CHECKPOINTS
+    return sorted(path for path in folder.glob("[0-9]*") if path.is_dir()) if folder.is_dir() else []
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint, or the newest one of a run's folder.
+
+    Raises:
+        InvalidValueError: There is none, or it is damaged.
+    """
+    if not (path / "state.json").is_file():
+        found = find_checkpoints(path)
+        if not found:
+            raise InvalidValueError(
+                f"no checkpoint in {path}: name a run's folder (its --out) or one of its {CHECKPOINTS}"
+            )
+        path = found[-1]
+    try:
+        state = parse_json("state.json", read_file(path / "state.json"))
+        tensors = load(read_file(path / "tensors.safetensors"))
+        if state["format_version"] != FORMAT_VERSION:
+            raise InvalidValueError(f"format {state['format_version']}, this version reads {FORMAT_VERSION}")
+        settings = TrainingSettings.from_json(state["settings"])
+        return Checkpoint(
+            settings, int(state["timesteps"]), int(state["updates"]), float(state["seconds"]), tensors
+        )
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise InvalidValueError(f"the checkpoint {path} is damaged: {error}") from error
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """A run's policy and how it came about."""
+
+    policy: Path  # safetensors; its JSON beside it
+    timesteps: int
+    seconds: float  # of wall time, over all parts
+    curve: tuple[CurvePoint, ...]
+
+
+class Progress(BaseCallback):
+    """Reports after each rollout, and the share of training episodes that recovered to TensorBoard.
+
+    Args:
+        report: Called with the timesteps so far and the recovered share of the last 100 episodes (or None).
+    """
+
+    def __init__(self, report: Report):
+        super().__init__()
+        self.report = report
+        self.recovered: deque[bool] = deque(maxlen=100)
+
+    def _on_step(self) -> bool:
+        for index in np.flatnonzero(self.locals["dones"]):
+            info = self.locals["infos"][index]
+            self.recovered.append(info.get("failure_reason") is None and info.get("recovered_at") is not None)
+        return True
+
+    def _on_rollout_end(self) -> None:
+        share = float(np.mean(self.recovered)) if self.recovered else None
+        if share is not None:
+            self.logger.record("rollout/recovered", share)
+        self.report(self.num_timesteps, share)
+
+
+class Every(BaseCallback):
+    """Calls `action` before a rollout whenever `period` timesteps have passed since it last did.
+
+    Args:
+        period: In timesteps.
+        action: Called without arguments; sees the networks as the last update left them.
+        start: Timesteps at which the count begins.
+    """
+
+    def __init__(self, period: int, action: Callable[[], None], start: int):
+        super().__init__()
+        self.period, self.action, self.last = period, action, start
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps - self.last >= self.period:
+            self.last = self.num_timesteps
+            self.action()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def silent(timesteps: int, recovered: float | None) -> None:
+    """Report nothing."""
+
+
+class Run:
+    """One run in its folder.
+
+    Args:
+        settings: Of the run.
+        out: Its folder.
+        checkpoint: Where to go on; None from the start.
+        own: Folder whose policies come before those of the package where `initial` is a name.
+        report: Called with progress, for the first time when all that was given has been checked.
+    """
+
+    def __init__(
+        self,
+        settings: TrainingSettings,
+        out: Path,
+        checkpoint: Checkpoint | None = None,
+        own: Path | None = None,
+        report: Report = silent,
+    ):
+        self._began = time.monotonic()
+        self.one = make_env(settings)
+        self.settings, self.out = (settings := completed(settings, self.one)), out
+        self.start = 0 if checkpoint is None else checkpoint.timesteps
+        self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
+        self.env = make_plain_env(settings.env_id)
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size_of(self.env))
+        anew = checkpoint is None and settings.initial is not None
+        first = initial_policy(settings, own) if anew else None
+        self._report = report
+        taught = checkpoint is None and settings.teacher  # then imitation reports first
+        if not taught:
+            report(self.start, None)  # the walks from which robots are pushed take long
+        seed = segment_seed(settings.seed, self.start)
+        self.venv = make_vec_env(settings, self.one, seed)
+        self.algorithm = make_algorithm(settings, self.venv, seed, out / "tensorboard")
+        if checkpoint is not None:
+            self.algorithm.restore(checkpoint.tensors, checkpoint.timesteps, checkpoint.updates)
+        elif first is not None:
+            self.algorithm.start_from(first)
+        elif taught:
+            self.algorithm.start_from(taught_policy(settings, out / TAUGHT))
+            report(self.start, None)
+        self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
+
+    @property
+    def timesteps(self) -> int:
+        """Learned actions that have been taken, over all parts."""
+        return self.algorithm.model.num_timesteps
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of all parts so far [s]."""
+        return self._seconds_before + time.monotonic() - self._began
+
+    def policy(self) -> NetworkPolicy:
+        """The policy as it stands."""
+        return export_policy(self.algorithm.network(), self.venv, self.one, self.settings)
+
+    def train(self) -> TrainingResult:
+        """Learn to the end; an interrupt keeps what was done as a checkpoint."""
+        settings = self.settings
+        write_atomically(
+            self.out / "settings.json", json.dumps(settings.to_json(), indent=1).encode() + b"\n"
+        )
+        try:
+            if self.start == 0:
+                self.checkpoint()
+            if not self.curve:
+                self.evaluate()
+            if settings.timesteps > self.start:
+                callbacks = [
+                    Progress(self._report),
+                    Every(settings.evaluate_every, self.evaluate, self.curve[-1].timesteps),
+                    Every(settings.checkpoint_every, self.checkpoint, self.start),
+                ]
+                self.algorithm.learn(settings.timesteps - self.start, callbacks)
+        except KeyboardInterrupt:
+            self.checkpoint()
+            raise
+        if self.curve[-1].timesteps < self.timesteps:
+            self.evaluate()
+        self.checkpoint()
+        path = self.policy().save(self.out / POLICY, self.manifest())
+        folder = self.out / "sb3"  # for the user's own `load` of both; this project never reads it
+        folder.mkdir(exist_ok=True)
+        self.algorithm.model.save(folder / "model.zip")
+        self.venv.save(str(folder / "vecnormalize.pkl"))
+        return TrainingResult(path, self.timesteps, self.seconds, tuple(self.curve))
+
+    def manifest(self) -> dict[str, Any]:
+        """All that is needed to train the policy again, and the results of its training, as JSON."""
+        return {
+            "command": command_of(self.settings, f"{POLICY}.json"),
+            "settings": self.settings.to_json(),
+            "timesteps": self.timesteps,
+            "seconds": round(self.seconds, 3),
+            "curve": [asdict(point) for point in self.curve],
+            "code": code_digest(),  # that of `config.json` beside rows: controllers and envs
+            "commit": source_commit(Path(__file__)),
+            "versions": versions(PACKAGES),
+        }
+
+    def evaluate(self) -> None:
+        """Add a point to the learning curve."""
+        point = score(self.env, self.policy(), self.scenarios, self.timesteps, self.seconds)
+        self.curve.append(point)
+        write_curve(self.out / "curve.csv", self.curve)
+        if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
+            for name in ("recovered", "survived", "mean_reward"):
+                self.algorithm.model.logger.record(f"eval/{name}", getattr(point, name))
+
+    def checkpoint(self) -> None:
+        """Write OUT/checkpoints/<timesteps> whole, then drop all but the newest two."""
+        final = self.out / CHECKPOINTS / f"{self.timesteps:012d}"
+        for left in final.parent.glob(".*.tmp"):  # by a kill, or on a full disk
+            shutil.rmtree(left, ignore_errors=True)
+        temporary = final.with_name(f".{final.name}.tmp")
+        temporary.mkdir(parents=True)
+        state = {
+            "format_version": FORMAT_VERSION,
+            "timesteps": self.timesteps,
+            "updates": self.algorithm.updates,
+            "seconds": self.seconds,
+            "settings": self.settings.to_json(),
+        }
+        write_atomically(temporary / "tensors.safetensors", save(self.algorithm.tensors()))
+        write_atomically(temporary / "state.json", json.dumps(state, indent=1).encode())
+        shutil.rmtree(final, ignore_errors=True)
+        os.replace(temporary, final)
+        sync_names(final.parent)
+        for old in find_checkpoints(self.out)[:-KEPT_CHECKPOINTS]:
+            shutil.rmtree(old, ignore_errors=True)
+
+    def close(self) -> None:
+        """Close every environment."""
+        self.venv.close()
+        self.one.close()
+        self.env.close()
+
+
+def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolicy:
+    """The policy that a run begins as.
+
+    Raises:
+        InvalidValueError: It is not there, or acts otherwise than the policy of the run is to act.
+    """
+    name = str(settings.initial)
+    beside = None if own is None else policy_paths(own / name)[0]
+    policy = NetworkPolicy.load(beside if beside is not None and beside.is_file() else named_file(name))
+    about = policy.description
+    theirs = {
+        "environment": (about.env_id, settings.env_id),
+        "inputs": (about.inputs, settings.inputs),
+        "hold": (about.hold, settings.hold),
+        "residual": (about.residual is not None, settings.residual),
+    }
+    for what, (given, asked) in theirs.items():
+        if given != asked:
+            raise InvalidValueError(f"the run begins as {name}, whose {what} is {given!r}, not {asked!r}")
+    return policy
+
+
+def taught_policy(settings: TrainingSettings, path: Path) -> NetworkPolicy:
+    """The policy of imitation before a run, with a bar; it takes as long as a run of its own."""
+    shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
+    seconds = 0.0 if all(file.exists() for file in policy_paths(path)) else ROUND * shown.rounds
+    work = Work("imitation of the planner, before PPO", about(seconds), path)
+    with progress_bars(["imitation"], shown.rounds, work) as bars:
+        policy = imitate_once(
+            shown, path, lambda one: bars.set("imitation", one.number + 1, f"loss {one.loss:.4f}")
+        )
+        bars.set("imitation", shown.rounds)
+    return policy
+
+
+def train(
+    settings: TrainingSettings, out: Path, report: Report = silent, own: Path | None = None
+) -> TrainingResult:
+    """Train from the start into a folder that holds no run yet; one without a checkpoint is none.
+
+    Args:
+        settings: Of the run.
+        out: Its folder.
+        report: Called with progress.
+        own: Folder whose policies come before those of the package where `initial` is a name.
+
+    Raises:
+        InvalidValueError: The folder holds a run, another run is writing there, or the environment or the
+            initial policy does not fit.
+        UnknownNameError: No such environment or policy.
+    """
+    with Writer(out):
+        if find_checkpoints(out) or (out / POLICY).with_suffix(".safetensors").exists():
+            raise InvalidValueError(
+                f"{out} holds a run already: go on with --resume {out}, or choose another --out"
+            )
+        return _train(Run(settings, out, None, own, report))
+
+
+def resume(
+    path: Path, timesteps: int | None = None, report: Report = silent, env_id: str | None = None
+) -> TrainingResult:
+    """Go on from the newest checkpoint of a run's folder, or from one of its checkpoints, in that folder.
+
+    Args:
+        path: Of the run or of one of its checkpoints.
+        timesteps: New end of the run; None keeps the old one. A run that is past it only writes its policy.
+        report: Called with progress.
+        env_id: Of the run, as the user names it; needed where to make the environment imports a module.
+
+    Raises:
+        InvalidValueError: There is no checkpoint, it is damaged, or it would import a module by itself; or
+            another run is writing there.
+    """
+    out = path.parent.parent if (path / "state.json").is_file() else path
+    with Writer(out):
+        checkpoint = load_checkpoint(path)
+        settings = checkpoint.settings
+        name = EnvName.parse(settings.env_id)
+        if name.runs_code and env_id != settings.env_id:
+            raise InvalidValueError(
+                f"the run in {path} is of {settings.env_id!r}, and going on would run the code of "
+                f"{name.module!r}: say --env {settings.env_id} where that is wanted"
+            )
+        if timesteps is not None:
+            settings = replace(settings, timesteps=timesteps)
+        return _train(Run(settings, out, checkpoint, report=report))
+
+
+def _train(run: Run) -> TrainingResult:
+    try:
+        return run.train()
+    finally:
+        run.close()
