@@ -1,9 +1,4 @@
-"""What the networks of a training see of n robots, and what their outputs do to them.
-
-What only the value network sees: it is of no use but in training, where all is known.
-
-What the networks of a training see of n robots, and what the outputs do to them.
-"""
+"""Inputs of the networks of a training for n robots, and what their outputs do to these robots."""
 
 from __future__ import annotations
 
@@ -12,21 +7,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.errors import InvalidValueError
 from ..controllers.model.observation import OBSERVATION_SIZE, side_sign
 from ..controllers.policies.mlp import NetworkInputs, input_size
 from ..controllers.policies.residual import Below, ResidualRule
+from ..controllers.validation import require_choice
 from ..envs.episode.episodes import GaitEpisodes
 from ..envs.joint.env import JointResidualEpisodes
 
 Array = NDArray[np.float64]
+Actions = NDArray[np.float32]
 
 IMPULSE = 100.0  # that counts as 1 [N s]
 SENSING_ERROR = 0.05  # that counts as 1, in the units of the observation
 
 
 def impulse_to_come(episodes: GaitEpisodes) -> Array:
-    """What the pushes have still to deliver (n, 2), x and y of the canonical frame, over IMPULSE."""
+    """Impulse that the pushes have still to deliver (n, 2), x and y of the canonical frame, over IMPULSE."""
     pushes, motion = episodes.core.pushes, episodes.motion()
     left = (pushes.force * pushes.duration[..., None] - pushes.delivered).sum(axis=1)[:, :2] / IMPULSE
     cos, sin = np.cos(motion.heading), np.sin(motion.heading)
@@ -35,11 +32,12 @@ def impulse_to_come(episodes: GaitEpisodes) -> Array:
 
 
 def sensing_error(episodes: GaitEpisodes) -> Array:
-    """What is true less what is observed (n, 36), over SENSING_ERROR; zero without sensors."""
+    """The true observation less the observed one (n, 36), over SENSING_ERROR; zero without sensors."""
     return (episodes.core.truth - episodes.core.observation) / SENSING_ERROR
 
 
-BLOCKS: dict[str, tuple[int, Callable[[GaitEpisodes], Array]]] = {
+# Blocks that only the value network sees, since they are known in training alone: sizes and values
+CRITIC: dict[str, tuple[int, Callable[[GaitEpisodes], Array]]] = {
     "push": (2, impulse_to_come),
     "sensing": (OBSERVATION_SIZE, sensing_error),
 }
@@ -53,8 +51,7 @@ def check_critic(names: Sequence[str]) -> tuple[str, ...]:
         InvalidValueError: one stands twice.
     """
     for name in names:
-        if name not in BLOCKS:
-            raise UnknownNameError("input of the value network", str(name), tuple(BLOCKS))
+        require_choice("input of the value network", name, tuple(CRITIC))
     if len(set(names)) < len(names):
         raise InvalidValueError(f"inputs of the value network stand there once each, got {list(names)}")
     return tuple(names)
@@ -62,17 +59,7 @@ def check_critic(names: Sequence[str]) -> tuple[str, ...]:
 
 def critic_size(names: Sequence[str]) -> int:
     """Length of the blocks together."""
-    return sum(BLOCKS[name][0] for name in names)
-
-
-def critic_rows(episodes: GaitEpisodes, names: Sequence[str]) -> list[Array]:
-    """The blocks (n, ...) as they are now."""
-    return [BLOCKS[name][1](episodes) for name in names]
-
-
-Actions = NDArray[np.float32]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+    return sum(CRITIC[name][0] for name in names)
 
 
 class Actor:
@@ -99,15 +86,15 @@ class Actor:
         n = episodes.n
         self._below = Below(np.zeros((n, 7), np.float32), np.zeros((n, 1), np.float32))
 
-    def look(self, rows: Ints) -> None:
-        """See where the robots `rows` are now."""
+    def look(self, rows: NDArray[np.int64]) -> None:
+        """Take in where the robots `rows` are now."""
         if self._rule is not None and len(rows):
             base, opening = self._rule.below(self._episodes.core.observation[rows])
             self._below.base[rows], self._below.opening[rows] = base, opening
 
     @property
-    def quiet(self) -> Mask:
-        """Robots (n,) that no output acts on, since a gate is shut; none where there is no gate."""
+    def gate_closed(self) -> NDArray[np.bool_]:
+        """Robots (n,) that no output acts on, since a gate is closed; none where there is no gate."""
         if self._rule is not None:
             return self._below.opening[:, 0] <= 0.0
         if self._gate is not None:
@@ -115,10 +102,10 @@ class Actor:
         return np.zeros(self._episodes.n, np.bool_)
 
     def inputs(self) -> NDArray[np.float32]:
-        """What the networks see (n, size), as seen last."""
-        below = None if self._rule is None else self._below
-        rows = self._inputs.rows(self._episodes.seen, below)
-        return np.hstack([rows, *critic_rows(self._episodes, self._critic)]).astype(np.float32)
+        """Inputs of the networks (n, size), as seen last."""
+        rows = self._inputs.rows(self._episodes.seen, None if self._rule is None else self._below)
+        more = [CRITIC[name][1](self._episodes) for name in self._critic]
+        return np.hstack([rows, *more]).astype(np.float32)
 
     def actions(self, outputs: Actions) -> Actions:
         """Actions of the episodes that outputs (n, k) in [-1, 1] stand for."""

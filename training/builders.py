@@ -1,4 +1,4 @@
-"""The environments and the PPO of a run: Stable-Baselines3's own, with wrappers only."""
+"""Environments of a run: what it trains and scores on, built from its settings."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.robot import Similarity
-from ..controllers.policies.interface import Policy
 from ..controllers.policies.mlp import BASE, GATE, MARGIN, OBSERVATION
 from ..controllers.policies.residual import ResidualRule
 from ..controllers.policies.two_stage import make_policy
@@ -25,7 +25,7 @@ from ..eval.rollout.names import default_workers
 from .actor import Actor
 from .reward import REWARDS
 from .settings import STARTS, TrainingSettings
-from .starts import PushStarts, ResetStarts, Starts, Uncorrected, take_walks
+from .starts import PushStarts, ResetStarts, Starts, take_walks
 from .vec_env import TrainingRobots
 
 OBSERVATION_CLIP = 10.0
@@ -94,37 +94,31 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     """
     settings = replace(settings, hold=settings.periods)
     episodes = own_episodes(settings, env, 1)
+    # A planner can walk these robots, and each can be put back into its walk
+    walks = isinstance(episodes, BipedEpisodes) and not isinstance(episodes, JointEpisodes)
+    # A policy on joints has to walk by itself and learns nothing from ends alone
+    reward = "environment" if episodes is None or settings.kind == "joint" else "recovery"
     blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
-    rewards = ("recovery", "environment")
-    if settings.kind == "joint":  # which has to walk by itself and learns nothing from ends alone
-        rewards = ("environment", "recovery")
+    inputs = (OBSERVATION,) if episodes is None or settings.on_joints else blocks
     can = {
-        "starts": STARTS if planned_for(episodes) else ("reset",),
-        "reward": ("environment",) if episodes is None else rewards,
-        "inputs": (OBSERVATION,) if episodes is None or settings.on_joints else blocks,
+        "starts": ("push" if walks else "reset", STARTS if walks else ("reset",)),
+        "reward": (reward, tuple(REWARDS) if episodes is not None else (reward,)),
     }
-    for name in ("starts", "reward"):
+    for name, (default, valid) in can.items():
         if (value := getattr(settings, name)) is None:
-            settings = replace(settings, **{name: can[name][0]})
-        elif value not in can[name]:
-            raise InvalidValueError(
-                f"{settings.env_id} is trained with {name} {can[name][0]!r}, not {value!r}"
-            )
+            settings = replace(settings, **{name: default})
+        elif value not in valid:
+            raise InvalidValueError(f"{settings.env_id} is trained with {name} {default!r}, not {value!r}")
     if settings.critic and episodes is None:
         raise InvalidValueError(f"nothing is known of {settings.env_id} that only its critic could see")
     if settings.inputs is None:
-        return replace(settings, inputs=can["inputs"])
-    if unknown := [name for name in settings.inputs if name not in can["inputs"]]:
+        return replace(settings, inputs=inputs)
+    if unknown := [name for name in settings.inputs if name not in inputs]:
         raise InvalidValueError(
             f"a network of kind {settings.kind!r} on {settings.env_id} has no input {unknown[0]!r}; "
-            f"choose from: {', '.join(can['inputs'])}"
+            f"choose from: {', '.join(inputs)}"
         )
     return settings
-
-
-def planned_for(episodes: GaitEpisodes | None) -> bool:
-    """Whether a planner can walk these robots, and each be put back into its walk."""
-    return isinstance(episodes, BipedEpisodes) and not isinstance(episodes, JointEpisodes)
 
 
 def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
@@ -156,14 +150,18 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     size = Similarity.of(episodes.robot)
     pushes, easy = settings.drawn_pushes.scaled(size), settings.easy_pushes.scaled(size)
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
-    shares = settings.easy_share, settings.least_acceptance
+    choice = episodes, pushes, easy, settings.easy_share, settings.least_acceptance, pushing
     if settings.starts == "reset":
-        return ResetStarts(episodes, pushes, easy, *shares, pushing)
-    walker: Policy = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
-    if isinstance(episodes, JointResidualEpisodes):  # whose planner is within
-        walker = Uncorrected(episodes.action_size)
-    walks = take_walks(episodes, walker, pushes, settings.walks, walking)
-    return PushStarts(episodes, walks, pushes, easy, *shares, pushing)
+        return ResetStarts(*choice)
+    walker = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
+
+    def act(observations: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Actions of the planner, or no corrections of one that is within."""
+        if isinstance(episodes, JointResidualEpisodes):
+            return np.zeros((len(observations), episodes.action_size), np.float32)
+        return walker.predict(observations)[0]
+
+    return PushStarts(*choice, take_walks(episodes, act, pushes, settings.walks, walking))
 
 
 def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:
@@ -186,5 +184,5 @@ def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNorm
 
 
 def segment_seed(seed: int, timesteps: int) -> int:
-    """Seed of a run's part that begins after `timesteps`, so that a resumed run meets new pushes."""
+    """Seed of a part of a run that begins after `timesteps`: a resumed run meets new pushes."""
     return int(np.random.SeedSequence([seed, timesteps]).generate_state(1)[0]) >> 1 if timesteps else seed

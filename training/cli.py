@@ -1,11 +1,4 @@
-"""`push-recovery train` and `push-recovery policies`.
-
-The optional dependencies of training.
-
-`push-recovery train`: from the settings of a run to the run, and what it tells at the end.
-
-`push-recovery policies`: train the shipped policies again, each by its recipe, into one folder.
-"""
+"""`push-recovery train` and `push-recovery policies`: from options to a run, and what it shows at the end."""
 
 from __future__ import annotations
 
@@ -34,13 +27,9 @@ if TYPE_CHECKING:
 
 def require_training() -> None:
     """Raise MissingExtraError, naming the command that installs it, unless torch and SB3 are there."""
-    for module, package in (
-        ("torch", "torch"),
-        ("stable_baselines3", "stable-baselines3"),
-        ("tensorboard", "tensorboard"),
-    ):
+    for module in ("torch", "stable_baselines3", "tensorboard"):
         if find_spec(module) is None:
-            raise MissingExtraError(package, "train")
+            raise MissingExtraError(module.replace("_", "-"), "train")
 
 
 DEFAULTS = TrainingSettings()
@@ -70,7 +59,7 @@ class Train(Options):
     """Size of the residual, as a multiple of its default size (only for the kind residual)."""
 
     def defaults(self) -> Train | None:
-        """The settings of a run to go on with, or of a recipe: what differs from them the user has given."""
+        """Settings of a run to go on with, or of a recipe; the user has given what differs from them."""
         if self.resume is None:
             return None if self.recipe is None else Train(settings=get_recipe(self.recipe))
         from .run import load_checkpoint
@@ -79,33 +68,41 @@ class Train(Options):
         return Train(settings=load_checkpoint(Path(self.resume)).settings)
 
     def run(self) -> None:
-        """Train, and tell the curve.
+        """Train, and print the curve.
 
         Raises:
             MissingExtraError: torch or Stable-Baselines3 is not installed.
             PushRecoveryError: An option is impossible, or contradicts the run to resume.
         """
         require_training()
-        _tell(self._start() if self.resume is None else self._go_on(Path(self.resume)))
+        result = self._start() if self.resume is None else self._go_on(Path(self.resume))
+        print(f"{'timesteps':>10} {'recovered':>10} {'survived':>10} {'reward':>10}")
+        for p in result.curve:
+            print(f"{p.timesteps:>10} {p.recovered:>10.3f} {p.survived:>10.3f} {p.mean_reward:>10.2f}")
+        print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; policy: {result.policy}")
 
     def _start(self) -> TrainingResult:
+        from ..eval.rollout.environments import EnvName
         from .run import train
 
         settings = self._with_env(self.settings)
-        if self.recipe is not None and self.env is None:
-            _require_known(settings.env_id, self.recipe)
+        name = EnvName.parse(settings.env_id)
+        if self.recipe is not None and self.env is None and name.runs_code:
+            raise InvalidValueError(
+                f"the recipe {self.recipe!r} is for {settings.env_id!r}, and training would run the code of "
+                f"{name.module!r}: say --env {settings.env_id} where that is wanted"
+            )
         settings = replace(settings, scale=self._residual_scale(settings))
-        name = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
-        out = Path("runs") / name if self.out is None else Path(self.out)
-        return with_progress(work_of(settings, out), settings, lambda report: train(settings, out, report))
+        folder = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
+        out = Path("runs") / folder if self.out is None else Path(self.out)
+        return with_progress(settings, out, lambda report: train(settings, out, report))
 
     def _go_on(self, path: Path) -> TrainingResult:
         from .run import load_checkpoint, resume
 
-        if self.out is not None:
-            raise InvalidValueError(f"--out is for a new run; --resume goes on in {path}")
-        if self.recipe is not None:
-            raise InvalidValueError(f"--recipe is for a new run; --resume goes on in {path}")
+        for option in ("out", "recipe"):
+            if getattr(self, option) is not None:
+                raise InvalidValueError(f"--{option} is for a new run; --resume goes on in {path}")
         if self.scale is not None:
             raise InvalidValueError("--scale is for a new run; a resumed one keeps its own")
         theirs, ours = load_checkpoint(path).settings, self._with_env(self.settings)
@@ -117,9 +114,7 @@ class Train(Options):
                     "leave the option out to go on, or start a new run with --out"
                 )
         named = None if self.env is None else ours.env_id  # only what the user names may import a module
-        return with_progress(
-            work_of(ours, path), ours, lambda report: resume(path, ours.timesteps, report, named)
-        )
+        return with_progress(ours, path, lambda report: resume(path, ours.timesteps, report, named))
 
     def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
         return settings if self.env is None else replace(settings, env_id=self.env)
@@ -141,30 +136,14 @@ class Train(Options):
         return tuple(scale.tolist())
 
 
-def _require_known(env_id: str, recipe: str) -> None:
-    """Raise InvalidValueError where making the environment of a file would import a module by itself."""
-    from ..eval.rollout.environments import EnvName
-
-    name = EnvName.parse(env_id)
-    if name.runs_code:
-        raise InvalidValueError(
-            f"the recipe {recipe!r} is for {env_id!r}, and training would run the code of {name.module!r}: "
-            f"say --env {env_id} where that is wanted"
-        )
-
-
-def work_of(settings: TrainingSettings, out: Path) -> Work:
-    """What a run is about to do."""
-    what = f"{settings.kind} on {settings.env_id}, {settings.timesteps} actions in all"
-    return Work(what, about(BEFORE + settings.timesteps * settings.periods / PERIODS), out)
-
-
-def with_progress(work: Work, settings: TrainingSettings, train: Callable[[Report], T]) -> T:
+def with_progress(settings: TrainingSettings, out: Path, train: Callable[[Report], T]) -> T:
     """`train(report)` with a bar on standard error, which appears at the first report.
 
     By then all that the user has given is checked, so that an error remains the only line.
     """
     name, timesteps = "training", settings.timesteps
+    what = f"{settings.kind} on {settings.env_id}, {timesteps} actions in all"
+    work = Work(what, about(BEFORE + timesteps * settings.periods / PERIODS), out)
     with ExitStack() as stack:
         bars: list[Bars] = []
 
@@ -175,13 +154,6 @@ def with_progress(work: Work, settings: TrainingSettings, train: Callable[[Repor
             bars[0].set(name, min(done, timesteps), note)
 
         return train(report)
-
-
-def _tell(result: TrainingResult) -> None:
-    print(f"{'timesteps':>10} {'recovered':>10} {'survived':>10} {'reward':>10}")
-    for p in result.curve:
-        print(f"{p.timesteps:>10} {p.recovered:>10.3f} {p.survived:>10.3f} {p.mean_reward:>10.2f}")
-    print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; policy: {result.policy}")
 
 
 FOLDER = Path("runs/policies")
@@ -197,7 +169,7 @@ class Policies(Options):
     """Directory for NAME.safetensors and NAME.json; each run is in DIR/NAME (default: runs/policies)."""
 
     def run(self) -> None:
-        """Train, and say where each policy is.
+        """Train, and print where each policy is.
 
         Raises:
             UnknownNameError: No recipe has this name.
@@ -212,9 +184,7 @@ class Policies(Options):
             if not is_complete(folder, name):
                 settings = RECIPES[name]
                 with_progress(
-                    work_of(settings, folder / name),
-                    settings,
-                    lambda report, name=name: train_recipe(name, folder, report),
+                    settings, folder / name, lambda report, name=name: train_recipe(name, folder, report)
                 )
             print(policy_paths(folder / name)[1])
 
@@ -237,18 +207,14 @@ def train_recipe(name: str, folder: Path, report: Report) -> None:
 
     settings, run = RECIPES[name], folder / name
     if find_checkpoints(run):
-        _require_agreement(run, load_checkpoint(run).settings, settings)
+        theirs = load_checkpoint(run).settings
+        if (differs := difference(settings, theirs)) is not None:
+            raise InvalidValueError(
+                f"the run in {run} has {differs} {getattr(theirs, differs)!r}, its recipe "
+                f"{getattr(settings, differs)!r}: choose another --out, or remove that folder"
+            )
         resume(run, report=report)
     else:
         train(settings, run, report, folder)
     for path, place in zip(policy_paths(run / POLICY), policy_paths(folder / name), strict=True):
         write_atomically(place, read_file(path))  # the description last: it says that both are there
-
-
-def _require_agreement(run: Path, theirs: TrainingSettings, recipe: TrainingSettings) -> None:
-    name = difference(recipe, theirs)
-    if name is not None:
-        raise InvalidValueError(
-            f"the run in {run} has {name} {getattr(theirs, name)!r}, its recipe {getattr(recipe, name)!r}: "
-            "choose another --out, or remove that folder"
-        )

@@ -1,15 +1,8 @@
 """DAgger: a learner is shown what a teacher would do in the states that the learner itself comes to.
 
-What a run of imitation is: all of it, frozen.
-
-The learner: a tanh network on normalised joint observations, fitted to the targets that were shown.
-
-Robots that a learner and its teacher lead in turn, and what the teacher would ask in every state.
-
-DAgger: a learner is shown what the teacher would do in the states that the learner itself comes to.
-
 Ross, Gordon, Bagnell, A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
-Learning, AISTATS 2011. All rounds' samples are kept, and every round fits on batches of all.
+Learning, AISTATS 2011. All rounds' samples are kept, and every round fits on batches of all. The learner is a
+tanh network on normalised joint observations.
 """
 
 from __future__ import annotations
@@ -38,12 +31,15 @@ from ..envs.joint.env import JointEpisodes
 from ..envs.joint.taught import TaughtEpisodes
 from ..envs.scenario.distribution import PushDistribution
 
+Floats = NDArray[np.float32]
+Act = Callable[[NDArray[np.float64]], Floats]  # observations (n, 58) -> targets (n, 14)
+
 SHOWN_PUSHES = PushDistribution(impulse_max=180.0, first_step=1, settle_time=2.0)
 
 
 @dataclass(frozen=True)
 class ImitationSettings:
-    """One run of DAgger; the defaults give a policy that walks, in a quarter of an hour of one core."""
+    """Settings of DAgger; the defaults give a policy that walks, in a quarter of an hour of one core."""
 
     teacher: str = "two-stage"  # name of the planner that shows
     seed: int = 0  # of weights, pushes and batches
@@ -67,8 +63,7 @@ class ImitationSettings:
     pushes: PushDistribution = SHOWN_PUSHES
 
     def __post_init__(self) -> None:
-        counts = ("robots", "periods", "batches", "batch_size", "settle_rounds")
-        for name in counts:
+        for name in ("robots", "periods", "batches", "batch_size", "settle_rounds"):
             require_integer(f"imitation setting {name}", getattr(self, name), 1)
         for name in ("rounds", "shown_rounds", "last_batches", "seed"):
             require_integer(f"imitation setting {name}", getattr(self, name), 0)
@@ -97,13 +92,11 @@ class ImitationSettings:
         return self.learning_rate * (1.0 - batch / self.last_batches)
 
 
-Floats = NDArray[np.float32]
-
 # The previous action is hidden: it tells what the teacher asks next so well that a learner copies it, and
 # then goes on with its own errors.
 HIDDEN = slice(PREVIOUS_ACTION, PREVIOUS_ACTION + NU)
 HIDE = 1e12  # variance of an entry that the network is not to see
-LEAST = 1e-4  # variance of an entry that hardly moves
+SMALLEST = 1e-4  # variance of an entry that does not move
 
 
 class Student:
@@ -123,10 +116,6 @@ class Student:
         self.mean: AveragedModel | None = None
         self.optimiser = torch.optim.Adam(self.network.parameters())
         self.normalisation = normalisation_of(np.zeros((1, JOINT_OBSERVATION_SIZE), np.float32))
-
-    def see(self, observations: Floats) -> None:
-        """Take mean and variance of these observations (n, 58)."""
-        self.normalisation = normalisation_of(observations)
 
     def act(self, observations: NDArray[np.float64]) -> Floats:
         """Targets (n, 14) in action units, clipped to [-1, 1]."""
@@ -164,7 +153,7 @@ class Student:
 def normalisation_of(observations: Floats) -> Normalisation:
     """Mean and variance of observations (n, 58); the previous action is hidden."""
     mean = observations.mean(axis=0, dtype=np.float64)
-    variance = observations.var(axis=0, dtype=np.float64) + LEAST
+    variance = observations.var(axis=0, dtype=np.float64) + SMALLEST
     mean[HIDDEN], variance[HIDDEN] = 0.0, HIDE
     return Normalisation(mean, variance)
 
@@ -177,12 +166,9 @@ def _linear(inputs: int, outputs: int, generator: torch.Generator) -> nn.Linear:
     return layer
 
 
-Act = Callable[[NDArray[np.float64]], Floats]  # observations (n, 58) -> targets (n, 14)
-
-
 @dataclass(frozen=True)
 class Shown:
-    """What one round has given."""
+    """Samples of one round, and how the learner fared in it."""
 
     observations: Floats  # (samples, 58)
     targets: Floats  # (samples, 14) of the teacher, within [-1, 1]
@@ -213,32 +199,25 @@ class Collector:
             for k in range(self.episodes.n):
                 self._begin(k, number)
             self._begun = True
-        samples, alone, falls = [], 0.0, 0
-        for _ in range(self.settings.periods):
-            led = self.episodes.core.gait.time < self._turn
-            observations, targets, good, over, fell = self._period(act, led)
-            samples.append((observations[good], targets[good]))
-            alone += float((~led).sum()) / self.episodes.control_hz
-            falls += int((fell & ~led).sum())
-            for k in np.flatnonzero(over).tolist():
+        seen, asked, alone, falls = [], [], 0.0, 0
+        episodes, settings = self.episodes, self.settings
+        for _ in range(settings.periods):
+            led = episodes.core.gait.time < self._turn
+            episodes.lead(led)
+            observations = episodes.seen.astype(np.float32)
+            actions = act(episodes.seen)
+            actions[led] = np.clip(episodes.targets[led], -1.0, 1.0)
+            # a teacher who takes the robot to stand on the other foot would show the mirrored answer
+            agree = episodes.core.walk.stance == episodes.core.gait.stance
+            period = episodes.step(actions)
+            good = agree & ~period.failed & (np.abs(episodes.targets).max(axis=1) < settings.largest)
+            seen.append(observations[good])
+            asked.append(np.clip(episodes.targets, -1.0, 1.0).astype(np.float32)[good])
+            alone += float((~led).sum()) / episodes.control_hz
+            falls += int((period.failed & ~led).sum())
+            for k in np.flatnonzero(period.failed | period.truncated).tolist():
                 self._begin(k, number)
-        seen, asked = (np.concatenate(part) for part in zip(*samples, strict=True))
-        return Shown(seen, asked, alone, falls)
-
-    def _period(self, act: Act, led: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray, NDArray, NDArray]:
-        """One period: observations before it, the teacher's targets, which are good, over, and fallen."""
-        episodes = self.episodes
-        episodes.lead(led)
-        observations = episodes.seen.astype(np.float32)
-        actions = act(episodes.seen)
-        actions[led] = np.clip(episodes.targets[led], -1.0, 1.0)
-        # a teacher who takes the robot to stand on the other foot would show the mirrored answer
-        agree = episodes.core.walk.stance == episodes.core.gait.stance
-        period = episodes.step(actions)
-        failed = period.failed.copy()
-        good = agree & ~failed & (np.abs(episodes.targets).max(axis=1) < self.settings.largest)
-        targets = np.clip(episodes.targets, -1.0, 1.0).astype(np.float32)
-        return observations, targets, good, failed | period.truncated, failed
+        return Shown(np.concatenate(seen), np.concatenate(asked), alone, falls)
 
     def _begin(self, k: int, number: int) -> None:
         settings, rng = self.settings, self.rng
@@ -262,32 +241,11 @@ class Round:
     falls: int  # of robots that it led
 
 
-Report = Callable[[Round], None]
-
-
-def silent(told: Round) -> None:
-    """Report nothing."""
-
-
-class Samples:
-    """All rounds' samples in arrays that grow."""
-
-    def __init__(self) -> None:
-        self._parts: list[tuple[Floats, Floats]] = []
-
-    def add(self, observations: Floats, targets: Floats) -> None:
-        """Keep the samples of a round."""
-        self._parts.append((observations, targets))
-
-    def all(self) -> tuple[Floats, Floats]:
-        """Observations (samples, 58) and targets (samples, 14)."""
-        seen, asked = (np.concatenate(part) for part in zip(*self._parts, strict=True))
-        self._parts = [(seen, asked)]
-        return seen, asked
+Report = Callable[[Round], object]
 
 
 def imitate(
-    settings: ImitationSettings, episodes: TaughtEpisodes | None = None, report: Report = silent
+    settings: ImitationSettings, episodes: TaughtEpisodes | None = None, report: Report = lambda _: None
 ) -> NetworkPolicy:
     """A policy on joints that does what the teacher would; equal settings give equal weights bit for bit.
 
@@ -298,37 +256,33 @@ def imitate(
     """
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
     episodes = TaughtEpisodes(settings.robots, settings.teacher) if episodes is None else episodes
-    rng, student, kept = np.random.default_rng(settings.seed), Student(settings), Samples()
+    rng, student = np.random.default_rng(settings.seed), Student(settings)
     collector = Collector(settings, episodes, rng)
+    seen, asked = np.empty((0, JOINT_OBSERVATION_SIZE), np.float32), np.empty((0, NU), np.float32)
+
+    def fit(rates: Sequence[float]) -> float:
+        """Gradient steps at learning rates on batches of all samples; returns the mean loss."""
+        losses = []
+        for rate in rates:
+            rows = rng.integers(len(seen), size=settings.batch_size)
+            losses.append(student.fit(seen[rows], asked[rows], rate))
+        return float(np.mean(losses)) if losses else 0.0
+
     for number in range(settings.rounds):
         shown = collector.collect(student.act, number)
-        kept.add(shown.observations, shown.targets)
+        seen, asked = np.concatenate([seen, shown.observations]), np.concatenate([asked, shown.targets])
         if number < settings.settle_rounds:
-            student.see(kept.all()[0])
-        rates = [settings.rate(number)] * settings.batches
-        loss = _fit(student, kept, rates, settings.batch_size, rng)
-        report(Round(number, len(kept.all()[0]), loss, shown.alone, shown.falls))
+            student.normalisation = normalisation_of(seen)
+        loss = fit([settings.rate(number)] * settings.batches)
+        report(Round(number, len(seen), loss, shown.alone, shown.falls))
     if settings.rounds:
         student.begin_mean(settings.averaging)
-        rates = [settings.last_rate(batch) for batch in range(settings.last_batches)]
-        _fit(student, kept, rates, settings.batch_size, rng)
+        fit([settings.last_rate(batch) for batch in range(settings.last_batches)])
     description = PolicyDescription(JointEpisodes.name, episodes.robot, episodes.limits)
     return NetworkPolicy(student.mlp(), student.normalisation, description)
 
 
-def _fit(
-    student: Student, kept: Samples, rates: Sequence[float], batch_size: int, rng: np.random.Generator
-) -> float:
-    """Gradient steps at learning rates on batches of all samples; returns the mean loss."""
-    seen, asked = kept.all()
-    losses = []
-    for rate in rates:
-        rows = rng.integers(len(seen), size=batch_size)
-        losses.append(student.fit(seen[rows], asked[rows], rate))
-    return float(np.mean(losses)) if losses else 0.0
-
-
-def imitate_once(settings: ImitationSettings, path: Path, report: Report = silent) -> NetworkPolicy:
+def imitate_once(settings: ImitationSettings, path: Path, report: Report = lambda _: None) -> NetworkPolicy:
     """The policy of an earlier run of the same settings at PATH.safetensors, or `imitate` and keep it there.
 
     A run takes minutes and is not resumed: one that was killed leaves nothing, and begins again.
@@ -339,8 +293,8 @@ def imitate_once(settings: ImitationSettings, path: Path, report: Report = silen
     note = {"imitation": asdict(settings)}
     files = policy_paths(path)
     if all(file.exists() for file in files):
-        told = parse_json(f"policy description {files[1]}", read_file(files[1])).get("training")
-        if told != json.loads(json.dumps(note)):
+        found = parse_json(f"policy description {files[1]}", read_file(files[1])).get("training")
+        if found != json.loads(json.dumps(note)):
             raise InvalidValueError(
                 f"{files[1]} is of other settings of imitation; remove it, or name another"
             )

@@ -1,7 +1,12 @@
-"""What training is rewarded for, by name."""
+"""Rewards of training, by name.
+
+To add one, write a class like these and give it a name in `REWARDS`. Where it is a worth of every planning
+period, a subclass of `EnvironmentReward` with its own `worth` is all.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -14,12 +19,12 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 FALL, RECOVERED, STANDING = -1.0, 1.0, 0.3  # worth of an end
-LEAST, MOST = -0.3, 0.05  # capture margins beyond which more or less is worth the same [m]
+MARGINS = (-0.3, 0.05)  # capture margins beyond which less or more is worth the same [m]
 PER_METRE = 2.0  # of capture margin
 
 
 class Reward(Protocol):
-    """Sums up what a learned action was worth to n robots."""
+    """Sum of what a learned action is worth to each of n robots."""
 
     bootstraps: bool  # whether what would follow counts where the time is up
 
@@ -27,35 +32,44 @@ class Reward(Protocol):
         """The robots `rows` begin an episode where they are."""
         ...
 
-    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+    def period(self, period: Period, live: Mask, gate_closed: Mask) -> Mask:
         """Count a planning period of the robots `live` (n,); returns those whose episode ends with it.
 
         Args:
-            period: what came of it.
+            period: its result.
             live: (n,) that are in their episode.
-            quiet: (n,) whose gate is shut, so that nothing that is learned acts on them.
+            gate_closed: (n,) on which nothing that is learned acts.
         """
         ...
 
     def collect(self, over: Mask) -> Array:
-        """What the action was worth (n,); the episodes `over` (n,) have ended with it."""
+        """Worth of the action (n,); the episodes `over` (n,) have ended with it."""
         ...
 
 
 class EnvironmentReward:
-    """The environment's own reward, summed over the periods of an action."""
+    """The worth of each planning period, summed over those of an action: the environment's own reward.
+
+    Args:
+        episodes: of n robots.
+        gamma: discount per learned action.
+    """
 
     bootstraps = True
 
     def __init__(self, episodes: GaitEpisodes, gamma: float):
-        self._sum = np.zeros(episodes.n)
+        self.episodes, self._sum = episodes, np.zeros(episodes.n)
+
+    def worth(self, period: Period) -> Array:
+        """Worth of a period (n,)."""
+        return period.reward.total
 
     def begin(self, rows: Ints) -> None:
         """Nothing is remembered of before."""
 
-    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+    def period(self, period: Period, live: Mask, gate_closed: Mask) -> Mask:
         """Add it; the episode ends where the environment says so."""
-        self._sum[live] += period.reward.total[live]
+        self._sum[live] += self.worth(period)[live]
         return live & (period.failed | period.truncated)
 
     def collect(self, over: Mask) -> Array:
@@ -70,7 +84,11 @@ class RecoveryReward:
 
     With m the margin and  phi = 2 clip(m, -0.3 m, 0.05 m),  0 at an end, an action earns
     gamma phi' - phi  besides, which leaves the best policy what it is (Ng, Harada & Russell 1999). An episode
-    is over as soon as the robot has recovered, judged at a touchdown since its begin, and its gate is shut.
+    is over as soon as the robot has recovered, judged at a touchdown since its begin, and its gate is closed.
+
+    Args:
+        episodes: of n robots.
+        gamma: discount per learned action.
     """
 
     bootstraps = False
@@ -85,10 +103,10 @@ class RecoveryReward:
         self._begun[rows] = self._episodes.motion().time[rows]
         self._potential[rows] = self._now()[rows]
 
-    def period(self, period: Period, live: Mask, quiet: Mask) -> Mask:
+    def period(self, period: Period, live: Mask, gate_closed: Mask) -> Mask:
         """Reward the ends."""
         recovered = self._episodes.monitor.state.recovered_at > self._begun  # NaN: it has not
-        over = live & (period.failed | period.truncated | (recovered & quiet))
+        over = live & (period.failed | period.truncated | (recovered & gate_closed))
         worth = np.where(period.failed, FALL, np.where(recovered, RECOVERED, STANDING))
         self._sum[over] += worth[over]
         return over
@@ -101,7 +119,10 @@ class RecoveryReward:
         return total
 
     def _now(self) -> Array:
-        return PER_METRE * np.clip(self._episodes.core.margin, LEAST, MOST)
+        return PER_METRE * np.clip(self._episodes.core.margin, *MARGINS)
 
 
-REWARDS = {"recovery": RecoveryReward, "environment": EnvironmentReward}
+REWARDS: dict[str, Callable[[GaitEpisodes, float], Reward]] = {
+    "recovery": RecoveryReward,
+    "environment": EnvironmentReward,
+}

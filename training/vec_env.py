@@ -1,16 +1,7 @@
-"""n robots as Stable-Baselines3's `VecEnv`.
-
-Robots that share one environment, as Stable-Baselines3 asks for them: one by one.
-
-A vector environment of Gymnasium as Stable-Baselines3's `VecEnv`.
-
-n robots under training as Stable-Baselines3's `VecEnv`.
-"""
+"""n robots as Stable-Baselines3's `VecEnv`: of a vector environment of Gymnasium, or under training."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -25,14 +16,30 @@ from .actor import Actor
 from .reward import Reward
 from .starts import Starts
 
+Step = tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+
 
 class SharedVecEnv(VecEnv):
-    """A `VecEnv` whose attributes and methods are those of one object that all robots share."""
+    """A `VecEnv` whose attributes and methods are those of one object that all robots share.
 
-    @property
-    @abstractmethod
-    def shared(self) -> Any:
-        """The object."""
+    Args:
+        shared: the object.
+        n: number of robots.
+        observation: space of one robot.
+        action: space of one robot.
+    """
+
+    def __init__(self, shared: Any, n: int, observation: gym.Space, action: gym.Space):
+        self.shared = shared
+        self._actions: NDArray[Any] = np.zeros(0)
+        super().__init__(n, observation, action)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take actions (n, k) for `step_wait`."""
+        self._actions = actions
+
+    def close(self) -> None:
+        """Nothing is held open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of what is shared, once for each of the robots asked for."""
@@ -89,23 +96,23 @@ class SB3VecEnv(SharedVecEnv):
                 "SB3VecEnv resets by itself, got autoreset mode 'SameStep'; choose from: NextStep, Disabled"
             )
         self.env = env
-        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._actions: NDArray[Any] | None = None
+        super().__init__(env, env.num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> NDArray[Any]:
         """Reset all robots with the seeds of `seed` and the scenarios of `set_options`, each used once."""
         seeds: Any = None if all(seed is None for seed in self._seeds) else list(self._seeds)
-        observations, infos = self.env.reset(seed=seeds, options=_joined(self._options))
+        unknown = sorted({key for each in self._options for key in each} - {"scenario"})
+        if unknown:
+            raise InvalidValueError(f"reset options of SB3VecEnv are: scenario; got {unknown[0]!r}")
+        scenarios = [each.get("scenario") for each in self._options]
+        options = {"scenario": scenarios} if any(self._options) else None
+        observations, infos = self.env.reset(seed=seeds, options=options)
         self.reset_infos = [row_of(infos, k) for k in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
         return observations
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Take actions (n, 7) for `step_wait`."""
-        self._actions = actions
-
-    def step_wait(self) -> tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> Step:
         """Observations, rewards, ends and infos of one step; an ended robot's observation is the new one."""
         observations, rewards, terminated, truncated, vector_info = self.env.step(self._actions)
         ended = terminated | truncated
@@ -125,11 +132,6 @@ class SB3VecEnv(SharedVecEnv):
         """Close the vector environment."""
         self.env.close()
 
-    @property
-    def shared(self) -> VectorEnv:
-        """The vector environment."""
-        return self.env
-
 
 def row_of(info: dict[str, Any], k: int) -> dict[str, Any]:
     """The info of robot k out of a vector environment's: the keys whose mask is True."""
@@ -143,20 +145,6 @@ def row_of(info: dict[str, Any], k: int) -> dict[str, Any]:
             value = values[k]
             row[key] = value.item() if isinstance(value, np.generic) else value
     return row
-
-
-def _joined(options: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Reset options of all robots out of one dict for each, of which only `scenario` is known."""
-    unknown = sorted({key for each in options for key in each} - {"scenario"})
-    if unknown:
-        raise InvalidValueError(f"reset options of SB3VecEnv are: scenario; got {unknown[0]!r}")
-    if not any(options):
-        return None
-    return {"scenario": [each.get("scenario") for each in options]}
-
-
-Mask = NDArray[np.bool_]
-Rewards = NDArray[np.float32]
 
 
 class TrainingRobots(SharedVecEnv):
@@ -176,29 +164,28 @@ class TrainingRobots(SharedVecEnv):
     def __init__(self, episodes: GaitEpisodes, actor: Actor, starts: Starts, reward: Reward, hold: int):
         self.episodes, self.hold = episodes, hold
         self._actor, self._starts, self._reward = actor, starts, reward
-        self._everyone = np.arange(episodes.n)
         self.render_mode = None  # which Stable-Baselines3 asks for
-        self._outputs = np.zeros((episodes.n, episodes.action_size), np.float32)
         inputs = gym.spaces.Box(-np.inf, np.inf, (actor.size,), np.float32)
-        super().__init__(episodes.n, inputs, gym.spaces.Box(-1.0, 1.0, (episodes.action_size,), np.float32))
+        outputs = gym.spaces.Box(-1.0, 1.0, (episodes.action_size,), np.float32)
+        super().__init__(self, episodes.n, inputs, outputs)
 
     def reset(self) -> NDArray[np.float32]:
         """Begin all episodes."""
-        self._begin(self._everyone)
+        self._begin(np.arange(self.num_envs))
         return self._actor.inputs()
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Take outputs (n, k) of the network, which are clipped to [-1, 1]."""
-        self._outputs = np.clip(actions, -1.0, 1.0).astype(np.float32)
+    def step_wait(self) -> Step:
+        """Inputs, rewards, ends and infos; the inputs of an ended episode are those of the next one.
 
-    def step_wait(self) -> tuple[NDArray[np.float32], Rewards, Mask, list[dict[str, Any]]]:
-        """Inputs, rewards, ends and infos; the inputs of an ended episode are those of the next one."""
+        The outputs of the network are clipped to [-1, 1].
+        """
+        outputs = np.clip(self._actions, -1.0, 1.0).astype(np.float32)
         live, failed = np.ones(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         for _ in range(self.hold):
-            period = self.episodes.step(self._actor.actions(self._outputs))
+            period = self.episodes.step(self._actor.actions(outputs))
             self._actor.look(np.flatnonzero(live))
-            over = self._reward.period(period, live, self._actor.quiet)
+            over = self._reward.period(period, live, self._actor.gate_closed)
             failed |= over & period.failed
             for k in np.flatnonzero(over).tolist():
                 infos[k] = self._end(k, bool(failed[k]))
@@ -229,11 +216,3 @@ class TrainingRobots(SharedVecEnv):
             "recovered_at": recovered_at,
             "TimeLimit.truncated": self._reward.bootstraps and not failed,
         }
-
-    def close(self) -> None:
-        """Nothing is held open."""
-
-    @property
-    def shared(self) -> TrainingRobots:
-        """These robots."""
-        return self

@@ -22,7 +22,7 @@ from ...controllers.validation import parse_json
 from .options import Count, EnvOptions, JsonOption, RunningOptions, WorkerOptions, within
 
 if TYPE_CHECKING:
-    from ..protocols.run import Protocol
+    from ..protocols.run import PushProtocol
 
 FORM_TEXT = (
     "Form of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or "
@@ -64,25 +64,26 @@ class ProtocolCommand(EnvOptions, RunningOptions):
             )
 
     @property
-    def asked(self) -> Protocol:
+    def asked(self) -> PushProtocol:
         """The protocol with its scenarios."""
         return self._plain.with_collisions() if self.collisions else self._plain
 
     @property
-    def _plain(self) -> Protocol:
+    def _plain(self) -> PushProtocol:
         from ..protocols.kick import kick_scenarios
-        from ..protocols.run import Protocol
+        from ..protocols.run import PushProtocol, biped_of
         from ..protocols.tour import tour_scenario
-        from ..protocols.watched import biped_of
 
         robot = biped_of(self.env_id)
         if self.protocol == "tour":
             ids = range(self.episodes or 64)
-            return Protocol("tour", "stated", robot.robot, tuple(tour_scenario(one, robot) for one in ids))
+            return PushProtocol(
+                "tour", "stated", robot.robot, tuple(tour_scenario(one, robot) for one in ids)
+            )
         form = self.form or "stated"
         levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
         scenarios = tuple(scenario for level in levels for scenario in level)
-        return Protocol("kick", form, robot.robot, scenarios)
+        return PushProtocol("kick", form, robot.robot, scenarios)
 
     def run(self) -> None:
         """Run it, print one table or object, write the reports."""
@@ -96,12 +97,8 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         path = report.write_reports(found)
         if self.json:
             self.print_json(report.to_dict(found))
-        elif self.protocol == "kick":
-            title = f"{report.kick_title(found)}. {report.STOOD}"
-            print_table(title, report.kick_columns(found, "stood"), report.kick_cells(found, "stood"))
         else:
-            print_table(report.tour_title(found), report.TOUR_COLUMNS, report.tour_cells(found))
-        if not self.json:
+            print_table(*report.REPORTS[self.protocol].table(found))
             print(f"report: {path}")
 
 

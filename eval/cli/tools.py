@@ -198,7 +198,7 @@ ERRORS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Tune(EnvOptions, ErrorOptions, RunningOptions):
-    """Search settings; the defaults are those of `tuning.settings.TuningSettings`."""
+    """Search settings; the defaults are those of `TuningSettings`."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME")] = ("two-stage",)
     """Planners that are tuned one after the other, each by a search of its own."""
@@ -242,9 +242,9 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
         from ..output.progress import Bars, Work, about, progress_bars, robot_seconds
-        from ..tuning.variants import check_arms, place_of, print_arms, summary, tune_arms
+        from ..tuning.variants import check_variants, place_of, print_variants, summary, tune_variants
 
-        each = check_arms(self.settings, self.policies)  # unknown names fail here, before the bars
+        each = check_variants(self.settings, self.policies)  # unknown names fail here, before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
         place = self.directory or place_of(self.settings, list(each))
@@ -255,7 +255,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
             bars[0].set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
 
         with ExitStack() as stack:
-            found = tune_arms(
+            found = tune_variants(
                 self.settings,
                 self.policies,
                 self.trials,
@@ -268,4 +268,4 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         if self.json:
             self.print_json(summary(found))
         else:
-            print_arms(found)
+            print_variants(found)

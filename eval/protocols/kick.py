@@ -1,6 +1,4 @@
-"""RecoverFormer's push table on robots of this package: jumps of velocity, by level.
-
-RecoverFormer's push table on robots of this package: jumps of the whole robot's velocity, by level.
+"""RecoverFormer's push table on robots of this package: jumps of the whole robot's velocity, by level.
 
 Source: github.com/ZihuiLiu/RecoverFormer, commit 70eabd2, and its paper, Table I. A "push of F for 0.1 s"
 adds F x 0.1 s / m to the velocity of a Unitree G1's base, which is an impulse through its CoM in no time. The
@@ -10,13 +8,14 @@ jump [m/s] is the level here, so that robots of another mass meet the same. Thre
 - "coded", as the program does: direction uniform, vertical part uniform in -0.1 to 0.2 of the jump;
 - "force", which the paper says too: a force on the pelvis for 0.1 s with the impulse of "stated".
 
-What RecoverFormer measures of an episode: fallen by its criterion, time to stable, largest tilt.
+The measures of an episode are RecoverFormer's, too: fallen by its criterion, time to stable, largest tilt.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -25,11 +24,9 @@ from ...controllers.whole_body.kinematics import TRUNK
 from ...envs.biped.core import BipedCore
 from ...envs.scenario.push import GaitEvent, Kick, Push
 from ...envs.scenario.scenario import Scenario
-from ..rollout.outcome import Outcome
+from ..rollout.outcome import Ending
 from .streams import uniforms
-from .watched import Found
 
-FORMS = ("stated", "coded", "force")
 FORCES = (50, 100, 150, 200, 250, 300)  # [N], of which each for 0.1 s on the G1 is a level, as published
 BEYOND = (420, 560, 700)  # 1.2, 1.6 and 2.0 m/s: levels of our own, for robots that stand up to all of those
 LEVELS = (*FORCES, *BEYOND)
@@ -51,7 +48,7 @@ def jump_of(force: float) -> float:
 def kick_scenarios(
     form: str, episodes: int = EPISODES, mass: float = REFERENCE.mass
 ) -> dict[int, tuple[Scenario, ...]]:
-    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of FORMS.
+    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of three forms.
 
     Args:
         form: of the push.
@@ -75,8 +72,7 @@ def _scenario(
     psi = 2.0 * math.pi * (turn if form == "coded" else index % DIRECTIONS / DIRECTIONS)
     rise = DOWN + lift * (UP - DOWN) if form == "coded" else 0.0
     jump = jump_of(force)
-    parts = (round(jump * share, 6) + 0.0 for share in (math.cos(psi), math.sin(psi), rise))
-    x, y, z = parts
+    x, y, z = (round(jump * share, 6) + 0.0 for share in (math.cos(psi), math.sin(psi), rise))
     label = f"kick-{form}-{force}-{index:03d}"
     if form != "force":
         return Scenario(label, duration=END, noise_seed=index, kicks=(Kick((x, y, z), start),))
@@ -98,17 +94,17 @@ UPRIGHT = 8  # entry of a body's rotation matrix: the cosine of its tilt
 
 
 class KickWatcher:
-    """Looks at pelvis and trunk of each robot, at the true state, from the disturbance on."""
+    """Watches pelvis and trunk of each robot, at the true state, from the disturbance on."""
 
     def __init__(self) -> None:
-        self._episodes: dict[int, _Measured] = {}
+        self._episodes: dict[int, Measures] = {}
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k has begun a scenario with one kick or one push at a time."""
         starts = [kick.start for kick in scenario.kicks] + [push.start for push in scenario.pushes]
         times = [start for start in starts if not isinstance(start, GaitEvent)]
         standing = float(core.true_state(k).qpos[k, 2])
-        self._episodes[k] = _Measured(min(times, default=math.inf), standing)
+        self._episodes[k] = Measures(min(times, default=math.inf), standing)
 
     def look(self, core: BipedCore, k: int) -> None:
         """Take in where robot k is."""
@@ -120,30 +116,35 @@ class KickWatcher:
             math.acos(min(max(float(state.xmat[k, TRUNK, UPRIGHT]), -1.0), 1.0)),
         )
 
-    def found(self, core: BipedCore, k: int, outcome: Outcome) -> Found:
+    def end(self, core: BipedCore, k: int, ending: Ending) -> dict[str, Any]:
         """RSR, TTS and PTT of the episode."""
-        return self._episodes.pop(k).told(outcome)
+        return self._episodes.pop(k).entries(ending)
 
 
-class _Measured:
-    """One episode so far."""
+class Measures:
+    """Measures of one episode so far.
+
+    Args:
+        start: of the disturbance [s].
+        standing: height of the pelvis at the begin [m].
+    """
 
     def __init__(self, start: float, standing: float):
         self._start, self._standing = start, standing
         self._lowest, self._steepest, self._tilt, self._stable = standing, 0.0, 0.0, math.nan
 
     def take(self, time: float, height: float, speed: float, tilt: float) -> None:
-        """One moment: [s], [m], [m/s], [rad]."""
+        """Count one moment: [s], [m], [m/s], [rad]."""
         self._lowest, self._steepest = min(self._lowest, height), max(self._steepest, tilt)
         if time > self._start:
             self._tilt = max(self._tilt, tilt)
             if math.isnan(self._stable) and speed < STILL:
                 self._stable = time
 
-    def told(self, outcome: Outcome) -> Found:
-        """Their measures; the time to stable of one that never was is what was left of its episode."""
-        stands = outcome.survived and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
-        stable = outcome.end_time if math.isnan(self._stable) else self._stable
+    def entries(self, ending: Ending) -> dict[str, Any]:
+        """Entries of a row; the time to stable of one that never was is what was left of its episode."""
+        stands = not ending.fell and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
+        stable = ending.time if math.isnan(self._stable) else self._stable
         after = math.isfinite(self._start)
         return {
             "stood": stands,

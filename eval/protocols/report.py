@@ -1,13 +1,11 @@
-"""Tables of a protocol: this robot's policies, and the published rows under them.
-
-What others have published under their protocols, and how their robots differ from ours.
-"""
+"""Tables of a protocol: this robot's policies over the published rows, and how the others' robots differ."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
@@ -37,7 +35,7 @@ KICK_NOTE = (
 
 
 def kick_note(robot: RobotModel) -> str:
-    """What differs between their robot and ours."""
+    """Differences between their robot and ours."""
     jump = jump_of(FORCES[-1])
     share = jump / math.sqrt(GRAVITY * robot.com_height)
     return (
@@ -87,7 +85,7 @@ TOUR_NOTE = (
 
 
 def tour_note(robot: RobotModel) -> str:
-    """What differs between their robot and ours."""
+    """Differences between their robot and ours."""
     share, velocity = force_share(robot), Similarity.of(robot).velocity
     forces = f"up to {CEILING * share:.0f} N for {PUNCH_DURATION} s"
     meets = (
@@ -105,14 +103,8 @@ FORMS = {
     "force": "a force on the pelvis for 0.1 s with the impulse of the jump, 8 directions in turn",
 }
 TOUR_COLUMNS = (
-    "policy",
-    "runs",
-    "completed",
-    "95 % interval",
-    "survival [s]",
-    "position [cm]",
-    "heading [deg]",
-)
+    "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]"
+)  # fmt: skip
 STOOD = "Share without a fall by RecoverFormer's criterion, % (Wilson, 95 %)"
 RATES = {"stood": STOOD, "survived": "Survived by this project's criterion, %", "recovered": "Recovered, %"}
 MEANS = {
@@ -131,12 +123,6 @@ def level_of(row: Row) -> int:
     return int(row["scenario_id"].split("-")[-2])
 
 
-def rate_cell(count: int, of: int) -> str:
-    """Percentage with its Wilson interval."""
-    low, high = wilson_interval(count, of)
-    return f"{100 * count / of:.1f} ({100 * low:.1f}-{100 * high:.1f})" if of else "-"
-
-
 def kick_columns(results: Results, key: str) -> tuple[str, ...]:
     """Headings of `kick_cells`."""
     return ("level", *results.rows, *(KICK_ROWS if key == "stood" else ()))
@@ -144,7 +130,7 @@ def kick_columns(results: Results, key: str) -> tuple[str, ...]:
 
 def kick_cells(results: Results, key: str) -> list[tuple[str, ...]]:
     """A rate or a mean of each policy, level by level; beside rates of `stood`, the published ones."""
-    cells, shown = [], _share if key in RATES else _mean
+    cells, shown = [], rate_cell if key in RATES else mean_cell
     for force in LEVELS:
         own = [shown([row[key] for row in rows if level_of(row) == force]) for rows in results.rows.values()]
         theirs = [f"{row[force]:.1f}" if force in row else "-" for row in KICK_ROWS.values()]
@@ -153,17 +139,20 @@ def kick_cells(results: Results, key: str) -> list[tuple[str, ...]]:
     return cells
 
 
-def _share(values: Sequence[Any]) -> str:
-    return rate_cell(sum(values), len(values))
+def rate_cell(values: Sequence[bool]) -> str:
+    """Percentage with its Wilson interval."""
+    count, of = sum(values), len(values)
+    low, high = wilson_interval(count, of)
+    return f"{100 * count / of:.1f} ({100 * low:.1f}-{100 * high:.1f})" if of else "-"
 
 
-def _mean(values: Iterable[Any]) -> str:
-    values = list(values)
+def mean_cell(values: Sequence[float]) -> str:
+    """Mean of numbers."""
     return f"{fmean(values):.2f}" if values else "-"
 
 
 def kick_title(results: Results) -> str:
-    """What was run, in one line."""
+    """Title of a run of `kick`."""
     each = len(results.protocol.scenarios) // len(LEVELS)
     return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_collisions(results)}"
 
@@ -210,14 +199,13 @@ def tour_cells(results: Results) -> list[tuple[str, ...]]:
     """One row of cells for each policy, then the published ones, both engines."""
     cells = []
     for name, rows in results.rows.items():
-        told = tour_summary(rows)
-        low, high = told["ci95"]
-        errors = f"{told['position_error_cm']:.1f}", f"{told['heading_error_deg']:.1f}"
+        found = tour_summary(rows)
         share, interval = (
-            f"{100 * told['completed'] / told['runs']:.1f} %",
-            f"{100 * low:.1f}-{100 * high:.1f}",
+            found["completed"] / found["runs"],
+            "-".join(f"{100 * p:.1f}" for p in found["ci95"]),
         )
-        cells.append((name, str(told["runs"]), share, interval, f"{told['survival_s']:.1f}", *errors))
+        means = (f"{found[key]:.1f}" for key in ("survival_s", "position_error_cm", "heading_error_deg"))
+        cells.append((name, str(found["runs"]), f"{share:.1f} %", interval, *means))
     for name, row in TOUR_ROWS.items():
         both = ("{}/{}".format(*pair) for pair in (row.survival, row.position, row.heading))
         completed = "{}/{} %".format(*row.completed)
@@ -226,7 +214,7 @@ def tour_cells(results: Results) -> list[tuple[str, ...]]:
 
 
 def tour_title(results: Results) -> str:
-    """What was run, in one line."""
+    """Title of a run of `tour`."""
     return f"{results.env_id}: tour, run ids 0-{len(results.protocol.scenarios) - 1}{_collisions(results)}"
 
 
@@ -240,11 +228,32 @@ def tour_markdown(results: Results) -> str:
     return f"# Tour\n\n{tour_title(results)}; published rows in MuJoCo / PhysX.\n\n{table}\n{note}"
 
 
+@dataclass(frozen=True)
+class Report:
+    """How the results of a protocol are rendered."""
+
+    summary: Callable[[Sequence[Row]], dict[str, Any]]  # of one policy, for JSON
+    markdown: Callable[[Results], str]
+    table: Callable[[Results], tuple[str, Sequence[str], list[tuple[str, ...]]]]  # title, columns, cells
+
+
+REPORTS = {
+    "kick": Report(
+        kick_summary,
+        kick_markdown,
+        lambda found: (
+            f"{kick_title(found)}. {STOOD}", kick_columns(found, "stood"), kick_cells(found, "stood")
+        ),
+    ),
+    "tour": Report(
+        tour_summary, tour_markdown, lambda found: (tour_title(found), TOUR_COLUMNS, tour_cells(found))
+    ),
+}  # fmt: skip
+
+
 def to_dict(results: Results) -> dict[str, Any]:
     """One JSON object of the results."""
-    summary: Callable[[Sequence[Row]], dict[str, Any]] = (
-        kick_summary if results.protocol.name == "kick" else tour_summary
-    )
+    summary = REPORTS[results.protocol.name].summary
     return {
         "protocol": results.protocol.summary() | {"collisions": results.protocol.collisions},
         "env": results.env_id,
@@ -257,5 +266,5 @@ def write_reports(results: Results) -> Path:
     """Write report.json and report.md into the directory; returns the path of the latter."""
     write_text(results.directory / "report.json", json.dumps(to_dict(results), indent=1) + "\n")
     path = results.directory / "report.md"
-    write_text(path, (kick_markdown if results.protocol.name == "kick" else tour_markdown)(results))
+    write_text(path, REPORTS[results.protocol.name].markdown(results))
     return path

@@ -1,24 +1,17 @@
 """The open teleop-walking-benchmark on robots of this package: a tour of 18 waypoints under 18 punches.
 
-Where the benchmark's punches act on a robot: a body and a point of it for each joint of the G1.
-
-The open teleop-walking-benchmark on robots of this package: a tour of 18 waypoints under 18 punches.
-
 Source: github.com/rhoyn/teleop-walking-benchmark, README of 6d331a85 and main.cpp of 2e8b4286, of which the
 constants of the README stand where the two differ. Each task is a run id; its waypoints and punches come from
-the benchmark's own random streams. A punch of a joint of the G1 acts where `places_of` says.
-
-The benchmark's way to a waypoint: velocity proportional to what is missing, within a robot's limits.
-
-Tells robots how to walk from waypoint to waypoint, and measures where they stand at the end of each.
+the benchmark's own random streams. A punch of a joint of the G1 acts where `punch_points` says. The way to a
+waypoint is the benchmark's: a velocity proportional to the error, within a robot's limits.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -31,9 +24,8 @@ from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
-from ..rollout.outcome import Outcome
+from ..rollout.outcome import Ending
 from .streams import SeededTwister
-from .watched import Found
 
 SIDES = "left", "right"
 WAIST = 3  # joints of the G1's
@@ -42,7 +34,7 @@ ARM = "shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", 
 SHOULDER = (0.10, 0.24)  # of the G1, aside and over the waist [m]
 
 
-class Place(NamedTuple):
+class PunchPoint(NamedTuple):
     """A body, and an offset from its CoM in the body's axes [m]."""
 
     body: str
@@ -50,8 +42,8 @@ class Place(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def places_of(robot: CompiledRobot) -> tuple[Place, ...]:
-    """Places in the order of the G1's joints: left leg, right leg, waist, left arm, right arm.
+def punch_points(robot: CompiledRobot) -> tuple[PunchPoint, ...]:
+    """Punched points in the order of the G1's joints: left leg, right leg, waist, left arm, right arm.
 
     A punch of a leg's joint acts at that joint on the link that it moves, whichever axis of the hip it is on
     the thigh. One of the waist acts on the trunk at the waist. One of an arm acts on the arm's link, held or
@@ -64,17 +56,17 @@ def places_of(robot: CompiledRobot) -> tuple[Place, ...]:
     found = []
     for side, leg in zip(SIDES, legs, strict=True):
         found += [
-            _place(robot, data, f"{side}_{link}", data.xanchor[joint])
+            _point(robot, data, f"{side}_{link}", data.xanchor[joint])
             for link, joint in zip(LINKS, leg, strict=True)
         ]
-    found += WAIST * [_place(robot, data, "trunk", waist)]
+    found += WAIST * [_point(robot, data, "trunk", waist)]
     for side, left in zip(SIDES, (1.0, -1.0), strict=True):
-        shoulder = _place(robot, data, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
+        shoulder = _point(robot, data, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
         found += [_on_arm(robot, data, f"{side}_{part}") or shoulder for part in ARM]
     return tuple(found)
 
 
-def _on_arm(robot: CompiledRobot, data: mujoco.MjData, part: str) -> Place | None:
+def _on_arm(robot: CompiledRobot, data: mujoco.MjData, part: str) -> PunchPoint | None:
     """The origin of a part of an arm, where its joint is, on the link that it is in one with."""
     first = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, f"{part}_link")
     if first == MISSING:
@@ -82,14 +74,14 @@ def _on_arm(robot: CompiledRobot, data: mujoco.MjData, part: str) -> Place | Non
     names, body = {number: name for name, number in robot.pushed.items()}, first
     while body not in robot.indices.pushed:
         body = int(robot.model.body_parentid[body])
-    return _place(robot, data, names[robot.indices.pushed.index(body)], data.xpos[first])
+    return _point(robot, data, names[robot.indices.pushed.index(body)], data.xpos[first])
 
 
-def _place(robot: CompiledRobot, data: mujoco.MjData, body: str, point: NDArray[np.float64]) -> Place:
+def _point(robot: CompiledRobot, data: mujoco.MjData, body: str, point: NDArray[np.float64]) -> PunchPoint:
     """A point of the world in the axes of a body, as the robot stands in `data`."""
     number = robot.indices.pushed[robot.pushed[body]]
     x, y, z = (data.xmat[number].reshape(3, 3).T @ (point - data.xipos[number])).round(6).tolist()
-    return Place(body, (x + 0.0, y + 0.0, z + 0.0))
+    return PunchPoint(body, (x + 0.0, y + 0.0, z + 0.0))
 
 
 WAYPOINTS, PUNCHES = 2, 3  # streams
@@ -103,8 +95,8 @@ RAMP = 60.0  # time in which the ceiling rises from a third of that to all of it
 G1_MASS = 35.112  # [kg]
 
 
-class Waypoint(NamedTuple):
-    """Where the robot is told to stand, in the frame in which it began."""
+class Pose(NamedTuple):
+    """Position and heading of the pelvis over the floor; a waypoint is one in the frame of the begin."""
 
     x: float  # forward [m]
     y: float  # to the left [m]
@@ -124,14 +116,14 @@ def wrapped(angle: float) -> float:
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
-def waypoints(run_id: int) -> tuple[Waypoint, ...]:
+def waypoints(run_id: int) -> tuple[Pose, ...]:
     """The 18 waypoints of a task."""
     stream, found = SeededTwister(run_id, WAYPOINTS), []
     for _ in range(SEGMENTS):
         radius = RADIUS * math.sqrt(stream.unit())
         bearing, yaw = 2.0 * math.pi * stream.unit(), 2.0 * math.pi * stream.unit()
         x, y = AHEAD + radius * math.cos(bearing), radius * math.sin(bearing)
-        found.append(Waypoint(x, y, wrapped(yaw)))
+        found.append(Pose(x, y, wrapped(yaw)))
     return tuple(found)
 
 
@@ -153,57 +145,38 @@ def punches(run_id: int) -> tuple[Punch, ...]:
 
 
 def tour_scenario(run_id: int, robot: CompiledRobot) -> Scenario:
-    """The punches of a task on a robot; it is told where to walk while it walks."""
-    pushes, places, share = [], places_of(robot), force_share(robot.robot)
+    """The punches of a task on a robot; its command is written while it walks."""
+    pushes, points, share = [], punch_points(robot), force_share(robot.robot)
     for i, (joint, direction, force) in enumerate(punches(run_id)):
         x, y, z = (round(force * share * part, 3) + 0.0 for part in direction)
-        body, offset = places[joint]
+        body, offset = points[joint]
         pushes.append(Push((x, y, z), PUNCH_DURATION, round(punch_time(i), 6), body, offset))
     return Scenario(f"tour-{run_id:04d}", tuple(pushes), duration=LENGTH, noise_seed=run_id)
 
 
 def force_share(robot: RobotModel) -> float:
-    """What forces are multiplied by: the ratio of masses on the biped of 60 kg, 1 on robots that exist."""
+    """Factor of the forces: the ratio of masses on the biped of 60 kg, 1 on robots that exist."""
     return robot.mass / G1_MASS if Similarity.of(robot) == SAME else 1.0
-
-
-def run_id_of(scenario_id: str) -> int:
-    """The task of a scenario of `tour_scenario`."""
-    return int(scenario_id.rpartition("-")[2])
 
 
 GAIN = 1.5  # of position and of heading [1/s]
 REACHED, LOST = (0.10, 0.05), (0.20, 0.12)  # distance [m], heading [rad]
-SLOWEST_X, FASTEST_X, FASTEST_Y = -0.25, 0.5, 0.2  # that a robot of 0.8 m is told to walk [m/s]
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Place [m] and heading [rad] of the pelvis over the floor."""
-
-    x: float
-    y: float
-    yaw: float
-
-
-def missing(pose: Pose, target: Waypoint) -> tuple[float, float, float]:
-    """Position error in the heading's frame, forward and to the left [m], and heading error [rad]."""
-    east, north = target.x - pose.x, target.y - pose.y
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    return cos * east + sin * north, cos * north - sin * east, wrapped(target.yaw - pose.yaw)
+SLOWEST_X, FASTEST_X, FASTEST_Y = -0.25, 0.5, 0.2  # commands of a robot of 0.8 m [m/s]
+ROUNDING = 1e-9  # times are sums of steps [s]
 
 
 def in_frame(pose: Pose, origin: Pose) -> Pose:
-    """A pose as seen from another one."""
-    x, y, yaw = missing(origin, Waypoint(pose.x, pose.y, pose.yaw))
-    return Pose(x, y, yaw)
+    """A pose as seen from another one; of a target, the error that is left."""
+    east, north = pose.x - origin.x, pose.y - origin.y
+    cos, sin = math.cos(origin.yaw), math.sin(origin.yaw)
+    return Pose(cos * east + sin * north, cos * north - sin * east, wrapped(pose.yaw - origin.yaw))
 
 
 class Follower:
-    """Tells one robot how to walk to one waypoint after the other.
+    """Commands of one robot that walks to one waypoint after the other.
 
-    A waypoint counts as reached until it is lost again by more than the bounds of REACHED; meanwhile nothing
-    is asked. Position and heading are reached each for itself.
+    A waypoint is reached within the bounds of REACHED, and lost again beyond those of LOST; meanwhile the
+    command is to rest. Position and heading are reached each for itself.
 
     Args:
         velocity: of the robot against one whose CoM is 0.8 m high.
@@ -213,14 +186,14 @@ class Follower:
         self._slowest_x, self._fastest_x, self._fastest_y = (
             velocity * speed for speed in (SLOWEST_X, FASTEST_X, FASTEST_Y)
         )
-        self._target: Waypoint | None = None
+        self._target: Pose | None = None
         self._there = [False, False]  # position, heading
 
-    def command(self, pose: Pose, target: Waypoint) -> tuple[float, float, float]:
+    def command(self, pose: Pose, target: Pose) -> tuple[float, float, float]:
         """Velocity forward and to the left [m/s] and turn [rad/s]."""
         if target != self._target:
             self._target, self._there = target, [False, False]
-        forward, left, turn = missing(pose, target)
+        forward, left, turn = in_frame(target, pose)
         for i, error in enumerate((math.hypot(forward, left), abs(turn))):
             bound = LOST[i] if self._there[i] else REACHED[i]
             self._there[i] = error < bound
@@ -232,59 +205,54 @@ class Follower:
         )
 
 
-HAIR = 1e-9  # times are sums of steps [s]
-
-
 class TourWatcher:
-    """Looks at the true pose of each robot's pelvis and writes its command, as the harness there does."""
+    """Writes each robot's command from the true pose of its pelvis, as the benchmark's harness does."""
 
     def __init__(self) -> None:
-        self._tours: dict[int, _Tour] = {}
+        self._tours: dict[int, Tour] = {}
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k begins a tour where it stands."""
-        velocity = Similarity.of(core.robot).velocity
-        self._tours[k] = _Tour(run_id_of(scenario.id), pose_of(core, k), velocity)
+        run_id, velocity = int(scenario.id.rpartition("-")[2]), Similarity.of(core.robot).velocity
+        self._tours[k] = Tour(waypoints(run_id), pose_of(core, k), velocity)
 
     def look(self, core: BipedCore, k: int) -> None:
-        """Tell robot k where to go from here on; the planning period after the next one is planned on it."""
+        """Write the command of robot k; the planning period after the next one is planned on it."""
         core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
 
-    def found(self, core: BipedCore, k: int, outcome: Outcome) -> Found:
-        """Errors at the ends of the segments."""
-        return self._tours.pop(k).told()
+    def end(self, core: BipedCore, k: int, ending: Ending) -> dict[str, Any]:
+        """Errors at the last look of each segment begun, also the one in which it fell."""
+        errors = self._tours.pop(k).errors
+        return {
+            "position_errors_cm": [round(100.0 * distance, 3) for distance, _ in errors],
+            "heading_errors_deg": [round(math.degrees(turn), 3) for _, turn in errors],
+        }
 
 
 def pose_of(core: BipedCore, k: int) -> Pose:
-    """Where the pelvis of robot k truly is."""
+    """True pose of the pelvis of robot k."""
     state = core.true_state(k)
     (x, y), rotation = state.qpos[k, :2].tolist(), state.xmat[k, PELVIS].tolist()
     return Pose(x, y, math.atan2(rotation[3], rotation[0]))
 
 
-class _Tour:
-    """One robot on its way."""
+class Tour:
+    """One robot on its way: `errors` has distance [m] and heading error [rad] of each segment begun.
 
-    def __init__(self, run_id: int, origin: Pose, velocity: float):
-        self._waypoints, self._origin = waypoints(run_id), origin
-        self._follower = Follower(velocity)
-        self._errors: list[tuple[float, float]] = []  # distance [m] and heading [rad], by segment begun
+    Args:
+        targets: the waypoints, in the frame of the origin.
+        origin: where the robot began.
+        velocity: of the robot against one whose CoM is 0.8 m high.
+    """
+
+    def __init__(self, targets: Sequence[Pose], origin: Pose, velocity: float):
+        self._targets, self._origin, self._follower = targets, origin, Follower(velocity)
+        self.errors: list[tuple[float, float]] = []
 
     def command(self, time: float, pose: Pose) -> tuple[float, float, float]:
-        """What is asked of it now."""
-        index = min(int((time + HAIR) / SEGMENT), SEGMENTS - 1)
-        here, target = in_frame(pose, self._origin), self._waypoints[index]
-        forward, left, turn = missing(here, target)
-        error = math.hypot(forward, left), abs(turn)
-        if index == len(self._errors):
-            self._errors.append(error)
-        else:
-            self._errors[index] = error
+        """Velocity forward and to the left [m/s] and turn [rad/s] at a time [s] and a pose."""
+        index = min(int((time + ROUNDING) / SEGMENT), SEGMENTS - 1)
+        here, target = in_frame(pose, self._origin), self._targets[index]
+        forward, left, turn = in_frame(target, here)
+        self.errors[index:] = [(math.hypot(forward, left), abs(turn))]
         return self._follower.command(here, target)
-
-    def told(self) -> Found:
-        """Errors at the last look of each segment begun, also the one in which it fell."""
-        return {
-            "position_errors_cm": [round(100.0 * distance, 3) for distance, _ in self._errors],
-            "heading_errors_deg": [round(math.degrees(turn), 3) for _, turn in self._errors],
-        }

@@ -1,15 +1,12 @@
-"""Which joints of a model are legs, waist and the rest, and the rectangles under its feet: guesses to review.
+"""Guesses about a model that nobody has described: its legs, its waist, its other joints, and its soles.
 
-The joints of a model that nobody has described, and where they are in its reference posture.
-
-Which joints of a skeleton are legs, waist and the rest: a guess to be looked through.
-
-The rectangle under a foot, from the shapes of the foot's body in the model.
+They are to be looked through. The joints are those of a skeleton, the model without shapes as it stands with
+all joints at 0; a sole is the rectangle under the shapes of a foot's body.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -46,17 +43,9 @@ class Skeleton:
         """Numbers of all hinges."""
         return np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
 
-    def joint_name(self, joint: int) -> str:
-        """Name of a joint."""
-        return str(self.model.joint(joint).name)
-
-    def body_name(self, body: int) -> str:
-        """Name of a body."""
-        return str(self.model.body(body).name)
-
-    def axis(self, joint: int) -> NDArray[np.float64]:
-        """Of a hinge, in the world, (3,)."""
-        return self.data.xaxis[joint]
+    def names(self, joints: Iterable[int]) -> list[str]:
+        """Names of joints."""
+        return [str(self.model.joint(joint).name) for joint in joints]
 
     def chain(self, joint: int) -> Chain:
         """Hinges from the root to a joint, itself included."""
@@ -69,17 +58,9 @@ class Skeleton:
             dof = int(model.dof_parentid[dof])
         return tuple(reversed(found))
 
-    def children(self, body: int) -> Iterator[int]:
+    def children(self, body: int) -> list[int]:
         """Bodies that hang from a body."""
-        return (
-            other
-            for other in range(1, self.model.nbody)
-            if self.model.body_parentid[other] == body and other != body
-        )
-
-    def moved_mass(self, joint: int) -> float:
-        """Mass that a joint carries [kg]."""
-        return float(self.model.body_subtreemass[self.model.jnt_bodyid[joint]])
+        return (np.flatnonzero(self.model.body_parentid[1:] == body) + 1).tolist()
 
 
 def read_skeleton(model: str) -> Skeleton:
@@ -89,7 +70,7 @@ def read_skeleton(model: str) -> Skeleton:
         InvalidValueError: no such model, one that MuJoCo cannot read, or one without a robot in it.
     """
     spec = read_model(model)
-    torques, posture = largest_torques(spec), _keyframe(spec)
+    torques, posture = largest_torques(spec), first_keyframe(spec)
     followers = [joint.name for joint in spec.joints]  # joints that follow others are none of the legs
     drop_shapes(spec, fixed=followers)
     roots = [body for body in spec.worldbody.bodies if list(body.bodies)]
@@ -106,7 +87,7 @@ def read_skeleton(model: str) -> Skeleton:
     return Skeleton(model, compiled, data, torques, posture)
 
 
-def _keyframe(spec: mujoco.MjSpec) -> dict[str, float]:
+def first_keyframe(spec: mujoco.MjSpec) -> dict[str, float]:
     """Angles of the first keyframe of a model; none where it has no keyframe."""
     keys = list(spec.keys)
     if not keys:
@@ -126,38 +107,32 @@ HEAVY = 0.4  # share of the upper body's mass from which a branch has the trunk
 LIGHT = 0.015  # share of the robot's mass below which a joint moves too little to be one
 
 
-@dataclass(frozen=True)
-class Guess:
-    """The plan, and the joints that are none here."""
-
-    plan: BodyPlan
-    fixed: Angles
-
-
-def guess_plan(skeleton: Skeleton) -> Guess:
-    """Legs, waist, held and fixed joints of a robot.
+def guess_plan(skeleton: Skeleton) -> tuple[BodyPlan, Angles]:
+    """Legs, waist and held joints of a robot; and the joints that are fixed, which its model has no more.
 
     Raises:
         InvalidValueError: no two legs of six joints each were found.
     """
     left, right = find_legs(skeleton)
     waist, trunk = find_waist(skeleton, {*left, *right})
-    roles = {*left, *right, *(joint for joint in waist if joint is not None)}
-    held, fixed = [], []
-    total = float(skeleton.model.body_subtreemass[skeleton.root])
-    for joint in skeleton.hinges:
+    roles, held, fixed = {*left, *right, *waist}, [], []
+    model, masses = skeleton.model, skeleton.model.body_subtreemass
+    for joint, name in zip(skeleton.hinges, skeleton.names(skeleton.hinges), strict=True):
         if joint not in roles:
-            few = fixed if skeleton.moved_mass(joint) < LIGHT * total else held
-            few.append((skeleton.joint_name(joint), _kept_angle(skeleton, joint)))
+            angle = skeleton.posture.get(name, 0.0)
+            if model.jnt_limited[joint]:
+                angle = min(max(angle, float(model.jnt_range[joint, 0])), float(model.jnt_range[joint, 1]))
+            light = masses[model.jnt_bodyid[joint]] < LIGHT * masses[skeleton.root]
+            (fixed if light else held).append((name, round(angle, 6)))
     plan = make_plan(
-        skeleton.body_name(skeleton.root),
-        skeleton.body_name(trunk),
-        [[skeleton.joint_name(joint) for joint in leg] for leg in (left, right)],
-        tuple(None if joint is None else skeleton.joint_name(joint) for joint in waist),
+        str(model.body(skeleton.root).name),
+        str(model.body(trunk).name),
+        [skeleton.names(leg) for leg in (left, right)],
+        tuple(None if joint is None else str(model.joint(joint).name) for joint in waist),
         _bend(skeleton, left),
         held,
     )
-    return Guess(plan, tuple(fixed))
+    return plan, tuple(fixed)
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Chain, Chain]:
@@ -166,32 +141,24 @@ def find_legs(skeleton: Skeleton) -> tuple[Chain, Chain]:
     Raises:
         InvalidValueError: they have not six joints each, or do not lie left and right.
     """
-    depth = {joint: skeleton.data.xanchor[joint, 2] for joint in skeleton.hinges}
-    ends = [joint for joint in skeleton.hinges if not _goes_on(skeleton, joint)]
-    lowest = sorted(ends, key=lambda joint: depth[joint])[:2]
-    chains = [skeleton.chain(joint) for joint in lowest]
+    model, anchors = skeleton.model, skeleton.data.xanchor
+    ends = [joint for joint in skeleton.hinges if model.jnt_dofadr[joint] not in model.dof_parentid]
+    chains = [skeleton.chain(joint) for joint in sorted(ends, key=lambda joint: anchors[joint, 2])[:2]]
     if len(chains) == 2:
         shared = {*chains[0]} & {*chains[1]}
         chains = [tuple(joint for joint in chain if joint not in shared) for chain in chains]
     sizes = [len(chain) for chain in chains]
     if sizes != [LEG_JOINTS] * 2:
-        names = [[skeleton.joint_name(joint) for joint in chain] for chain in chains]
         raise InvalidValueError(
             f"two legs of {LEG_JOINTS} joints each are needed; the lowest chains of {skeleton.name!r} have "
-            f"{names}"
+            f"{[skeleton.names(chain) for chain in chains]}"
         )
-    chains.sort(key=lambda chain: -skeleton.data.xanchor[chain[-1], 1])
-    if not skeleton.data.xanchor[chains[0][-1], 1] > 0.0 > skeleton.data.xanchor[chains[1][-1], 1]:
+    chains.sort(key=lambda chain: -anchors[chain[-1], 1])
+    if not anchors[chains[0][-1], 1] > 0.0 > anchors[chains[1][-1], 1]:
         raise InvalidValueError(
             f"the legs of {skeleton.name!r} must lie left (y > 0) and right of its middle"
         )
     return chains[0], chains[1]
-
-
-def _goes_on(skeleton: Skeleton, joint: int) -> bool:
-    """Whether another hinge hangs from a joint."""
-    dof = int(skeleton.model.jnt_dofadr[joint])
-    return bool((skeleton.model.dof_parentid == dof).any())
 
 
 def find_waist(skeleton: Skeleton, legs: set[int]) -> tuple[tuple[int | None, int | None], int]:
@@ -214,7 +181,8 @@ def find_waist(skeleton: Skeleton, legs: set[int]) -> tuple[tuple[int | None, in
         body = heaviest
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         passed += range(first, first + count)
-    pitch, roll = (_along(skeleton, passed, axis) for axis in (1, 0))
+    axes = skeleton.data.xaxis
+    pitch, roll = (next((joint for joint in passed if axes[joint, axis] > ALONG), None) for axis in (1, 0))
     return (pitch, roll), body
 
 
@@ -223,31 +191,17 @@ def _bears(skeleton: Skeleton, body: int, parts: set[int]) -> bool:
     return body in parts or any(_bears(skeleton, part, parts) for part in skeleton.children(body))
 
 
-def _along(skeleton: Skeleton, joints: list[int], axis: int) -> int | None:
-    """The first joint about an axis of the world, in its positive sense."""
-    return next((joint for joint in joints if skeleton.axis(joint)[axis] > ALONG), None)
-
-
 def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
     """Angles of a leg with a bent knee, hip and ankle half as much the other way."""
-    model, knee = skeleton.model, leg[3]
+    model, axes, knee = skeleton.model, skeleton.data.xaxis, leg[3]
     low, high = model.jnt_range[knee] if model.jnt_limited[knee] else (0.0, 1.0)
     bent = BENT if high + low >= 0.0 else -BENT
     angles = np.zeros(LEG_JOINTS)
     angles[3] = bent
     for part in (leg[:3], leg[4:]):
-        pitch = max(part, key=lambda joint: abs(skeleton.axis(joint) @ skeleton.axis(knee)))
-        angles[leg.index(pitch)] = -0.5 * bent * np.sign(skeleton.axis(pitch) @ skeleton.axis(knee))
+        pitch = max(part, key=lambda joint: abs(axes[joint] @ axes[knee]))
+        angles[leg.index(pitch)] = -0.5 * bent * np.sign(axes[pitch] @ axes[knee])
     return tuple(angles.tolist())
-
-
-def _kept_angle(skeleton: Skeleton, joint: int) -> float:
-    """That of the model's first keyframe, or 0, within the joint's range."""
-    angle = skeleton.posture.get(skeleton.joint_name(joint), 0.0)
-    if skeleton.model.jnt_limited[joint]:
-        low, high = skeleton.model.jnt_range[joint]
-        angle = min(max(angle, float(low)), float(high))
-    return round(angle, 6)
 
 
 LOW = 0.012  # points up to this high over the lowest one belong to the sole [m]
@@ -296,11 +250,8 @@ def _sole(model: mujoco.MjModel, data: mujoco.MjData, foot: int) -> Sole:
 
 def _shapes(model: mujoco.MjModel, foot: int) -> list[int]:
     """Shapes of a foot: those that are for collisions where there are any, with what is fixed to the foot."""
-    bodies = {foot}
-    for body in range(foot + 1, model.nbody):
-        if model.body_parentid[body] in bodies and model.body_jntnum[body] == 0:
-            bodies.add(body)
-    found = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies]
+    fixed = model.body_weldid == model.body_weldid[foot]
+    found = np.flatnonzero(fixed[model.geom_bodyid]).tolist()
     touching = model.geom_contype + model.geom_conaffinity
     paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
     touches = [geom for geom in found if touching[geom] or geom in paired]
@@ -310,7 +261,7 @@ def _shapes(model: mujoco.MjModel, foot: int) -> list[int]:
 
 def _points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
     """Points of a shape in the world that its lowest ones are among, (n, 3) [m]."""
-    kind, size = model.geom_type[geom], model.geom_size[geom]
+    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom]
     place, axes = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return place[None] - [0.0, 0.0, size[0]]

@@ -1,10 +1,7 @@
-"""A robot file and its preset from a model: guessed, scaled, written, and summarised for review.
+"""A robot file and its preset from a model: guessed, scaled from the biped, written, and summarised.
 
-How large a robot is beside the biped, and the biped's settings for it.
-
-How high a robot stands and how far it steps: postures that exist within the ranges of its joints.
-
-A robot file and its preset from a model: guessed, derived, written, and told for review.
+How high a robot stands and how far it steps follows from postures within the ranges of its joints; its preset
+is the biped's, scaled by the ratios of sizes, masses and inertias.
 """
 
 from __future__ import annotations
@@ -32,17 +29,21 @@ from ...envs.robots.robot_file import Motor, RobotFile, write_robot_file
 from .guess import guess_plan, guess_soles, read_skeleton
 
 BASE = "biped"  # the preset that is scaled
-GAP, STRIDE = (
-    0.011,
-    0.42,
-)  # of the biped: between the soles of its narrowest step, and its widest less l_p [m]
+GAP, STRIDE = 0.011, 0.42  # of the biped: between soles at the narrowest step; the widest less l_p [m]
 HIP_MOTORS = slice(2, 5)  # of the left leg, in the order of control
 UPRIGHT = 0.7  # upward part of an axis, from where it counts as that of yaw
-ROOM = 1.2  # least ratio of the longest to the shortest step time
+LEAST_RATIO = 1.2  # of the longest to the shortest step time
+BENT = 0.875  # length of a standing leg over that of a straight one, the biped's
+LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
+FINE = 0.005  # of a height and of a step that are searched [m]
+FARTHEST = 1.0  # step that is looked for [m]
+PUSH = 0.1  # of F* [s]
+DIRECTIONS = 8
+PROVISIONAL = 1.0  # CoM height before it is known [m]
 
 
 def leg_length(body: CompiledRobot) -> float:
-    """Of the left leg in the reference posture, from its first hip axis to the ankle [m]."""
+    """Length of the left leg in the reference posture, from its first hip axis to the ankle [m]."""
     anchors = body.in_reference_posture().xanchor[list(body.indices.legs[0])]
     return float(np.linalg.norm(anchors[4] - anchors[0]))
 
@@ -65,7 +66,7 @@ def leaning_inertia(body: CompiledRobot) -> float:
 
 
 def sole_acceleration(body: CompiledRobot) -> float:
-    """What the weaker of hip pitch and roll can give the sole of the left leg, held straight [m/s^2].
+    """Acceleration of the sole of the left leg, held straight, by the weaker of hip pitch and roll [m/s^2].
 
     tau l / i, with the height l of the hip over the sole and the inertia i of the leg and the motor about the
     joint's axis, which is its entry on the diagonal of the mass matrix.
@@ -83,25 +84,25 @@ def sole_acceleration(body: CompiledRobot) -> float:
 
 
 def scale_of(body: CompiledRobot) -> Scale:
-    """How many times as large a robot is as the biped; 1 for a waist that it does not have."""
+    """Ratios of a robot's sizes to the biped's; 1 for a waist that it does not have."""
     one, other = body.robot, biped().robot
     lean = leaning_inertia(body) / one.weight / one.com_height
     lean /= leaning_inertia(biped()) / other.weight / other.com_height
+
+    def ratio(name: str) -> float:
+        return getattr(one, name) / getattr(other, name)
+
     waist = {}
     if one.trunk_pitch or one.trunk_roll:
-        torque, inertia = (
-            one.trunk_torque_max / other.trunk_torque_max,
-            one.trunk_inertia / other.trunk_inertia,
-        )
-        height = one.com_height / other.com_height
+        inertia = ratio("trunk_inertia")
         waist = {
-            "trunk_acceleration": torque / inertia,
-            "trunk_angle": one.trunk_angle_max / other.trunk_angle_max,
-            "waist": inertia / (one.mass / other.mass * height),
+            "trunk_acceleration": ratio("trunk_torque_max") / inertia,
+            "trunk_angle": ratio("trunk_angle_max"),
+            "waist": inertia / (ratio("mass") * ratio("com_height")),
         }
     return Scale(
-        length=one.com_height / other.com_height, mass=one.mass / other.mass,
-        foot_length=one.foot_length / other.foot_length, foot_width=one.foot_width / other.foot_width,
+        length=ratio("com_height"), mass=ratio("mass"),
+        foot_length=ratio("foot_length"), foot_width=ratio("foot_width"),
         leg=leg_length(body) / leg_length(biped()), lean=lean,
         swing=sole_acceleration(body) / sole_acceleration(biped()), **waist,
     )  # fmt: skip
@@ -129,16 +130,10 @@ def scaled_settings(
     box = preset.robot()["limits"]
     shortest = box["duration_min"] * scale.factor(SWING_TIME)
     longest = (box["duration_min"] + box["duration_max"]) * scale.time - shortest  # the same nominal step
-    own["limits"]["duration_max"] = round(max(longest, ROOM * shortest), 4)
+    own["limits"]["duration_max"] = round(max(longest, LEAST_RATIO * shortest), 4)
     for section, values in (changes or {}).items():
         own[section] = {**own.get(section, {}), **values}
     return scaled_preset(preset, scale, own)
-
-
-BENT = 0.875  # length of a standing leg over that of a straight one, the biped's
-LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
-FINE = 0.005  # of a height and of a step that are searched [m]
-FARTHEST = 1.0  # step that is looked for [m]
 
 
 def standing_height(description: RobotDescription) -> float:
@@ -175,22 +170,21 @@ def _leg_share(body: CompiledRobot, height: float) -> float | None:
 
 
 def _stands(body: CompiledRobot, height: float, step: tuple[float, float]) -> np.ndarray | None:
-    """Coordinates of a robot half-way between its soles, the left one a step before and beside the right."""
+    """Coordinates of a robot half-way between its soles, the left one a step before and beside the right.
+
+    None where the joints of its legs leave their ranges.
+    """
     x, y = step
     soles = np.array([[x, y, 0.0], [0.0, 0.0, 0.0]])
     try:
         coordinates = posture(body, np.array([0.5 * x, 0.5 * y, height]), np.zeros(3), soles)[0]
     except InvalidValueError:
         return None
-    return coordinates if _within_ranges(body, coordinates) else None
-
-
-def _within_ranges(body: CompiledRobot, coordinates: np.ndarray) -> bool:
-    """Whether the joints of both legs are within their ranges."""
     model, joints = body.model, np.array([*body.indices.legs[0], *body.indices.legs[1]])
     angles, limited = coordinates[model.jnt_qposadr[joints]], model.jnt_limited[joints].astype(bool)
     low, high = model.jnt_range[joints].T
-    return bool(np.all(~limited | ((low <= angles) & (angles <= high))))
+    within = np.all(~limited | ((low <= angles) & (angles <= high)))
+    return coordinates if within else None
 
 
 def reachable_steps(description: RobotDescription, height: float) -> dict[str, float]:
@@ -216,12 +210,6 @@ def reachable_steps(description: RobotDescription, height: float) -> dict[str, f
         "length_min": -farthest(lambda length: (-length, width)),
         "width_max": round(width + farthest(lambda length: (0.0, width + length)), 3),
     }
-
-
-PUSH = 0.1  # of F* [s]
-DIRECTIONS = 8
-PROVISIONAL = 1.0  # CoM height before it is known [m]
-STEPS = "length_min", "length_max", "width_max"
 
 
 @dataclass(frozen=True)
@@ -251,10 +239,10 @@ def new_robot(model: str, name: str) -> NewRobot:
         InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque.
     """
     model = model if model.partition("/")[0] in PACKAGES else str(Path(model).resolve())
-    guess = guess_plan(read_skeleton(model))
-    soles = guess_soles(model, (guess.plan.legs[0][-1], guess.plan.legs[1][-1]))
+    plan, fixed = guess_plan(read_skeleton(model))
+    soles = guess_soles(model, (plan.legs[0][-1], plan.legs[1][-1]))
     file = RobotFile(
-        name, model, guess.plan, soles, _motors(model, [joint for joint, _ in guess.fixed]), guess.fixed,
+        name, model, plan, soles, _motors(model, [joint for joint, _ in fixed]), fixed,
         PROVISIONAL, "biped", "guessed by push-recovery robot new; no motor has a speed without load",
     )  # fmt: skip
     height = standing_height(description_of(file))
@@ -262,7 +250,9 @@ def new_robot(model: str, name: str) -> NewRobot:
     body = compiled_robot(description_of(file))
     scaled = scaled_settings(body).robot()["limits"]
     reach = reachable_steps(description_of(file), height)
-    box = {step: min(scaled[step], reach[step], key=abs) for step in STEPS}
+    box = {
+        name: min(scaled[name], reach[name], key=abs) for name in ("length_min", "length_max", "width_max")
+    }
     preset = scaled_settings(body, {"limits": box})
     return NewRobot(
         file, replace(preset, found={"by": "push-recovery robot new", "robot": asdict(body.robot)}), body
@@ -273,7 +263,7 @@ def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
     """Largest torques of all joints but the fixed ones.
 
     Raises:
-        InvalidValueError: the model does not tell some.
+        InvalidValueError: the model does not say some.
     """
     spec = read_model(model)
     torques = largest_torques(spec)
@@ -296,7 +286,7 @@ def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:
 
 
 def summary(robot: NewRobot) -> dict[str, Any]:
-    """What was guessed and derived, in plain JSON types."""
+    """All that was guessed and derived, in plain JSON types."""
     plan, model = robot.file.plan, robot.body.robot
     return {
         "name": robot.file.name, "pelvis": plan.pelvis, "trunk": plan.trunk, "left_leg": plan.legs[0],

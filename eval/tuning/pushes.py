@@ -1,12 +1,7 @@
-"""Pushes to tune on, from seeds of their own.
+"""Pushes to tune on, from seeds of their own: of every kind, at the pelvis alone, or punches of the tour.
 
-Excerpts of the tour to tune on: three of the hardest punches of a run on a robot that walks.
-
-Their run ids are none of the protocol's, so what is tuned on them has met none of its punches.
-
-Pushes to tune on, from seeds of their own: of every kind, at the pelvis alone, or punches of the tour.
-
-Of each there are two suites: one that a search meets, and one that is held out for what it has found.
+Of each there are two suites: one that a search meets, and one that is held out for what it has found. Their
+run ids are none of the tour protocol's, so what is tuned on its punches has met none of the scored ones.
 """
 
 from __future__ import annotations
@@ -31,11 +26,11 @@ from ..score.suites import OF_ROBOT, Suite, of_size
 TAKEN = (12, 14, 16)  # punches of a run, all under the whole ceiling
 FIRST, APART, SPREAD = 1.0, 2.5, 0.3  # when the first comes, how far apart they are, drawn later by up to [s]
 LENGTH = 9.0  # of an excerpt [s]
-IN_PLACE, STRAIGHT, KINDS = 0, 1, 4  # of commands; the others are of everything at once
+IN_PLACE, STRAIGHT, KINDS = 0, 1, 4  # commands; the others are of everything at once
 
 
 def excerpt(scenario_id: str, run_id: int, robot: CompiledRobot) -> Scenario:
-    """Punches of a run on a robot told to turn in place, to walk straight on, or all at once."""
+    """Three of the hardest punches of a tour, on a robot that turns in place, walks straight on, or both."""
     rng, whole = np.random.default_rng(run_id), tour_scenario(run_id, robot)
     starts = [round(FIRST + APART * i + SPREAD * float(rng.random()), 4) for i in range(len(TAKEN))]
     pushes = [replace(whole.pushes[i], start=start) for i, start in zip(TAKEN, starts, strict=True)]
@@ -43,8 +38,9 @@ def excerpt(scenario_id: str, run_id: int, robot: CompiledRobot) -> Scenario:
     forward = 0.0 if kind == IN_PLACE else velocity * rng.uniform(SLOWEST_X, FASTEST_X)
     left = 0.0 if kind in {IN_PLACE, STRAIGHT} else velocity * rng.uniform(-FASTEST_Y, FASTEST_Y)
     turn = 0.0 if kind == STRAIGHT else rng.uniform(-FASTEST_TURN, FASTEST_TURN)
-    command = Command(forward, left, turn)
-    return Scenario(scenario_id, tuple(pushes), command, duration=LENGTH, noise_seed=run_id)
+    return Scenario(
+        scenario_id, tuple(pushes), Command(forward, left, turn), duration=LENGTH, noise_seed=run_id
+    )
 
 
 TUNING, VARIED, PUNCHES = "tuning", "tuning-varied", "tuning-punches"
@@ -55,7 +51,7 @@ SEEDS = {
 }  # fmt: skip
 FIRST_RUN = {PUNCHES: 3000, f"{PUNCHES}-held-out": 5000}  # of the tour, whose protocol has 0-63
 BLOCKS = 4
-MOST = BLOCKS * BLOCK  # scenarios of a suite
+SUITE_SIZE = BLOCKS * BLOCK  # scenarios of a suite
 SHARE = (0.4, 2.0)  # of F*, whose step box is the paper's: on the biped about half is lost
 FINE = Profile(  # what is tuned on one physics leans on it
     "fine", physics=PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
@@ -69,22 +65,22 @@ def held_out_of(name: str) -> str:
     return f"{name}-held-out"
 
 
-def _force_of(share: float, psi: float, side: str) -> float:
-    """Force [N] at a share in [0, 1] of SHARE, on a left or right stance."""
-    # F* is that of a left stance in place; a right stance is its mirror image
-    limit = max_recoverable_force(RobotModel(), psi if side == "left" else -psi, RANGES.push_duration)
-    return (SHARE[0] + share * (SHARE[1] - SHARE[0])) * limit
-
-
 def _pelvis_pushes(name: str, scenarios: int) -> list[Scenario]:
     """Like `standard`, but about the limit in every direction.
 
     The share of F* is uniform, so the rate recovered is the mean share survived, over directions, phases and
     commands, of those from SHARE[0] to SHARE[1].
     """
+
+    def force(share: float, psi: float, side: str) -> float:
+        """Force [N] at a share in [0, 1] of SHARE, on a left or right stance."""
+        # F* is that of a left stance in place; a right stance is its mirror image
+        limit = max_recoverable_force(RobotModel(), psi if side == "left" else -psi, RANGES.push_duration)
+        return (SHARE[0] + share * (SHARE[1] - SHARE[0])) * limit
+
     points = stratified_uniforms(BLOCKS, 5, SEEDS[name])[:scenarios]
     return [
-        stratified_scenario(f"{name}-{i:04d}", RANGES, _force_of, u, SEEDS[name] + 4096 * i)
+        stratified_scenario(f"{name}-{i:04d}", RANGES, force, u, SEEDS[name] + 4096 * i)
         for i, u in enumerate(points)
     ]
 

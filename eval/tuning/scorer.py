@@ -1,12 +1,11 @@
-"""What a preset is worth on scenarios, run side by side in processes that last as long as the search."""
+"""Worth of a preset on scenarios, run side by side in processes that last as long as the search."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from functools import cache, lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import gymnasium as gym
@@ -24,12 +23,12 @@ from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
 
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
-Job = tuple[str, str, str, bytes, Sequence[Scenario]]  # arguments of `run_scenarios`
+Job = tuple[str, str, str, bytes, Sequence[Scenario]]  # of `run_scenarios`
 RECOVERED, STANDING, FALLEN = 1.0, 0.5, 0.0  # worth of an episode; standing without having settled
 
 
 def worth(outcome: Outcome) -> float:
-    """What an episode counts, in [0, 1]."""
+    """Worth of an episode, in [0, 1]."""
     if outcome.recovered:
         return RECOVERED
     return STANDING if outcome.survived else FALLEN
@@ -70,10 +69,10 @@ def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisod
 
 
 def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePolicy:
-    """An arm with its settings of a preset, by name or file."""
-    arm = make_policy(name, episodes.robot, episodes.limits, preset)
-    assert isinstance(arm, TwoStagePolicy)  # noqa: S101
-    return arm
+    """A variant of the planner with its settings of a preset, by name or file."""
+    policy = make_policy(name, episodes.robot, episodes.limits, preset)
+    assert isinstance(policy, TwoStagePolicy)  # noqa: S101
+    return policy
 
 
 @lru_cache(maxsize=1)
@@ -84,29 +83,28 @@ def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[Ga
     return episodes, preset_policy(policy, episodes, preset)
 
 
-def run_scenarios(
-    env_id: str, policy: str, preset: str, content: bytes, scenarios: Sequence[Scenario]
-) -> dict[str, float]:
-    """Worth of an arm by scenario id; `content` is that of the preset file."""
-    episodes, arm = _prepared(env_id, policy, preset, content)
-    return {out.scenario_id: worth(out) for out in rollout_batch(episodes, arm, scenarios, policy)}
+def run_scenarios(state: None, job: Job) -> dict[str, float]:
+    """Worth by scenario id: the task of a worker, which keeps what it has prepared by itself.
+
+    Args:
+        state: of the worker; none.
+        job: environment, policy, preset file and its content, scenarios.
+    """
+    env_id, name, preset, content, scenarios = job
+    episodes, policy = _prepared(env_id, name, preset, content)
+    return {out.scenario_id: worth(out) for out in rollout_batch(episodes, policy, scenarios, name)}
 
 
 def _nothing() -> None:
-    """The state of a worker, which keeps what it has prepared by itself."""
+    """No state of a worker."""
 
 
-def _run_part(state: None, job: Job) -> dict[str, float]:
-    """The task of a worker."""
-    return run_scenarios(*job)
-
-
-class Scorer:
-    """Runs one arm of one environment under preset files; a context manager.
+class Scorer(AbstractContextManager):
+    """Runs one variant of one environment under preset files; a context manager.
 
     Args:
         env_id: for `check_env`.
-        policy: name of the arm.
+        policy: name of the variant.
         workers: processes, or those of a Ray cluster; they change no result. One means this process.
     """
 
@@ -119,9 +117,7 @@ class Scorer:
             self._pool = open_pool(self.workers, _nothing)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._pool is not None:
             self._pool.close()
 
@@ -130,10 +126,10 @@ class Scorer:
         job = (self.env_id, self.policy, str(preset), preset.read_bytes())
         found: dict[str, float] = {}
         if self._pool is None:
-            found = run_scenarios(*job, scenarios)
+            found = run_scenarios(None, (*job, scenarios))
         else:
             stride = 2 * self.workers + 1  # odd: no part has one profile of the suite alone
             parts = [scenarios[k::stride] for k in range(stride)]
-            for _, values in self._pool.run(_run_part, [(*job, part) for part in parts if part]):
+            for _, values in self._pool.run(run_scenarios, [(*job, part) for part in parts if part]):
                 found |= values
         return [found[scenario.id] for scenario in scenarios]

@@ -1,8 +1,4 @@
-"""What is tuned: fields of planner and biped with bounds and units, and presets as points of that space.
-
-What is searched: dimensions with bounds and a natural unit, and points in them.
-
-The fields of planner and biped that are tuned, with bounds and units; `space_of` scales those of robots.
+"""Dimensions of a search with bounds and units, points in them, and the fields of planner and biped.
 
 Left out are weights that only scale a whole cost (alpha_step, beta_cop, com_price), what another field
 implies (freeze, which is the gait machine's commit), hardware, numerical constants and switches.
@@ -11,8 +7,9 @@ implies (freeze, which is the gait machine's commit), hardware, numerical consta
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -20,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
-from ...controllers.settings import PlannerConfig
+from ...controllers.validation import require_choice
 
 DIGITS = 6  # significant digits of a value: short in a file, far finer than what matters
 Settings = dict[str, dict[str, float]]  # group -> field -> value
@@ -77,6 +74,11 @@ class Space:
                     f"{dimension.label} must start in [{dimension.low:g}, {dimension.high:g}], got {value:g}"
                 )
 
+    @classmethod
+    def at(cls, dimensions: Sequence[Dimension], start: Mapping[str, Mapping[str, float]]) -> Space:
+        """A space that starts at some settings."""
+        return cls(tuple(dimensions), tuple(float(start[d.group][d.name]) for d in dimensions))
+
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Least and greatest coordinates, (n, 2)."""
@@ -103,12 +105,6 @@ class Space:
         }
 
 
-def make_space(dimensions: Iterable[Dimension], start: Mapping[str, Mapping[str, float]]) -> Space:
-    """A space that starts at some settings."""
-    dimensions = tuple(dimensions)
-    return Space(dimensions, tuple(float(start[d.group][d.name]) for d in dimensions))
-
-
 def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimension, ...]:
     """The dimensions whose label or group is named; all of them where nothing is.
 
@@ -124,56 +120,14 @@ def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimens
 
 
 UNTUNED = ("passive", "stage-1-paper", "two-stage-paper", "random")  # nothing of theirs is free
-ARMS = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
+VARIANTS = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
 
 
-def _planner(name: str, low: float, high: float, unit: float) -> Dimension:
-    return Dimension("planner", name, low, high, unit)
+_planner, _limit, _gait = (partial(Dimension, group) for group in ("planner", "limits", "gait"))
 
 
 def _weight(name: str, unit: float = 2.0, low: float = 1e-6) -> Dimension:
     return Dimension("planner", name, low, 1e9, unit, "log")
-
-
-WEIGHTS = (_weight("alpha_duration", 1.5), _weight("alpha_offset"))  # of eq. 3; the former prices T
-STAGE_1 = (
-    _planner("duration_margin", 0.0, 0.1, 0.01),  # [s]
-    _planner("push_carry", 0.0, 0.2, 0.03),  # [s]
-    _planner("push_threshold", 0.0, 0.4, 0.03),  # [m]
-)
-STAGE_2 = (
-    _weight("beta_dcm"),
-    _planner("sampling_time", 0.04, 0.1, 0.005),  # [s]
-)
-COP = (
-    _planner("cop_margin_x", 0.0, 0.06, 0.004),  # [m]
-    _planner("cop_margin_y", 0.0, 0.03, 0.003),  # [m]
-)
-TRUNK = (
-    _weight("beta_trunk"),
-    _weight("beta_trunk_rate"),
-    _weight("beta_trunk_angle"),
-    _weight("beta_trunk_limit"),
-    _planner("trunk_gravity", 0.0, 150.0, 10.0),  # [N m]
-    _planner("tail_sampling_time", 0.03, 0.12, 0.006),  # [s]
-)
-MPC = (
-    _weight("mpc_velocity"),
-    _weight("mpc_jerk", 4.0, 1e-12),
-    _weight("mpc_step"),
-)
-UPRIGHT = (
-    Dimension("planner", "upright_stiffness", 2.0, 200.0, 1.3, "log"),  # [1/s^2]
-    Dimension("planner", "upright_damping", 1.0, 60.0, 1.3, "log"),  # [1/s]
-)
-
-
-def _limit(name: str, low: float, high: float, unit: float) -> Dimension:
-    return Dimension("limits", name, low, high, unit)
-
-
-def _gait(name: str, low: float, high: float, unit: float) -> Dimension:
-    return Dimension("gait", name, low, high, unit)
 
 
 def _gain(name: str, start: float) -> Dimension:
@@ -182,6 +136,29 @@ def _gain(name: str, start: float) -> Dimension:
 
 def _price(name: str) -> Dimension:
     return Dimension("bounds", name, 1e-5, 10.0, 1.4, "log")
+
+
+WEIGHTS = (_weight("alpha_duration", 1.5), _weight("alpha_offset"))  # of eq. 3; the former prices T
+STAGE_1 = (
+    _planner("duration_margin", 0.0, 0.1, 0.01),  # [s]
+    _planner("push_carry", 0.0, 0.2, 0.03),  # [s]
+    _planner("push_threshold", 0.0, 0.4, 0.03),  # [m]
+)
+STAGE_2 = (_weight("beta_dcm"), _planner("sampling_time", 0.04, 0.1, 0.005))  # [s]
+COP = (
+    _planner("cop_margin_x", 0.0, 0.06, 0.004),  # [m]
+    _planner("cop_margin_y", 0.0, 0.03, 0.003),  # [m]
+)
+TRUNK = (
+    *map(_weight, ("beta_trunk", "beta_trunk_rate", "beta_trunk_angle", "beta_trunk_limit")),
+    _planner("trunk_gravity", 0.0, 150.0, 10.0),  # [N m]
+    _planner("tail_sampling_time", 0.03, 0.12, 0.006),  # [s]
+)
+MPC = (_weight("mpc_velocity"), _weight("mpc_jerk", 4.0, 1e-12), _weight("mpc_step"))
+UPRIGHT = (
+    Dimension("planner", "upright_stiffness", 2.0, 200.0, 1.3, "log"),  # [1/s^2]
+    Dimension("planner", "upright_damping", 1.0, 60.0, 1.3, "log"),  # [1/s]
+)
 
 
 ROBOT = (
@@ -222,22 +199,21 @@ OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
 
 
 def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
-    """The fields of PlannerConfig that an arm uses.
+    """The fields of PlannerConfig that a variant of the planner uses.
 
     Raises:
         UnknownNameError: no policy of that name with gains to tune; lists those that have some.
     """
-    if policy not in ARMS:
-        raise UnknownNameError("policy to tune", policy, ARMS)
-    arm = make_policy(policy)
-    assert isinstance(arm, TwoStagePolicy)  # noqa: S101
-    config: PlannerConfig = arm.config
-    stage_2 = config.use_cop or config.use_trunk
-    weights, mpc = WEIGHTS if config.adapt_duration else WEIGHTS[1:], config.foothold == "linear_mpc"
+    require_choice("policy to tune", policy, VARIANTS)
+    planner = make_policy(policy)
+    assert isinstance(planner, TwoStagePolicy)  # noqa: S101
+    config = planner.config
+    mpc = config.foothold == "linear_mpc"
+    weights = WEIGHTS if config.adapt_duration else WEIGHTS[1:]
     return (
         (weights if config.foothold == "optimal" else MPC if mpc else ())
         + STAGE_1
-        + (STAGE_2 if stage_2 else ())
+        + (STAGE_2 if config.use_cop or config.use_trunk else ())
         + (COP if config.use_cop or mpc else ())
         + (TRUNK if config.use_trunk else UPRIGHT)
     )

@@ -1,33 +1,21 @@
 """A study: CMA-ES with successive halving over trials on disk, and the preset that comes of it.
 
-`TuningSettings`: all that a study is, besides its number of trials.
-
-From a preset to the space of a search, and from a point's settings back to a preset.
-
-CMA-ES by asking and telling: its proposals are a function of the seed and of what it was told.
-
-A search that starts again with the same seed and is told the same scores makes the same proposals, so that
-a study resumes by telling it what the finished trials found (Hansen and Ostermeier 2001; package `cmaes`).
-
-Successive halving on paired scenarios: a trial that is clearly worse than the best one is stopped early.
+A trial is one point of the space, run on the suite's scenarios and on disk when it is done. A search that
+starts again with the same seed and is given the same scores makes the same proposals, so a study resumes by
+giving it the scores of the finished trials (Hansen and Ostermeier 2001; package `cmaes`).
 
 Trials meet the same scenarios in the same order, so that the difference of two trials on the first n of them
 says more than either score: with d_i = value_i - best_i over those n,
 
-    score ~ best + mean(d),        clearly worse: mean(d) + z s / sqrt(n) < 0,   s^2 = sample variance of d.
+    score ~ best + mean(d),        clearly worse: mean(d) + z s / sqrt(n) < 0,   s^2 = sample variance of d,
 
-Trials: one point of the space each, run on the suite's scenarios, on disk when it is done.
-
-How a preset was found: what its file says for the reader, and what the command prints.
-
-A study: a search of so many trials, and the preset that comes of it.
+and a trial that is clearly worse than the best one is stopped early.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -36,27 +24,48 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from ...controllers.errors import InvalidValueError, MissingExtraError
 from ...controllers.settings import PresetFile, load_preset
 from ...controllers.validation import require_choice, require_integer
 from ...envs.biped.core import SECTIONS, BipedSettings
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..output.rows import RowFile, default_directory
 from ..output.statistics import PairedCounts
-from ..protocols.watched import biped_of
+from ..protocols.run import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
-from .pushes import MOST, PUNCHES, TUNING, TUNING_SUITES, VARIED, held_out_of, punched_suite, tuning_suite
+from .pushes import (
+    PUNCHES,
+    SUITE_SIZE,
+    TUNING,
+    TUNING_SUITES,
+    VARIED,
+    held_out_of,
+    punched_suite,
+    tuning_suite,
+)
 from .scorer import BIPED, PENDULUM, RECOVERED, Scorer, check_env, own_episodes
-from .space import OF_TRUNK, ROBOT, Space, make_space, planner_dimensions, select
+from .space import OF_TRUNK, ROBOT, Space, planner_dimensions, select
 
 SPACES = ("planner", "robot", "both")
-FEWEST_SCENARIOS = 8  # scenarios
+FEWEST_SCENARIOS = 8
+BIPED_PRESET = "biped"
+SIGMA = 1.0  # first standard deviation, in the units of the dimensions
+FEWEST_DIMENSIONS = 2  # the package's least number of dimensions
+Z = 1.645  # one-sided 95 %: of trials as good as the best, one in twenty is stopped at each rung
+RUNGS = (0.25, 0.5, 1.0)  # shares of the scenarios after which a trial is looked at
+CANDIDATE = "candidate.json"  # the preset that is being run
+START = 0  # number of the trial that is the start itself
+KEY = ("suite", "trial")
+FIELDS = ("score", "stopped", "scenarios", "settings", "point", "values")
+FORMAT = 1
+Row = dict[str, Any]
+OnTrial = Callable[[Row, Row], None]
 
 
 @dataclass(frozen=True)
 class TuningSettings:
-    """What is tuned, from where, on how many pushes.
+    """Settings of a study, besides its number of trials: fields, start, and pushes.
 
     Raises:
         UnknownNameError: an environment, a policy or a space that cannot be tuned.
@@ -76,24 +85,20 @@ class TuningSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "env_id", check_env(self.env_id))
-        planner_dimensions(self.policy)  # knows the arms that can be tuned
-        if self.space not in SPACES:
-            raise UnknownNameError("space to tune", self.space, SPACES)
+        planner_dimensions(self.policy)  # knows the variants that can be tuned
+        require_choice("space to tune", self.space, SPACES)
         if self.space != "planner" and self.env_id == PENDULUM:
             raise InvalidValueError(
                 f"space {self.space!r} is that of robots; {PENDULUM} has the space 'planner' only"
             )
         require_integer("seed", self.seed)
         for name in ("scenarios", "held_out"):
-            if not FEWEST_SCENARIOS <= require_integer(name, getattr(self, name)) <= MOST:
+            if not FEWEST_SCENARIOS <= require_integer(name, getattr(self, name)) <= SUITE_SIZE:
                 raise InvalidValueError(
-                    f"{name} must be in [{FEWEST_SCENARIOS}, {MOST}], got {getattr(self, name)}"
+                    f"{name} must be in [{FEWEST_SCENARIOS}, {SUITE_SIZE}], got {getattr(self, name)}"
                 )
         if not self.preset:
             object.__setattr__(self, "preset", own_episodes(self.env_id).preset)
-        self._check_suite()
-
-    def _check_suite(self) -> None:
         if not self.suite:
             plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
             object.__setattr__(self, "suite", TUNING if plain else VARIED)
@@ -113,9 +118,6 @@ class TuningSettings:
         return {**asdict(self), "only": list(self.only), "errors": self.errors.to_dict()}
 
 
-BIPED_PRESET = "biped"
-
-
 def space_of(settings: TuningSettings) -> Space:
     """The dimensions that a study searches, starting at its preset.
 
@@ -132,20 +134,17 @@ def space_of(settings: TuningSettings) -> Space:
         own, model = _values(BIPED_PRESET, settings.policy), own_episodes(settings.env_id).robot
         if not (model.trunk_pitch or model.trunk_roll):
             dimensions = tuple(d for d in dimensions if d.name not in OF_TRUNK)
-        dimensions = tuple(d.times(_ratio(start[d.group][d.name], own[d.group][d.name])) for d in dimensions)
-    return make_space(select(dimensions, settings.only), start)
+        pairs = [(start[d.group][d.name], own[d.group][d.name]) for d in dimensions]
+        ratios = [value / other if value * other > 0.0 else 1.0 for value, other in pairs]
+        dimensions = tuple(d.times(ratio) for d, ratio in zip(dimensions, ratios, strict=True))
+    return Space.at(select(dimensions, settings.only), start)
 
 
 def _values(preset: str, policy: str) -> dict[str, Mapping[str, Any]]:
-    """Group -> field -> value of an arm's own settings."""
+    """Group -> field -> value of a variant's own settings."""
     found = load_preset(preset)
     robot = BipedSettings().changed(found.robot(policy)).to_dict()
     return {"planner": asdict(found.config(policy)), **robot}
-
-
-def _ratio(value: float, other: float) -> float:
-    """How many times the other one a value is; 1 where there is no ratio."""
-    return value / other if value * other > 0.0 else 1.0
 
 
 def preset_of(
@@ -153,7 +152,7 @@ def preset_of(
     values: Mapping[str, Mapping[str, float]],
     found: Mapping[str, Any] | None = None,
 ) -> PresetFile:
-    """The preset of a point: what the study starts from, with the point's values put in as the arm's own.
+    """The preset of a point: the study's start, with the point's values put in as the variant's own.
 
     The planner holds its plan when the gait machine commits the swing foot.
     """
@@ -168,12 +167,8 @@ def preset_of(
 
 
 def whose(preset: PresetFile) -> dict[str, Any]:
-    """What `found` of a preset that comes of this one says of whose it is."""
+    """Entries of `found` that a preset keeps from the one that it comes of: whose robot it is for."""
     return {} if preset.made_for is None else {"robot": preset.made_for}
-
-
-SIGMA = 1.0  # first standard deviation, in the units of the dimensions
-FEWEST_DIMENSIONS = 2  # the package's least number of dimensions
 
 
 class Search:
@@ -194,7 +189,7 @@ class Search:
             raise InvalidValueError(f"a search needs at least {FEWEST_DIMENSIONS} fields, got {n}")
         word = int(np.random.SeedSequence(seed).generate_state(1)[0])
         self._cma = CMA(mean=np.zeros(n), sigma=SIGMA, bounds=space.bounds, seed=word)
-        self._told: list[tuple[NDArray[np.float64], float]] = []
+        self._scored: list[tuple[NDArray[np.float64], float]] = []
 
     @property
     def population(self) -> int:
@@ -206,15 +201,11 @@ class Search:
         return np.asarray(self._cma.ask(), dtype=np.float64)
 
     def tell(self, point: NDArray[np.float64], score: float) -> None:
-        """Say what the last point is worth; a generation moves the search once all of it is told."""
-        self._told.append((point, -score))  # the package minimises
-        if len(self._told) == self.population:
-            self._cma.tell(self._told)
-            self._told = []
-
-
-Z = 1.645  # one-sided 95 %: of trials as good as the best, one in twenty is stopped at each rung
-RUNGS = (0.25, 0.5, 1.0)  # shares of the scenarios
+        """Give the score of the last point; a generation moves the search once all of it is scored."""
+        self._scored.append((point, -score))  # the package minimises
+        if len(self._scored) == self.population:
+            self._cma.tell(self._scored)
+            self._scored = []
 
 
 def rungs(scenarios: int) -> list[int]:
@@ -255,34 +246,20 @@ def race(run: Callable[[int, int], list[float]], scenarios: int, best: Sequence[
     return values
 
 
-CANDIDATE = "candidate.json"  # the preset that is being run
-START = 0  # number of the trial that is the start itself
-KEY = ("suite", "trial")
-FIELDS = ("score", "stopped", "scenarios", "settings", "point", "values")
-Row = dict[str, Any]
-
-
 def best_of(rows: Sequence[Row]) -> Row:
     """The row of the highest score among those that met every scenario; of equal ones the first."""
     return max((row for row in rows if not row["stopped"]), key=lambda row: row["score"])
 
 
+@dataclass(frozen=True)
 class Trials:
-    """Runs points, or takes their rows out of the directory.
+    """Runs points, or takes their rows out of the directory."""
 
-    Args:
-        settings: of the study.
-        space: whose points are run.
-        store: rows of the directory.
-        scorer: runs scenarios.
-        directory: where the preset that is being run lies.
-    """
-
-    def __init__(
-        self, settings: TuningSettings, space: Space, store: RowFile, scorer: Scorer, directory: Path
-    ):
-        self._settings, self._space, self._store = settings, space, store
-        self._scorer, self._path = scorer, directory / CANDIDATE
+    settings: TuningSettings
+    space: Space  # whose points are run
+    store: RowFile  # rows of the directory
+    scorer: Scorer
+    path: Path  # of the preset that is being run
 
     def run(self, number: int, point: NDArray[np.float64], suite: Suite, best: Row | None) -> Row:
         """The row of a point; stopped early where it is clearly worse than the best one so far.
@@ -291,32 +268,28 @@ class Trials:
             InvalidValueError: the directory has a trial of this number at another point.
         """
         key = (suite.name, number)
-        if key in self._store.rows:
-            row = self._store.rows[key]
+        if key in self.store.rows:
+            row = self.store.rows[key]
             if not np.allclose(row["point"], point, rtol=1e-9, atol=1e-9):
                 raise InvalidValueError(
-                    f"{str(self._store.path)!r} has trial {number} at another point than this search asks "
+                    f"{str(self.store.path)!r} has trial {number} at another point than this search asks "
                     "for: choose another --out, or --overwrite to start over"
                 )
             return row
-        settings = self._space.settings(point)
-        preset_of(self._settings, settings).save(self._path)
+        settings, paired = self.space.settings(point), best["values"] if best else ()
+        preset_of(self.settings, settings).save(self.path)
         values = race(
-            lambda first, end: self._scorer.values(self._path, suite.scenarios[first:end]),
+            lambda first, end: self.scorer.values(self.path, suite.scenarios[first:end]),
             len(suite.scenarios),
-            best["values"] if best else (),
+            paired,
         )
         row = {
-            "suite": suite.name, "trial": number, "score": estimate(values, best["values"] if best else ()),
+            "suite": suite.name, "trial": number, "score": estimate(values, paired),
             "stopped": len(values) < len(suite.scenarios), "scenarios": len(values), "settings": settings,
             "point": point.tolist(), "values": values,
         }  # fmt: skip
-        self._store.append(row)
+        self.store.append(row)
         return row
-
-    def close(self) -> None:
-        """Remove the preset that was being run."""
-        self._path.unlink(missing_ok=True)
 
 
 def comparison(start: Row, best: Row) -> dict[str, Any]:
@@ -359,13 +332,9 @@ def findings(
     }
 
 
-FORMAT = 1
-OnTrial = Callable[[Row, Row], None]
-
-
 @dataclass(frozen=True)
 class Study:
-    """What a study has found."""
+    """Result of a study."""
 
     settings: TuningSettings
     space: Space
@@ -418,13 +387,17 @@ def tune(
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
     with RowFile(directory, config, KEY, overwrite, FIELDS) as store:
-        with (
-            Scorer(settings.env_id, settings.policy, workers) as scorer,
-            closing(Trials(settings, space, store, scorer, directory)) as runs,
-        ):
-            rows = _search(search, runs, suite, trials, on_trial)
-            best = best_of(rows)
-            checked = _on_held_out(runs, held_out, [rows[START], best])
+        path = directory / CANDIDATE
+        with Scorer(settings.env_id, settings.policy, workers) as scorer:
+            runs = Trials(settings, space, store, scorer, path)
+            try:
+                rows = _search(search, runs, suite, trials, on_trial)
+                best = best_of(rows)
+                numbers = dict.fromkeys((START, best["trial"]))
+                points = {number: np.array(rows[number]["point"]) for number in numbers}
+                checked = {number: runs.run(number, points[number], held_out, None) for number in numbers}
+            finally:
+                path.unlink(missing_ok=True)
         found = findings(config, search.population, rows, checked)
         preset = preset_of(settings, best["settings"], found)
         study = Study(settings, space, rows, preset, directory)
@@ -454,14 +427,8 @@ def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: O
     return rows
 
 
-def _on_held_out(runs: Trials, held_out: Suite, rows: list[Row]) -> dict[int, Row]:
-    """The trials of rows on pushes that the search has not seen, by number."""
-    points = {row["trial"]: np.array(row["point"]) for row in rows}
-    return {number: runs.run(number, point, held_out, None) for number, point in points.items()}
-
-
 def configuration(settings: TuningSettings, space: Space, suites: tuple[Suite, ...]) -> dict[str, Any]:
-    """What the trials of a directory belong to; more trials of the same study go on in it."""
+    """Key of a directory's trials; more trials of the same study go on in it."""
     start = {**load_preset(settings.preset).to_dict(), "found": {}}
     return {
         "format": FORMAT, "tune": settings.to_dict(), "start": start, "space": space.to_dict(),

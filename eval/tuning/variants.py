@@ -1,9 +1,4 @@
-"""The same search for several variants of the planner, and what it found.
-
-The same search for several arms, one after the other: one budget, one start, one record.
-
-What a study has found, as tables and as one object.
-"""
+"""The same search for several variants of the planner: one budget, one start, one record, and its tables."""
 
 from __future__ import annotations
 
@@ -21,11 +16,11 @@ from .study import OnTrial, Study, TuningSettings, space_of, tune, whose
 
 
 @dataclass(frozen=True)
-class ArmStudies:
-    """What the studies of some arms have found."""
+class VariantStudies:
+    """Results of the studies of some variants."""
 
-    studies: Mapping[str, Study]  # by arm
-    preset: PresetFile  # the start, with what is best for each arm; `found` says how, by arm
+    studies: Mapping[str, Study]  # by variant
+    preset: PresetFile  # the start, with the best settings of each variant; `found` says how, by variant
     directory: Path
 
     @property
@@ -36,10 +31,12 @@ class ArmStudies:
 
 def place_of(settings: TuningSettings, policies: Sequence[str]) -> Path:
     """The directory of such studies under runs/, where none is named."""
-    return default_directory("tune", _configuration(settings, policies))
+    start = {**load_preset(settings.preset).to_dict(), "found": {}}
+    tuned = {**settings.to_dict(), "policy": list(policies)}
+    return default_directory("tune", {"tune": tuned, "start": start, "code": code_digest()})
 
 
-def tune_arms(
+def tune_variants(
     settings: TuningSettings,
     policies: Sequence[str],
     trials: int,
@@ -48,24 +45,24 @@ def tune_arms(
     overwrite: bool = False,
     on_trial: Mapping[str, OnTrial] | None = None,
     on_begin: Callable[[], object] = lambda: None,
-) -> ArmStudies:
-    """Search for each arm in a directory of its own name; what is there already is not run again.
+) -> VariantStudies:
+    """Search for each variant in a directory of its own name; finished trials are not run again.
 
     Args:
-        settings: what is tuned on what; its policy is replaced by each arm in turn.
-        policies: the arms.
+        settings: what is tuned on what; its policy is replaced by each variant in turn.
+        policies: the variants.
         trials: the budget of each.
         workers: processes; they change no result.
-        directory: of the arms' directories and of preset.json; by default under runs/.
+        directory: of the variants' directories and of preset.json; by default under runs/.
         overwrite: start over where a directory holds trials.
-        on_trial: by arm, called after each of its trials.
+        on_trial: by variant, called after each of its trials.
         on_begin: called once the directory is this run's.
 
     Raises:
         PushRecoveryError: unknown names, impossible values, a directory of another study, or one to which
             another run is writing.
     """
-    each = check_arms(settings, policies)
+    each = check_variants(settings, policies)
     directory = directory or place_of(settings, list(each))
     with Writer(directory):
         on_begin()
@@ -73,16 +70,20 @@ def tune_arms(
             name: tune(own, trials, workers, directory / name, overwrite, (on_trial or {}).get(name))
             for name, own in each.items()
         }
-        found = ArmStudies(studies, _merged(settings, studies), directory)
+        start = load_preset(settings.preset)
+        arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
+        own = {name: study.preset.found for name, study in studies.items()}
+        merged = replace(start, arms=arms, found={**whose(start), **own})
+        found = VariantStudies(studies, merged, directory)
         found.preset.save(found.path)
     return found
 
 
-def check_arms(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
-    """What each arm's study is.
+def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
+    """Settings of each variant's study.
 
     Raises:
-        PushRecoveryError: an arm or a field that cannot be tuned, or an arm that comes twice.
+        PushRecoveryError: a variant or a field that cannot be tuned, or a variant that comes twice.
     """
     if twice := [name for name in policies if policies.count(name) > 1]:
         raise InvalidValueError(f"arm {twice[0]!r} is given more than once")
@@ -92,44 +93,24 @@ def check_arms(settings: TuningSettings, policies: Sequence[str]) -> dict[str, T
     return each
 
 
-def _merged(settings: TuningSettings, studies: Mapping[str, Study]) -> PresetFile:
-    """The start with the arms' own settings of every study put in."""
-    start = load_preset(settings.preset)
-    arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
-    found = {name: study.preset.found for name, study in studies.items()}
-    return replace(start, arms=arms, found={**whose(start), **found})
-
-
-def _configuration(settings: TuningSettings, policies: Sequence[str]) -> dict[str, Any]:
-    """What the default directory is named after."""
-    start = {**load_preset(settings.preset).to_dict(), "found": {}}
-    return {"tune": {**settings.to_dict(), "policy": list(policies)}, "start": start, "code": code_digest()}
-
-
-COLUMNS = ("field", "start", "best", "change [units]")
-
-
-def print_arms(found: ArmStudies) -> None:
-    """The tables of every arm, and where the presets lie."""
+def print_variants(found: VariantStudies) -> None:
+    """Print the tables of every variant, and where the presets lie."""
     for study in found.studies.values():
-        _print_study(study)
+        settings, entry = study.settings, study.preset.found
+        print_table(
+            f"{settings.env_id}: {settings.policy}, {entry['trials']} trials, {entry['episodes']} episodes",
+            ("suite", "start", "best", "difference", "McNemar p"),
+            [score_cells(name, entry[name]) for name in ("tuning", "held_out")],
+        )
+        print_table(
+            "Fields that moved most", ("field", "start", "best", "change [units]"), field_cells(study)
+        )
+        print(f"preset: {study.path}")
     print(f"preset of all of these arms: {found.path}")
 
 
-def _print_study(study: Study) -> None:
-    """Scores on both suites, and the fields that moved most."""
-    settings, found = study.settings, study.preset.found
-    print_table(
-        f"{settings.env_id}: {settings.policy}, {found['trials']} trials, {found['episodes']} episodes",
-        ("suite", "start", "best", "difference", "McNemar p"),
-        [score_cells(name, found[name]) for name in ("tuning", "held_out")],
-    )
-    print_table("Fields that moved most", COLUMNS, field_cells(study))
-    print(f"preset: {study.path}")
-
-
-def summary(found: ArmStudies) -> dict[str, Any]:
-    """What `--json` prints: how each arm's preset was found, and where they lie."""
+def summary(found: VariantStudies) -> dict[str, Any]:
+    """The object of `--json`: how each variant's preset was found, and where they lie."""
     arms = {name: _summary(study) for name, study in found.studies.items()}
     return {"arms": arms, "preset": str(found.path), "out": str(found.directory)}
 
@@ -150,7 +131,8 @@ def _summary(study: Study) -> dict[str, Any]:
 def score_cells(name: str, entry: dict[str, Any]) -> tuple[str, ...]:
     """One suite: scores, recovered of all, the paired difference of the rates."""
     low, high = entry["ci95"]
-    scores = [f"{part['score']:.3f} ({part['recovered']}/{entry['scenarios']})" for part in _parts(entry)]
+    parts = entry["start"], entry["best"]
+    scores = [f"{part['score']:.3f} ({part['recovered']}/{entry['scenarios']})" for part in parts]
     difference = f"{entry['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})"
     return (name.replace("_", " "), *scores, difference, f"{entry['mcnemar_p']:.3g}")
 
@@ -164,7 +146,3 @@ def field_cells(study: Study, most: int = 12) -> list[tuple[str, ...]]:
         for d, move in moves
     ]
     return [cell for _, cell in sorted(cells, key=lambda pair: -pair[0])[:most]]
-
-
-def _parts(entry: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    return entry["start"], entry["best"]

@@ -34,7 +34,7 @@ def linear_task(n: int) -> tuple[np.ndarray, np.ndarray]:
 def test_it_comes_close_to_what_it_is_shown():
     observations, targets = linear_task(2000)
     student = Student(ImitationSettings(layers=(32,)))
-    student.see(observations)
+    student.normalisation = normalisation_of(observations)
     losses = [student.fit(observations, targets, 3e-3) for _ in range(300)]
     assert losses[-1] < 0.01 * losses[0]
     np.testing.assert_allclose(student.act(observations.astype(float)), targets, atol=0.1)
@@ -43,7 +43,7 @@ def test_it_comes_close_to_what_it_is_shown():
 def test_the_previous_action_is_hidden():
     observations, _ = linear_task(100)
     student = Student(ImitationSettings())
-    student.see(observations)
+    student.normalisation = normalisation_of(observations)
     changed = observations.astype(float)
     changed[:, HIDDEN] += 1.0
     np.testing.assert_allclose(student.act(changed), student.act(observations.astype(float)), atol=1e-5)
@@ -61,7 +61,7 @@ def test_other_entries_have_their_mean_and_variance():
 def test_its_numpy_network_gives_the_same_targets():
     observations, _ = linear_task(10)
     student = Student(ImitationSettings())
-    student.see(observations)
+    student.normalisation = normalisation_of(observations)
     forward = student.mlp().forward(student.normalisation.apply(observations.astype(float)))
     np.testing.assert_allclose(np.clip(forward, -1, 1), student.act(observations.astype(float)), atol=1e-6)
 
@@ -70,7 +70,7 @@ def test_the_mean_of_the_weights_is_the_result_once_it_has_begun():
     """w <- w + share (v - w) after each step, v what the steps lead to."""
     observations, targets = linear_task(64)
     student = Student(ImitationSettings(layers=(8,)))
-    student.see(observations)
+    student.normalisation = normalisation_of(observations)
     student.begin_mean(0.25)
     mean, found = None, None
     for _ in range(3):

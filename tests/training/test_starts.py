@@ -17,7 +17,6 @@ from push_recovery.training.starts import (
     PushStarts,
     ResetStarts,
     SuccessTable,
-    Uncorrected,
     relative,
     take_walks,
 )
@@ -50,13 +49,13 @@ def test_bins_of_another_robot_have_their_own_width():
 
 def test_a_share_follows_what_is_told_of_its_bin_alone():
     table = SuccessTable(40.0, 0.1)
-    table.tell((1, 0), True)
-    table.tell((4, 1), False)
+    table.update((1, 0), True)
+    table.update((4, 1), False)
     assert table.shares[1, 0] == pytest.approx(0.525)
     assert table.shares[4, 1] == pytest.approx(0.475)
     assert (table.shares == 0.5).sum() == table.shares.size - 2
     for _ in range(200):
-        table.tell((1, 0), True)
+        table.update((1, 0), True)
     assert table.shares[1, 0] == pytest.approx(1.0, abs=1e-4)
 
 
@@ -72,7 +71,7 @@ def episodes():
 @pytest.fixture(scope="module")
 def walks(episodes):
     walker = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
-    return take_walks(episodes, walker, HARD, 6, np.random.default_rng(3))
+    return take_walks(episodes, lambda seen: walker.predict(seen)[0], HARD, 6, np.random.default_rng(3))
 
 
 def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
@@ -86,7 +85,7 @@ def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
 def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
     """Row for row of what both robots have: the one planner is outside, the other within."""
     corrected = JointResidualEpisodes(4)
-    own = take_walks(corrected, Uncorrected(14), HARD, 6, np.random.default_rng(3))
+    own = take_walks(corrected, lambda seen: np.zeros((4, 14), np.float32), HARD, 6, np.random.default_rng(3))
     for mine, planned in zip(own, walks, strict=True):
         assert mine.scenario == planned.scenario
         for name in ("simulation.state", "gait.stance", "gait.heading"):
@@ -94,7 +93,7 @@ def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
 
 
 def starts(episodes, walks, easy_share, floor=1.0, seed=0):
-    return PushStarts(episodes, walks, HARD, EASY, easy_share, floor, np.random.default_rng(seed))
+    return PushStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(seed), walks)
 
 
 def scenario_of(episodes, k):
@@ -138,7 +137,7 @@ def test_kinds_that_are_always_recovered_from_are_drawn_seldom(episodes, walks):
 def test_each_body_has_a_table_of_its_own(episodes, walks):
     """A foot that is always recovered from is drawn at the floor of 0.05."""
     pushes = replace(HARD, bodies=("trunk", "left_foot"))
-    beginning = PushStarts(episodes, walks, pushes, EASY, 0.0, 0.05, np.random.default_rng(0))
+    beginning = PushStarts(episodes, pushes, EASY, 0.0, 0.05, np.random.default_rng(0), walks)
     beginning.tables["left_foot"].shares[:] = 1.0
     seen = []
     for _ in range(200):
@@ -155,7 +154,7 @@ def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
     """And the push is counted by the impulse of all of them together, of either kind of start."""
     pushes = replace(HARD, pushes_max=3, push_duration=0.05, push_duration_ratio=4.0)
     parts = pushes, EASY, 0.0, 1.0
-    at_push = PushStarts(episodes, walks, *parts, np.random.default_rng(2))
+    at_push = PushStarts(episodes, *parts, np.random.default_rng(2), walks)
     at_reset = ResetStarts(episodes, *parts, np.random.default_rng(2))
     counts = set()
     for _ in range(40):

@@ -79,15 +79,15 @@ def test_robots_are_quiet_where_a_gate_keeps_what_is_learned_out():
     """With no gate something learned always acts, so that an episode goes on after a recovery."""
     acting = robots_of(TrainingSettings("scratch", n_envs=2, walks=2))
     acting.reset()
-    assert not acting._actor.quiet.any()
+    assert not acting._actor.gate_closed.any()
     robots = robots_of(TrainingSettings("joint-residual", n_envs=4, walks=4, easy_share=0.0))
     robots.reset()
     gate, quiet = robots.episodes.gate, []
     for _ in range(40):
         np.testing.assert_array_equal(
-            robots._actor.quiet, gate(robots.episodes.core.observation)[:, 0] == 0.0
+            robots._actor.gate_closed, gate(robots.episodes.core.observation)[:, 0] == 0.0
         )
-        quiet.append(robots._actor.quiet.copy())
+        quiet.append(robots._actor.gate_closed.copy())
         robots.step(np.zeros((4, 14), np.float32))
     assert np.array(quiet[0]).all()  # the push is still to come
     assert not np.array(quiet).all()

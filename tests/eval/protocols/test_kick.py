@@ -2,9 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.protocols.kick import BEYOND, FORCES, _Measured, every_kick, jump_of, kick_scenarios
-from push_recovery.eval.rollout.outcome import Ending, Outcome
+from push_recovery.eval.protocols.kick import BEYOND, FORCES, Measures, every_kick, jump_of, kick_scenarios
+from push_recovery.eval.rollout.outcome import Ending
 from push_recovery.eval.score.suites import get_suite
 
 
@@ -59,12 +58,11 @@ def test_fewer_episodes_are_the_first_of_each_level():
 
 
 def measured(*moments: tuple[float, float, float, float], fell: bool = False) -> dict:
-    """What is told of (time, height, speed, tilt), kicked at 2 s from a standing height of 0.79 m."""
-    episode = _Measured(2.0, 0.79)
+    """Entries of (time, height, speed, tilt), kicked at 2 s from a standing height of 0.79 m."""
+    episode = Measures(2.0, 0.79)
     for moment in moments:
         episode.take(*moment)
-    ending = Ending(fell, moments[-1][0], None, "too_low" if fell else None, 0.0)
-    return episode.told(Outcome.of(Scenario("kick"), "p", ending, len(moments)))
+    return episode.entries(Ending(fell, moments[-1][0], None, "too_low" if fell else None, 0.0))
 
 
 def test_time_to_stable_and_tilt_count_from_the_kick():

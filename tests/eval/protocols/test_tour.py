@@ -1,25 +1,29 @@
 """Waypoints and punches of the benchmark, against values of its own program."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.protocols import tour
 from push_recovery.eval.protocols.tour import (
     Follower,
     Pose,
-    Waypoint,
+    TourWatcher,
     in_frame,
-    missing,
-    places_of,
+    punch_points,
     punches,
-    run_id_of,
     tour_scenario,
     waypoints,
     wrapped,
 )
+from push_recovery.eval.rollout.outcome import Ending
 
 
 def test_waypoints_are_the_benchmarks():
@@ -68,7 +72,6 @@ def test_the_ceiling_rises_for_a_minute():
 def test_a_scenario_has_the_impulse_by_mass():
     scenario = tour_scenario(3, biped())
     assert (scenario.id, scenario.duration, len(scenario.pushes)) == ("tour-0003", 90.0, 18)
-    assert run_id_of(scenario.id) == 3
     for i, (push, punch) in enumerate(zip(scenario.pushes, punches(3), strict=True)):
         assert (push.start, push.duration, push.frame) == (pytest.approx(0.1 + 5 * i), 0.08, "world")
         assert push.impulse_magnitude / 60.0 == pytest.approx(punch.force * 0.08 / 35.112, rel=1e-5)
@@ -77,7 +80,7 @@ def test_a_scenario_has_the_impulse_by_mass():
 
 def test_where_the_joints_of_the_g1_are_punched_on_the_biped():
     """CoMs of thigh and shank 0.16 m below hip and knee, a waist 0.18 m below the CoM of the trunk."""
-    places = places_of(biped())
+    places = punch_points(biped())
     assert [place.body for place in places] == [
         *3 * ["left_thigh"], "left_shank", *2 * ["left_foot"], *3 * ["right_thigh"], "right_shank",
         *2 * ["right_foot"], *17 * ["trunk"],
@@ -96,15 +99,15 @@ def test_a_robot_that_exists_meets_the_published_forces():
     g1 = CompiledRobot(robot_description("g1"))
     for push, punch in zip(tour_scenario(5, g1).pushes, punches(5), strict=True):
         assert push.impulse_magnitude == pytest.approx(punch.force * 0.08, rel=1e-4)
-    assert [place.body for place in places_of(g1)[15:22]] == [
+    assert [place.body for place in punch_points(g1)[15:22]] == [
         "link:left_shoulder_pitch_joint", "link:left_shoulder_roll_joint", "link:left_shoulder_yaw_joint",
         *4 * ["link:left_elbow_joint"],
     ]  # fmt: skip
-    wrist = places_of(g1)[28]
+    wrist = punch_points(g1)[28]
     data, body = g1.in_reference_posture(), g1.model.body("right_elbow_link").id
     origin = data.xipos[body] + data.xmat[body].reshape(3, 3) @ wrist.offset
     assert origin == pytest.approx(data.xpos[g1.model.body("right_wrist_yaw_link").id], abs=2e-6)
-    hip = places_of(g1)[0]
+    hip = punch_points(g1)[0]
     data, body = g1.in_reference_posture(), g1.model.body("left_hip_yaw_link").id
     anchor = data.xanchor[g1.model.joint("left_hip_pitch_joint").id]
     assert data.xipos[body] + data.xmat[body].reshape(3, 3) @ hip.offset == pytest.approx(anchor, abs=2e-6)
@@ -117,7 +120,7 @@ def test_wrapped(angle, same):
 
 def test_what_is_missing_is_seen_from_the_robot():
     """It looks to the left of the frame, so that a target ahead of the frame is to its right."""
-    found = missing(Pose(1.0, 0.0, math.pi / 2), Waypoint(2.0, 0.5, -3.0))
+    found = in_frame(Pose(2.0, 0.5, -3.0), Pose(1.0, 0.0, math.pi / 2))
     assert found == pytest.approx((0.5, -1.0, -3.0 - math.pi / 2 + 2 * math.pi))
 
 
@@ -128,15 +131,13 @@ def test_a_pose_in_the_frame_of_another():
 
 def test_commands_are_proportional_within_limits():
     follower = Follower()
-    assert follower.command(Pose(0.0, 0.0, 0.0), Waypoint(0.2, -0.1, 0.3)) == pytest.approx(
-        (0.3, -0.15, 0.45)
-    )
-    assert follower.command(Pose(0.0, 0.0, 0.0), Waypoint(2.0, 2.0, 3.0)) == (0.5, 0.2, 0.6)
-    assert follower.command(Pose(0.0, 0.0, 0.0), Waypoint(-2.0, -2.0, -3.0)) == (-0.25, -0.2, -0.6)
+    assert follower.command(Pose(0.0, 0.0, 0.0), Pose(0.2, -0.1, 0.3)) == pytest.approx((0.3, -0.15, 0.45))
+    assert follower.command(Pose(0.0, 0.0, 0.0), Pose(2.0, 2.0, 3.0)) == (0.5, 0.2, 0.6)
+    assert follower.command(Pose(0.0, 0.0, 0.0), Pose(-2.0, -2.0, -3.0)) == (-0.25, -0.2, -0.6)
 
 
 def test_it_rests_where_it_is_there_until_it_is_lost():
-    follower, target = Follower(), Waypoint(1.0, 0.0, 0.0)
+    follower, target = Follower(), Pose(1.0, 0.0, 0.0)
 
     def forward(x: float) -> float:
         return follower.command(Pose(x, 0.0, 0.0), target)[0]
@@ -147,12 +148,12 @@ def test_it_rests_where_it_is_there_until_it_is_lost():
     assert forward(0.79) == pytest.approx(0.315)
     assert forward(0.85) == pytest.approx(0.225)  # lost, and not reached again
     assert forward(0.91) == 0.0
-    other = Waypoint(1.06, 0.0, 0.0)  # begins anew
+    other = Pose(1.06, 0.0, 0.0)  # begins anew
     assert follower.command(Pose(0.91, 0.0, 0.0), other)[0] == pytest.approx(0.225)
 
 
 def test_the_heading_rests_for_itself():
-    follower, target = Follower(), Waypoint(1.0, 0.0, 0.0)
+    follower, target = Follower(), Pose(1.0, 0.0, 0.0)
 
     def turn(yaw: float) -> float:
         return follower.command(Pose(1.0, 0.0, yaw), target)[2]
@@ -161,3 +162,43 @@ def test_the_heading_rests_for_itself():
     assert (turn(-0.04), turn(-0.11)) == (0.0, 0.0)
     assert turn(-0.13) == pytest.approx(0.195)
     assert turn(0.06) == pytest.approx(-0.09)
+
+
+class Pelvis:
+    """A core of one robot whose pelvis is put where a test wants it."""
+
+    def __init__(self):
+        self.robot, self.command = RobotModel(), np.zeros((1, 3))
+        self.gait = SimpleNamespace(time=np.zeros(1))
+        self._state = SimpleNamespace(qpos=np.zeros((1, 7)), xmat=np.zeros((1, 20, 9)))
+
+    def true_state(self, k):
+        return self._state
+
+    def put(self, time, x, y, yaw):
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        self.gait.time[0], self._state.qpos[0, :2] = time, (x, y)
+        self._state.xmat[0, PELVIS] = cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0
+
+
+def test_a_watcher_writes_the_command_in_the_frame_in_which_the_robot_began(monkeypatch):
+    """It began at (1, 2) looking to the left: a target ahead by 0.2 and aside by 0.1 is at (0.9, 2.2)."""
+    targets = (Pose(0.2, 0.1, 0.3), Pose(-1.0, 0.0, 0.0))
+    monkeypatch.setattr(tour, "waypoints", lambda run_id: {7: targets}[run_id])
+    core, watcher, left = Pelvis(), TourWatcher(), math.pi / 2
+    core.put(0.0, 1.0, 2.0, left)
+    watcher.begin(core, 0, Scenario("tour-0007"))
+    watcher.look(core, 0)
+    assert core.command[0] == pytest.approx((0.3, 0.15, 0.45))  # 1.5 times the errors
+    core.put(4.99, 0.94, 2.16, left + 0.32)  # 0.04 m short, 0.04 m to the right, 0.02 rad too far
+    watcher.look(core, 0)
+    assert core.command[0] == pytest.approx((0.0, 0.0, 0.0))  # there, in both
+    core.put(5.0 - 1e-12, 0.94, 2.16, left + 0.32)  # the second segment, in spite of rounding
+    watcher.look(core, 0)
+    assert core.command[0] == pytest.approx((-0.25, 0.2, -0.48))  # at the limits of a robot of 0.8 m
+    assert watcher.end(core, 0, Ending(True, 5.0, None, "too_low", 0.0)) == {
+        "position_errors_cm": [pytest.approx(100.0 * math.hypot(0.04, 0.04), abs=1e-3),
+                               pytest.approx(100.0 * math.hypot(1.16, 0.06), abs=1e-3)],
+        "heading_errors_deg": [pytest.approx(math.degrees(0.02), abs=1e-3),
+                               pytest.approx(math.degrees(0.32), abs=1e-3)],
+    }  # fmt: skip

@@ -29,11 +29,11 @@ def written(tmp_path):
 
 
 def test_the_bipeds_plan_is_found(written):
-    guess = guess_plan(read_skeleton(written(spec())))
-    assert (guess.plan.pelvis, guess.plan.trunk) == (PLAN.pelvis, PLAN.trunk)
-    assert (guess.plan.legs, guess.plan.waist) == (PLAN.legs, PLAN.waist)
-    assert np.sign(guess.plan.bend).tolist() == [0.0, 0.0, -1.0, 1.0, -1.0, 0.0]
-    assert guess.plan.held == guess.fixed == ()
+    plan, fixed = guess_plan(read_skeleton(written(spec())))
+    assert (plan.pelvis, plan.trunk) == (PLAN.pelvis, PLAN.trunk)
+    assert (plan.legs, plan.waist) == (PLAN.legs, PLAN.waist)
+    assert np.sign(plan.bend).tolist() == [0.0, 0.0, -1.0, 1.0, -1.0, 0.0]
+    assert plan.held == fixed == ()
 
 
 def test_arms_and_a_yaw_are_held_and_what_is_light_is_fixed(written):
@@ -42,17 +42,17 @@ def test_arms_and_a_yaw_are_held_and_what_is_light_is_fixed(written):
     hand.ipos = [0.0, 0.0, -0.05]
     hand.mass, hand.inertia, hand.explicitinertial = 0.1, [1e-4, 1e-4, 1e-4], True
     hand.add_joint(name="wrist", type=mujoco.mjtJoint.mjJNT_HINGE, range=[0.3, 1.0], limited=True)
-    guess = guess_plan(read_skeleton(written(model)))
+    plan, fixed = guess_plan(read_skeleton(written(model)))
     arms = {f"{side}_{name}" for side in ("left", "right") for name in ARM}
-    assert {name for name, _ in guess.plan.held} == arms | {"waist_yaw"}
-    assert guess.plan.waist == ("waist_pitch", "waist_roll")
-    assert [name for name, _ in guess.fixed] == ["wrist"]
+    assert {name for name, _ in plan.held} == arms | {"waist_yaw"}
+    assert plan.waist == ("waist_pitch", "waist_roll")
+    assert [name for name, _ in fixed] == ["wrist"]
     low, _ = read_skeleton(written(model)).model.joint("wrist").range
-    assert guess.fixed[0][1] == pytest.approx(low, abs=1e-6)  # 0 is out of its range
+    assert fixed[0][1] == pytest.approx(low, abs=1e-6)  # 0 is out of its range
 
 
 def test_a_robot_without_a_waist_has_none(written):
-    assert guess_plan(read_skeleton(written(no_waist()))).plan.waist == (None, None)
+    assert guess_plan(read_skeleton(written(no_waist())))[0].waist == (None, None)
 
 
 def test_a_model_without_two_legs_is_refused(written):
@@ -74,7 +74,8 @@ def test_a_box_is_the_sole_wherever_its_body_points(written):
     assert left.turn == (1.0, 0.0, 0.0, 0.0)
 
 
-def test_spheres_under_a_foot_are_the_corners_of_its_sole(written):
+def with_feet(*shapes):
+    """The biped with other shapes under both feet."""
     model = spec()
     for side in ("left", "right"):
         foot = model.body(f"{side}_foot")
@@ -82,21 +83,45 @@ def test_spheres_under_a_foot_are_the_corners_of_its_sole(written):
             model.delete(pair)
         for geom in list(foot.geoms):
             model.delete(geom)
-        for x in (-0.06, 0.12):
-            for y in (-0.03, 0.03):
-                foot.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.005, 0, 0], pos=[x, y, -0.04])
-    sole, _ = guess_soles(written(model), ANKLES)
-    assert sole.size == pytest.approx((0.18, 0.06))
-    np.testing.assert_allclose(sole.centre, (0.03, 0.0, -0.045), atol=1e-6)
+        for shape in shapes:
+            foot.add_geom(**shape)
+    return model
+
+
+SPHERES = [
+    {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [0.005, 0, 0], "pos": [x, y, -0.04]}
+    for x in (-0.06, 0.12) for y in (-0.03, 0.03)
+]  # fmt: skip
+CYLINDER = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [0.05, 0.02, 0], "pos": [0.01, 0.0, -0.04]}
+QUARTER = (0.5**0.5, 0.0, 0.5**0.5, 0.0)  # turn about y, from standing to lying along x
+CAPSULE = {
+    "type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [0.02, 0.08, 0], "pos": [0.02, 0.0, -0.04],
+    "quat": QUARTER,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("shapes", "size", "centre"),
+    [
+        (SPHERES, (0.18, 0.06), (0.03, 0.0, -0.045)),  # their lowest points are its corners
+        ([CYLINDER], (0.1, 0.1), (0.01, 0.0, -0.06)),  # standing: as wide as it is long
+        ([CAPSULE], (0.2, 0.04), (0.02, 0.0, -0.06)),  # lying: its caps make it longer by the radius each
+    ],
+    ids=("spheres", "cylinder", "capsule"),
+)
+def test_a_sole_is_the_rectangle_under_the_shapes_of_a_foot(written, shapes, size, centre):
+    sole, _ = guess_soles(written(with_feet(*shapes)), ANKLES)
+    assert sole.size == pytest.approx(size)
+    np.testing.assert_allclose(sole.centre, centre, atol=1e-6)
 
 
 @NEEDS
 @pytest.mark.parametrize("name", ["g1", "t1"])
 def test_the_guess_of_a_robot_of_the_package_is_its_file(name):
     wanted = read_robot_file(FOLDER.joinpath(f"{name}.json"))
-    guess = guess_plan(read_skeleton(wanted.model))
-    assert (guess.plan.pelvis, guess.plan.trunk) == (wanted.plan.pelvis, wanted.plan.trunk)
-    assert (guess.plan.legs, guess.plan.waist) == (wanted.plan.legs, wanted.plan.waist)
+    plan, _ = guess_plan(read_skeleton(wanted.model))
+    assert (plan.pelvis, plan.trunk) == (wanted.plan.pelvis, wanted.plan.trunk)
+    assert (plan.legs, plan.waist) == (wanted.plan.legs, wanted.plan.waist)
     soles = guess_soles(wanted.model, (wanted.plan.legs[0][-1], wanted.plan.legs[1][-1]))
     for found, sole in zip(soles, wanted.soles, strict=True):
         np.testing.assert_allclose(found.size, sole.size, atol=1e-3)

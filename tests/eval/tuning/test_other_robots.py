@@ -8,12 +8,12 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.settings import PresetFile, load_preset
 from push_recovery.envs.robots.adapt import PACKAGES
-from push_recovery.eval.protocols.watched import biped_of
+from push_recovery.eval.protocols.run import biped_of
 from push_recovery.eval.rollout.environments import robot_of
 from push_recovery.eval.tuning.pushes import punched_suite, tuning_suite
 from push_recovery.eval.tuning.scorer import check_env
 from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
-from push_recovery.eval.tuning.variants import tune_arms
+from push_recovery.eval.tuning.variants import tune_variants
 
 pytestmark = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"
@@ -69,7 +69,7 @@ def test_what_is_found_is_its_own_on_pushes_of_its_size(tmp_path):
     settings = TuningSettings(
         T1, "stage-1", only=("planner.push_threshold", "planner.push_carry"), scenarios=8, held_out=8
     )
-    found = tune_arms(settings, ["stage-1"], 1, directory=tmp_path)
+    found = tune_variants(settings, ["stage-1"], 1, directory=tmp_path)
     config = json.loads((tmp_path / "stage-1" / "config.json").read_text())
     names = [suite["name"] for suite in config["suites"]]
     assert names == ["tuning-varied@t1", "tuning-varied-held-out@t1"]
@@ -102,7 +102,7 @@ def test_forms_without_a_planner_of_their_own_and_presets_in_the_name_are_refuse
 def test_it_is_tuned_on_punches_of_the_tour(tmp_path):
     fields, suite = ("planner.push_carry", "planner.push_threshold"), "tuning-punches"
     settings = TuningSettings(T1, "stage-1", only=fields, suite=suite, scenarios=8, held_out=8)
-    found = tune_arms(settings, ["stage-1"], 1, directory=tmp_path).studies["stage-1"]
+    found = tune_variants(settings, ["stage-1"], 1, directory=tmp_path).studies["stage-1"]
     config = json.loads((tmp_path / "stage-1" / "config.json").read_text())
     suites = [punched_suite(name, 8, biped_of(T1)) for name in (suite, f"{suite}-held-out")]
     assert [(own["name"], own["sha256"]) for own in config["suites"]] == [(s.name, s.sha256) for s in suites]

@@ -20,9 +20,9 @@ from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
 from push_recovery.eval.tuning.pushes import (
-    MOST,
     SEEDS,
     SHARE,
+    SUITE_SIZE,
     TUNING,
     VARIED,
     excerpt,
@@ -117,7 +117,7 @@ HELD_OUT = held_out_of(TUNING)
 SCORED = ("standard", "hard", "varied", "varied-sealed")
 SUITES = {
     **{name: get_suite(name) for name in SCORED},
-    **{name: tuning_suite(name, MOST) for name in SEEDS},
+    **{name: tuning_suite(name, SUITE_SIZE) for name in SEEDS},
 }
 
 

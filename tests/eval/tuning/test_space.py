@@ -10,13 +10,12 @@ from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.tuning.space import (
-    ARMS,
     ROBOT,
     TRUNK,
     UPRIGHT,
+    VARIANTS,
     Dimension,
     Space,
-    make_space,
     planner_dimensions,
     select,
 )
@@ -28,7 +27,7 @@ START = {
     "planner": asdict(preset_config("biped")),
     **BipedSettings().to_dict(),
 }
-PLANNER = {d.name: d for arm in ARMS for d in planner_dimensions(arm)}
+PLANNER = {d.name: d for arm in VARIANTS for d in planner_dimensions(arm)}
 
 
 def test_units_are_differences_and_factors():
@@ -39,7 +38,7 @@ def test_units_are_differences_and_factors():
 
 
 def test_point_and_settings_are_inverse_within_rounding():
-    space = make_space((*PLANNER.values(), *ROBOT), START)
+    space = Space.at((*PLANNER.values(), *ROBOT), START)
     low, high = space.bounds.T
     assert (low <= 0).all()
     assert (high >= 0).all()
@@ -54,7 +53,7 @@ def test_every_dimension_is_a_field_and_none_comes_twice():
     for dimension in (*PLANNER.values(), *ROBOT):
         group = dimension.group
         assert dimension.name in (planner if group == "planner" else SECTIONS[group])
-    for arm in ARMS:
+    for arm in VARIANTS:
         labels = [d.label for d in (*planner_dimensions(arm), *ROBOT)]
         assert len(set(labels)) == len(labels)
 
@@ -88,7 +87,7 @@ def observations():
     return np.concatenate(seen)
 
 
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", VARIANTS)
 def test_an_arm_is_tuned_in_all_that_it_uses_and_in_nothing_else(arm, observations):
     """A field belongs to the space of an arm exactly if some action depends on it."""
     policy = make_policy(arm)

@@ -35,7 +35,7 @@ from push_recovery.eval.tuning.study import (
     space_of,
     tune,
 )
-from push_recovery.eval.tuning.variants import tune_arms
+from push_recovery.eval.tuning.variants import tune_variants
 
 SETTINGS = TuningSettings("PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8)
 
@@ -351,5 +351,5 @@ def test_a_second_search_in_a_directory_is_refused(study, tmp_path):
     with Writer(study.directory), pytest.raises(InvalidValueError, match="another run"):
         tune(SETTINGS_STUDY, TRIALS, directory=study.directory, overwrite=True)
     with Writer(tmp_path), pytest.raises(InvalidValueError, match="another run"):
-        tune_arms(SETTINGS_STUDY, [SETTINGS_STUDY.policy], TRIALS, directory=tmp_path)
+        tune_variants(SETTINGS_STUDY, [SETTINGS_STUDY.policy], TRIALS, directory=tmp_path)
     assert (study.directory / "outcomes.jsonl").read_bytes() == before
