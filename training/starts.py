@@ -203,6 +203,6 @@ class PushStarts(Starts):
 
 
 def relative(psi: float, walk: RobotSnapshot) -> float:
-    """A direction in the canonical frame of a walk, the right stance mirrored to the left one [rad]."""
+    """A direction [rad] in the canonical frame of a walk: of its heading, and mirrored on the left foot."""
     turned = side_sign(walk.rows[STANCE].item()) * (psi - walk.rows[HEADING].item())
     return math.remainder(turned, math.tau)

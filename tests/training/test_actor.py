@@ -2,14 +2,18 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.residual import ResidualRule
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.training.actor import check_critic, impulse_to_come, sensing_error
+from push_recovery.training.actor import Actor, check_critic, impulse_to_come, sensing_error
 from push_recovery.training.builders import completed, make_env, make_robots
 from push_recovery.training.settings import TrainingSettings
 
@@ -97,3 +101,50 @@ def test_what_there_is_not_is_refused(toy):
     settings = TrainingSettings(kind="scratch", env_id=toy, critic=("push",))
     with pytest.raises(InvalidValueError, match="nothing is known of"):
         completed(settings, make_env(settings))
+
+
+class Below:
+    """A planner and a gate of one number each, the first two of the observation."""
+
+    def __init__(self):
+        self.scale = np.full(7, 0.5, np.float32)
+
+    def predict(self, observations):
+        return np.repeat(observations[:, :1], 7, axis=1).astype(np.float32), None
+
+
+def two_robots(**parts):
+    rule = ResidualRule(Below(), RobotModel(), GaitLimits(), np.full(7, 0.5, np.float32), None)
+    rule.opening = lambda observations: observations[:, 1:2].astype(np.float32)
+    core = SimpleNamespace(observation=np.zeros((2, 36)), truth=np.zeros((2, 36)))
+    episodes = SimpleNamespace(
+        n=2, core=core, robot=RobotModel(), limits=GaitLimits(), observation_size=36, seen=core.observation
+    )
+    return core, Actor(episodes, ("observation", "base", "gate"), rule, **parts)
+
+
+def test_a_residual_is_added_to_what_was_seen_last_of_its_own_robot():
+    """total = clip(base + 0.5 g a): robot 0 was seen with base 0.2 and g 1, then robot 1 with 0.4 and 0."""
+    core, actor = two_robots()
+    core.observation[:, :2] = (0.2, 1.0), (-0.8, 0.5)
+    actor.look(np.arange(2))
+    core.observation[:, :2] = (0.6, 0.0), (0.4, 0.0)
+    actor.look(np.array([1]))  # robot 0 has ended, what it was is kept
+    outputs = np.stack([np.full(7, 0.6), np.full(7, -1.0)]).astype(np.float32)
+    np.testing.assert_allclose(actor.actions(outputs)[:, 3], [0.5, 0.4], atol=1e-6)
+    assert actor.gate_closed.tolist() == [False, True]
+    core.observation[:, :2] = (0.9, 1.0), (-0.8, 0.5)
+    actor.look(np.arange(2))
+    np.testing.assert_allclose(actor.actions(outputs)[:, 3], [1.0, -1.0], atol=1e-6)  # 1.2 and -1.05
+
+
+def test_networks_see_the_observation_then_the_planner_then_the_gate_then_the_critics_own():
+    core, actor = two_robots(critic=("sensing",))
+    core.observation[:, :2] = (0.2, 1.0), (-0.8, 0.5)
+    core.truth[:, 2] = 0.1, -0.05
+    actor.look(np.arange(2))
+    rows = actor.inputs()
+    assert rows.shape == (2, actor.size) == (2, 36 + 7 + 1 + 36)
+    np.testing.assert_allclose(rows[:, :2], [[0.2, 1.0], [-0.8, 0.5]], atol=1e-7)
+    np.testing.assert_allclose(rows[:, [36, 42, 43]], [[0.2, 0.2, 1.0], [-0.8, -0.8, 0.5]], atol=1e-7)
+    np.testing.assert_allclose(rows[:, 46], [2.0, -1.0], atol=1e-6)  # over 0.05

@@ -4,12 +4,15 @@ Rounds of imitation on the biped: who leads, what is kept, and that a run is rep
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.joint_control import PREVIOUS_ACTION
 from push_recovery.envs.joint.taught import TaughtEpisodes
+from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.training.imitation import (
     HIDDEN,
     Collector,
@@ -198,3 +201,64 @@ def test_what_is_shown_is_the_teachers_own_target():
     other.lead(np.ones(2, np.bool_))
     other.step(np.zeros((2, 14), np.float32))
     np.testing.assert_allclose(first.targets, other.targets, atol=1e-7)
+
+
+class Taught:
+    """Three robots beside a teacher whose targets are a test's; robot 2 falls in the first period."""
+
+    n, control_hz = 3, 100.0
+
+    def __init__(self):
+        gait = SimpleNamespace(time=np.array([0.5, 0.0, 3.0]), stance=np.array([0, 1, 0]))
+        self.core = SimpleNamespace(gait=gait, walk=SimpleNamespace(stance=np.array([0, 0, 0])))
+        self.seen, self.targets = np.zeros((3, 58)), np.zeros((3, 14))
+        self.led, self.actions, self.begun = [], [], []
+
+    def drawn(self, pushes, rng):
+        return Scenario("x", pushes=(polar_push(100.0, 0.0, 0.1, 0.3),))
+
+    def begin(self, k, scenario):
+        self.begun.append((k, scenario))
+
+    def lead(self, robots):
+        self.led.append(robots.tolist())
+
+    def step(self, actions):
+        self.actions.append(actions.copy())
+        self.seen = self.seen + 1.0
+        self.targets = np.repeat([[0.5], [1.2], [-0.25]], 14, axis=1)
+        failed = np.array([False, False, len(self.actions) == 1])
+        return SimpleNamespace(failed=failed, truncated=np.zeros(3, np.bool_))
+
+
+def test_the_teacher_leads_up_to_a_robots_turn_and_what_it_asked_is_then_the_action():
+    episodes = Taught()
+    settings = ImitationSettings(robots=3, periods=1, shown_rounds=0, unpushed=0.0)
+    collector = Collector(settings, episodes, np.random.default_rng(0))
+    collector._begun, collector._turn[:] = True, (1.0, 0.0, 3.0)
+    episodes.targets = np.repeat([[-1.4], [0.3], [0.3]], 14, axis=1)
+    shown = collector.collect(lambda seen: np.full((3, 14), 0.125, np.float32), 5)
+    assert episodes.led == [[True, False, False]]  # robots 1 and 2 are past their turn
+    np.testing.assert_array_equal(episodes.actions[0][:, 0], np.float32([-1.0, 0.125, 0.125]))
+    # robot 1 stands on another foot than its teacher, robot 2 has fallen: robot 0 alone is a sample
+    np.testing.assert_array_equal(shown.observations, np.zeros((1, 58), np.float32))
+    np.testing.assert_array_equal(shown.targets, np.full((1, 14), 0.5, np.float32))
+    assert shown.alone == pytest.approx(0.02)  # two robots, a period of 0.01 s
+    assert shown.falls == 1
+    assert [k for k, _ in episodes.begun] == [2]
+    assert episodes.begun[0][1].pushes
+
+
+def test_targets_out_of_reach_are_no_samples_and_the_others_are_clipped():
+    episodes = Taught()
+    episodes.core.walk.stance[1] = 1  # now the teacher and robot 1 stand on the same foot
+    collector = Collector(
+        ImitationSettings(robots=3, periods=2, largest=1.1), episodes, np.random.default_rng(0)
+    )
+    collector._begun = True
+    shown = collector.collect(nothing, 5)
+    assert shown.targets[:, 0].tolist() == [0.5, 0.5, -0.25]  # 1.2 of robot 1 is beyond 1.1
+    assert shown.observations[:, 0].tolist() == [0.0, 1.0, 1.0]
+    wider = Collector(ImitationSettings(robots=3, periods=1, largest=1.3), Taught(), np.random.default_rng(0))
+    wider._begun, wider.episodes.core.walk.stance[1] = True, 1
+    assert wider.collect(nothing, 5).targets[:, 0].tolist() == [0.5, 1.0]  # within 1.3, clipped to 1

@@ -4,7 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.training.reward import EnvironmentReward, RecoveryReward
+from push_recovery.controllers.errors import UnknownNameError
+from push_recovery.training.builders import completed, make_env, make_robots
+from push_recovery.training.reward import REWARDS, EnvironmentReward, RecoveryReward
+from push_recovery.training.settings import TrainingSettings
 
 GAMMA = 0.9
 
@@ -61,7 +64,7 @@ def test_the_potentials_of_an_episode_add_up_to_that_of_its_begin():
 
 
 @pytest.mark.parametrize(
-    ("failed", "truncated", "recovered", "quiet", "over", "worth"),
+    ("failed", "truncated", "recovered", "closed", "over", "worth"),
     [
         (True, False, False, False, True, -1.0),
         (True, False, True, True, True, -1.0),  # it fell after it had recovered
@@ -72,10 +75,10 @@ def test_the_potentials_of_an_episode_add_up_to_that_of_its_begin():
         (False, False, False, True, False, 0.0),
     ],
 )
-def test_ends_and_what_they_are_worth(failed, truncated, recovered, quiet, over, worth):
+def test_ends_and_what_they_are_worth(failed, truncated, recovered, closed, over, worth):
     _, reward = begun([0.0, 0.0, 0.0], [recovered, False, False])
-    came = period((failed, False, False), (truncated, False, False))
-    ended = reward.period(came, ALL, np.array([quiet, False, False]))
+    result = period((failed, False, False), (truncated, False, False))
+    ended = reward.period(result, ALL, np.array([closed, False, False]))
     assert ended.tolist() == [over, False, False]
     np.testing.assert_allclose(reward.collect(ended), [worth, 0.0, 0.0], atol=1e-15)
 
@@ -104,3 +107,26 @@ def test_the_environments_own_reward_is_summed_while_its_episode_lasts():
     assert reward.collect(ended).tolist() == [11.0, 2.0, 33.0]
     assert reward.collect(ended).tolist() == [0.0, 0.0, 0.0]
     assert (EnvironmentReward.bootstraps, RecoveryReward.bootstraps) == (True, False)
+
+
+class Effortless(EnvironmentReward):
+    """A reward added from outside: 0.25 a period, less the robot's speed forward [m/s]."""
+
+    def worth(self, period):
+        return 0.25 - self.episodes.speed
+
+
+def test_a_reward_is_added_by_a_class_and_its_name(monkeypatch):
+    monkeypatch.setitem(REWARDS, "effortless", Effortless)
+    settings = TrainingSettings("scratch", reward="effortless", starts="reset", n_envs=2, hold=2)
+    env = make_env(settings)
+    settings = completed(settings, env)
+    assert settings.reward == "effortless"
+    assert TrainingSettings.from_json(settings.to_json()) == settings
+    robots_of_run = make_robots(settings, env, 0)
+    robots_of_run.episodes.speed = np.array([0.0, 1.0])
+    robots_of_run.reset()
+    _, rewards, _, _ = robots_of_run.step(np.zeros((2, 7), np.float32))
+    assert rewards.tolist() == [0.5, -1.5]  # of two periods
+    with pytest.raises(UnknownNameError, match=r"reward 'efortless'; did you mean 'effortless'"):
+        TrainingSettings(reward="efortless")

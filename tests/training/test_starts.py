@@ -10,6 +10,8 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.joint.env import JointResidualEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
+from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.training.starts import (
     DIRECTIONS,
     EARLIEST,
@@ -175,15 +177,70 @@ def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
     assert counts == {1, 2, 3}
 
 
-def test_a_direction_is_told_in_the_frame_of_the_step_with_the_right_stance_mirrored():
-    def walk(stance, heading):
-        rows = {"gait.stance": np.array(stance), "gait.heading": np.array(heading)}
-        return SimpleNamespace(rows=rows)
+@pytest.mark.parametrize(
+    ("stance", "psi", "expected"),
+    [
+        (1, 0.7, 0.5),  # on the right foot 0.5 rad to the left of the heading of 0.2
+        (0, 0.7, -0.5),  # on the left foot that is outward, as -0.5 is on the right one
+        (1, 0.7 + math.tau, 0.5),
+        (0, 0.2 + 3.5, math.tau - 3.5),
+    ],
+)
+def test_directions_are_of_the_heading_and_mirrored_on_the_left_foot(stance, psi, expected):
+    walk = SimpleNamespace(rows={"gait.stance": np.array(stance), "gait.heading": np.array(0.2)})
+    assert relative(psi, walk) == pytest.approx(expected)
 
-    left, right = relative(0.7, walk(0, 0.2)), relative(0.7, walk(1, 0.2))
-    assert abs(left) == pytest.approx(0.5)
-    assert left == -right
-    assert relative(0.7 + 2 * math.pi, walk(0, 0.2)) == pytest.approx(left)
+
+class Clockwork:
+    """Two robots whose walks last as long as a test says: robot 0 falls after 0.5 s, robot 1 never."""
+
+    n = 2
+
+    def __init__(self):
+        self.time, self.begun, self.acted = np.zeros(2), [], []
+        self.core = SimpleNamespace(observation=np.arange(2.0)[:, None])
+
+    def drawn(self, pushes, rng):
+        return Scenario(f"{len(self.begun)}", pushes=(polar_push(100.0, 0.0, 0.1, 0.3),), duration=2.0)
+
+    def begin(self, k, scenario):
+        self.begun.append((k, scenario))
+        self.time[k] = 0.0
+
+    def step(self, actions):
+        self.acted.append(actions)
+        self.time += 0.25
+        return SimpleNamespace(failed=np.array([self.time[0] >= 0.5, False]))
+
+    def motion(self):
+        return SimpleNamespace(time=self.time)
+
+    def state_snapshot(self, k):
+        return k, float(self.time[k]), [scenario for row, scenario in self.begun if row == k][-1].id
+
+
+class Moments:
+    """Random moments as a test says them."""
+
+    def __init__(self, *moments):
+        self.moments = list(moments)
+
+    def uniform(self, low, high):
+        assert (low, high) == (1.2, 3.6)
+        return self.moments.pop(0)
+
+
+def test_a_walk_is_taken_at_its_moment_and_none_that_fell():
+    """Robot 1 is due at 1.3 s and at 2.5 s; robot 0 falls every half a second and begins anew."""
+    robots = Clockwork()
+    taken = take_walks(
+        robots, lambda seen: seen + 1.0, HARD, 2, Moments(9.0, 1.3, *3 * [9.0], 2.5, *99 * [9.0])
+    )
+    walks = [scenario.id for k, scenario in robots.begun if k == 1]
+    assert taken == [(1, 1.5, walks[0]), (1, 2.5, walks[1])]
+    assert len([k for k, _ in robots.begun if k == 0]) == 9  # 4 s: the first, and one after each fall
+    assert all(not one.pushes and one.duration == 60.0 for _, one in robots.begun)
+    assert all(actions.tolist() == [[1.0], [2.0]] for actions in robots.acted)
 
 
 def reset_starts(episodes, easy_share, floor=1.0):
