@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.errors import InvalidValueError
 from ..controllers.policies.learned import NetworkPolicy
 from ..controllers.policies.mlp import Mlp
-from .networks import acting_network, network_of
+from .from_sb3 import acting_network, network_of
 from .settings import ALGORITHMS, TrainingSettings
 
 KEPT = 1e15  # observations that count as seen before: what a run adds to them changes nothing

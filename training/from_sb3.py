@@ -1,44 +1,121 @@
-"""Models of Stable-Baselines3 as policies that can be saved, scored and shipped.
-
-The policy of a run as a `NetworkPolicy`, which needs neither torch nor Stable-Baselines3.
-
-A model of Stable-Baselines3 as a policy that can be saved, scored and shipped.
-
-A model that Stable-Baselines3 has saved, as a policy: whoever loads one runs the code in it.
-"""
+"""Models of Stable-Baselines3 as policy files: their networks and normalisation in numpy."""
 
 from __future__ import annotations
 
-import hashlib
-import importlib
-import io
-import json
-import pickle
-import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.sac.policies import SACPolicy
+from torch import nn
 
-from ..controllers.errors import InvalidValueError, MissingExtraError
-from ..controllers.files import read_file
+from ..controllers.errors import InvalidValueError
 from ..controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from ..controllers.policies.mlp import OBSERVATION, Mlp, Normalisation
 from ..controllers.policies.two_stage import POLICY_NAMES
 from ..envs.wrappers import ActionHold, ResidualAction
 from .builders import find_residual
-from .networks import network_of, normalisation_of
 from .settings import ENV_OF_KIND, TrainingSettings
+
+ACTIVATIONS: dict[type[nn.Module], str] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
+LARGEST = float(np.finfo(np.float32).max)
+TOLERANCE = 1e-5  # between numpy and torch, in units of the action
+SAMPLES = 256  # observations of the check
+
+
+@dataclass(frozen=True)
+class ActingNetwork:
+    """The layers that a model acts by, and what stands between and behind them."""
+
+    layers: list[nn.Linear]
+    activation: str  # as `Mlp` names it
+    output: str
+
+
+def acting_network(model: Any) -> ActingNetwork:
+    """The layers that a model of Stable-Baselines3 acts by: PPO's mean, or tanh of SAC's.
+
+    Args:
+        model: PPO (A2C alike) or SAC with an MlpPolicy of tanh or relu layers.
+
+    Raises:
+        InvalidValueError: it acts by something else.
+    """
+    policy = model.policy
+    if isinstance(policy, ActorCriticPolicy):
+        extractor, squashed = policy.pi_features_extractor, policy.squash_output
+        body, last = policy.mlp_extractor.policy_net, policy.action_net
+    elif isinstance(policy, SACPolicy):
+        extractor, squashed = policy.actor.features_extractor, True
+        body, last = policy.actor.latent_pi, policy.actor.mu
+    else:
+        raise InvalidValueError(
+            f"a policy file is made of PPO's or SAC's MlpPolicy, got a {type(policy).__name__} of "
+            f"{type(model).__name__}"
+        )
+    if type(extractor) is not FlattenExtractor:
+        raise InvalidValueError(f"a policy file has no features extractor {type(extractor).__name__}")
+    return ActingNetwork(*_layers([*body, last]), "tanh" if squashed else "linear")
+
+
+def network_of(model: Any) -> Mlp:
+    """The `acting_network` of a model in numpy."""
+    acting = acting_network(model)
+    weights, biases = (
+        tuple(getattr(layer, name).detach().cpu().numpy().copy() for layer in acting.layers)
+        for name in ("weight", "bias")
+    )
+    return Mlp(weights, biases, acting.activation, acting.output)
+
+
+def _layers(modules: Iterable[nn.Module]) -> tuple[list[nn.Linear], str]:
+    """Linear layers, and the one activation that stands between them.
+
+    Raises:
+        InvalidValueError: there is anything else, or the activations are not all alike.
+    """
+    inner = list(modules)
+    linear, between = inner[::2], inner[1::2]
+    names = {ACTIVATIONS.get(type(module), "") for module in between} or {"tanh"}
+    layers = [layer for layer in linear if isinstance(layer, nn.Linear)]
+    plain = len(layers) == len(linear) and all(layer.bias is not None for layer in layers)
+    if not plain or len(inner) % 2 == 0 or len(names) > 1 or "" in names:
+        kinds = ", ".join(type(module).__name__ for module in inner)
+        raise InvalidValueError(
+            f"a policy file is made of Linear layers with Tanh, or with ReLU, between them; this network is "
+            f"{kinds}"
+        )
+    return layers, names.pop()
+
+
+def normalisation_of(venv: VecNormalize | None, size: int = 0) -> Normalisation:
+    """The normalisation of observations; without one, that which changes no float32.
+
+    Args:
+        venv: of the training; None: none.
+        size: of the observation, needed where there is no normalisation.
+
+    Raises:
+        InvalidValueError: it is of observations that are no rows.
+    """
+    if venv is None or not venv.norm_obs:
+        return Normalisation(np.zeros(size), np.ones(size), LARGEST, np.finfo(np.float64).tiny)
+    statistics: Any = venv.obs_rms
+    if isinstance(statistics, dict):
+        raise InvalidValueError("a policy file normalises one row of observations, not a dict of them")
+    mean, variance = (np.array(values, dtype=np.float64) for values in (statistics.mean, statistics.var))
+    return Normalisation(mean, variance, float(venv.clip_obs), float(venv.epsilon))
 
 
 def export_policy(
     network: Mlp, venv: VecNormalize, env: gym.Env, settings: TrainingSettings
 ) -> NetworkPolicy:
-    """The policy as it stands, in numpy.
+    """The policy of a run as it stands, which needs neither torch nor Stable-Baselines3.
 
     Args:
         network: that it acts by.
@@ -65,14 +142,10 @@ def export_policy(
 
 
 def residual_base(wrapper: ResidualAction, name: str) -> ResidualBase:
-    """What a residual corrects, the policy below by its name."""
+    """The policy that a residual corrects, by its name, and how."""
     preset = str(wrapper.unwrapped.preset)  # type: ignore[attr-defined]
     config = getattr(wrapper.policy, "config", None)
     return ResidualBase(name, preset, tuple(wrapper.scale.tolist()), config, wrapper.gate)
-
-
-TOLERANCE = 1e-5  # between numpy and torch, in units of the action
-SAMPLES = 256  # observations of the check
 
 
 def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) -> NetworkPolicy:
@@ -103,23 +176,18 @@ def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) ->
     if unwrapped.spec is None:
         raise InvalidValueError(f"{env} has no id, under which its policy could be scored: use gym.make")
     env_id = unwrapped.spec.id
+    base = None
     if wrapper is not None:  # a residual's policy acts on the environment below
         env_id = ENV_OF_KIND["residual"].get(env_id, env_id)
-    base = None if wrapper is None else _base(wrapper)
+        name = getattr(wrapper.policy, "name", None)
+        if name not in POLICY_NAMES:
+            raise InvalidValueError(
+                f"a policy file names what it corrects, one of {', '.join(POLICY_NAMES)}; this residual is "
+                f"on {wrapper.policy!r}"
+            )
+        base = residual_base(wrapper, name)
     about = PolicyDescription(env_id, unwrapped.robot, unwrapped.limits, base, hold)
     return NetworkPolicy(network, normalisation, about, None if wrapper is None else wrapper.policy)
-
-
-def _base(wrapper: ResidualAction) -> ResidualBase:
-    """What a residual corrects, by name."""
-    policy: Any = wrapper.policy
-    name = getattr(policy, "name", None)
-    if name not in POLICY_NAMES:
-        raise InvalidValueError(
-            f"a policy file names what it corrects, one of {', '.join(POLICY_NAMES)}; this residual is on "
-            f"{policy!r}"
-        )
-    return residual_base(wrapper, name)
 
 
 def _hold(env: gym.Env) -> int:
@@ -167,88 +235,3 @@ def _check_agreement(
             f"the network in numpy differs from the model by {difference:.2g} in the action: a policy file "
             "does not hold all that this model acts by"
         )
-
-
-# What only the algorithm of that name has among its settings, the first that fits
-ALGORITHMS = {"PPO": "clip_range", "TD3": "target_policy_noise", "SAC": "target_entropy", "A2C": "vf_coef"}
-STATISTICS = "vecnormalize.pkl"  # beside the archive, where it was trained on normalised observations
-
-
-@dataclass(frozen=True)
-class ArchivePolicy:
-    """Acts as the model of an archive, without exploration; workers load it for themselves.
-
-    `load_policy` makes it act by what the model was trained in, see `model_policy`.
-
-    Args:
-        path: of the archive, FILE.zip.
-        sha256: of what was read when the policy was named; other content is refused later.
-    """
-
-    path: str
-    sha256: str
-
-    @classmethod
-    def of(cls, path: str) -> ArchivePolicy:
-        """The policy of an archive, whose content is not looked at yet.
-
-        Raises:
-            InvalidValueError: it can't be read.
-        """
-        return cls(path, hashlib.sha256(b"".join(_contents(path))).hexdigest())
-
-    def predict(self, observation: Any, deterministic: bool = True) -> tuple[Any, None]:
-        """The model's action, in the way of Stable-Baselines3."""
-        model, statistics = self.loaded
-        seen = observation if statistics is None else statistics.normalize_obs(observation)
-        return model.predict(seen, deterministic=deterministic)[0], None
-
-    @cached_property
-    def loaded(self) -> tuple[Any, Any]:
-        """The model, and the statistics of its observations or None."""
-        archive, *statistics = _contents(self.path)
-        if hashlib.sha256(b"".join((archive, *statistics))).hexdigest() != self.sha256:
-            raise InvalidValueError(f"{self.path!r} has changed since it was named")
-        try:
-            library = importlib.import_module("stable_baselines3")
-        except ImportError as error:
-            raise MissingExtraError("stable_baselines3", "train") from error
-        name = algorithm_of(self.path, archive)
-        try:
-            model = getattr(library, name).load(io.BytesIO(archive), device="cpu")
-            found = [pickle.loads(content) for content in statistics]  # noqa: S301  # trusted by the user
-        except Exception as error:  # of any library that the archive names
-            raise InvalidValueError(f"{self.path!r} can't be loaded as {name}: {error}") from error
-        for one in found:
-            one.training = False
-        return model, found[0] if found else None
-
-    def __getstate__(self) -> dict[str, str]:
-        """What workers are handed: not the model."""
-        return {"path": self.path, "sha256": self.sha256}
-
-
-def algorithm_of(path: str, archive: bytes) -> str:
-    """Name of the algorithm that has saved an archive, from its settings; runs nothing of it.
-
-    Raises:
-        InvalidValueError: no archive of Stable-Baselines3, or of another algorithm.
-    """
-    try:
-        with zipfile.ZipFile(io.BytesIO(archive)) as content:
-            settings = json.loads(content.read("data"))
-    except (zipfile.BadZipFile, KeyError, ValueError) as error:
-        raise InvalidValueError(f"{path!r} is no archive of Stable-Baselines3: {error}") from error
-    name = next((name for name, key in ALGORITHMS.items() if key in settings), None)
-    if name is None:
-        raise InvalidValueError(f"{path!r} is of none of the algorithms {', '.join(ALGORITHMS)}")
-    return name
-
-
-def _contents(path: str) -> list[bytes]:
-    """The archive, and the statistics beside it where there are any."""
-    beside = Path(path).with_name(STATISTICS)
-    try:
-        return [read_file(place) for place in (Path(path), *([beside] if beside.is_file() else []))]
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy {path!r}: {error.strerror or error}") from error

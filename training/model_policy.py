@@ -1,8 +1,20 @@
-"""A model of Stable-Baselines3 as it is, acting in another environment by what it was trained in."""
+"""Models of Stable-Baselines3 as they are, in memory or in an archive, by what they were trained in.
+
+Whoever loads an archive runs the code in it.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import io
+import json
+import pickle
+import zipfile
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -16,21 +28,104 @@ from stable_baselines3.common.vec_env import (
     VecVideoRecorder,
 )
 
-from ..controllers.errors import InvalidValueError
+from ..controllers.errors import InvalidValueError, MissingExtraError
+from ..controllers.files import read_file
 from ..controllers.policies.interface import Policy, as_policy
 from ..controllers.policies.learned import LearnedPolicy, PolicyDescription, read_residual
 from ..controllers.policies.residual import Below
 from ..controllers.validation import differences
 from ..envs.episode.action_meaning import HOLD, RESIDUAL, Meaning, noted
-from .from_sb3 import STATISTICS, ArchivePolicy
 
+# Settings that the algorithm of a name alone has, the first that fits
+SETTING_OF = {"PPO": "clip_range", "TD3": "target_policy_noise", "SAC": "target_entropy", "A2C": "vf_coef"}
+STATISTICS = "vecnormalize.pkl"  # beside the archive, where it was trained on normalised observations
 HARMLESS = (VecMonitor, VecNormalize, VecCheckNan, VecVideoRecorder)  # normalisation is taken along
 # Beside `ObservationWrapper` and `ActionWrapper`, by name: what steps or stacks more than it is told to
 CHANGING = {"MaxAndSkipEnv", "MaxAndSkipObservation", "FrameStackObservation", "StickyActionEnv"}
 
 
+@dataclass(frozen=True)
+class ArchivePolicy:
+    """A policy that acts as the model of an archive, without exploration; workers load it for themselves.
+
+    `load_policy` makes it act by what the model was trained in, see `model_policy`.
+
+    Args:
+        path: of the archive, FILE.zip.
+        sha256: of what was read when the policy was named; other content is refused later.
+    """
+
+    path: str
+    sha256: str
+
+    @classmethod
+    def of(cls, path: str) -> ArchivePolicy:
+        """The policy of an archive, whose content is not looked at yet.
+
+        Raises:
+            InvalidValueError: it can't be read.
+        """
+        return cls(path, hashlib.sha256(b"".join(_contents(path))).hexdigest())
+
+    def predict(self, observation: Any, deterministic: bool = True) -> tuple[Any, None]:
+        """The model's action, in the way of Stable-Baselines3."""
+        model, statistics = self.loaded
+        seen = observation if statistics is None else statistics.normalize_obs(observation)
+        return model.predict(seen, deterministic=deterministic)[0], None
+
+    @cached_property
+    def loaded(self) -> tuple[Any, Any]:
+        """The model, and the statistics of its observations or None."""
+        archive, *statistics = _contents(self.path)
+        if hashlib.sha256(b"".join((archive, *statistics))).hexdigest() != self.sha256:
+            raise InvalidValueError(f"{self.path!r} has changed since it was named")
+        try:
+            library = importlib.import_module("stable_baselines3")
+        except ImportError as error:
+            raise MissingExtraError("stable_baselines3", "train") from error
+        name = algorithm_of(self.path, archive)
+        try:
+            model = getattr(library, name).load(io.BytesIO(archive), device="cpu")
+            found = [pickle.loads(content) for content in statistics]  # noqa: S301  # trusted by the user
+        except Exception as error:  # of any library that the archive names
+            raise InvalidValueError(f"{self.path!r} can't be loaded as {name}: {error}") from error
+        for one in found:
+            one.training = False
+        return model, found[0] if found else None
+
+    def __getstate__(self) -> dict[str, str]:
+        """The state for workers: not the model."""
+        return {"path": self.path, "sha256": self.sha256}
+
+
+def algorithm_of(path: str, archive: bytes) -> str:
+    """Name of the algorithm that has saved an archive, from its settings; runs nothing of it.
+
+    Raises:
+        InvalidValueError: no archive of Stable-Baselines3, or of another algorithm.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(archive)) as content:
+            settings = json.loads(content.read("data"))
+    except (zipfile.BadZipFile, KeyError, ValueError) as error:
+        raise InvalidValueError(f"{path!r} is no archive of Stable-Baselines3: {error}") from error
+    name = next((name for name, key in SETTING_OF.items() if key in settings), None)
+    if name is None:
+        raise InvalidValueError(f"{path!r} is of none of the algorithms {', '.join(SETTING_OF)}")
+    return name
+
+
+def _contents(path: str) -> list[bytes]:
+    """The archive, and the statistics beside it where there are any."""
+    beside = Path(path).with_name(STATISTICS)
+    try:
+        return [read_file(place) for place in (Path(path), *([beside] if beside.is_file() else []))]
+    except OSError as error:
+        raise InvalidValueError(f"can't read the policy {path!r}: {error.strerror or error}") from error
+
+
 class Trained(NamedTuple):
-    """What is known of the environment that a model was trained in."""
+    """All that is known of the environment that a model was trained in."""
 
     name: str  # of the model, for errors
     model: Any
@@ -101,7 +196,7 @@ def model_policy(model: Any, env: gym.Env) -> Policy:
 
 
 def _in_memory(model: Any) -> Trained:
-    """What is known of a model.
+    """All that is known of a model.
 
     Raises:
         InvalidValueError: it is the network of one alone, which knows no environment and no normalisation.
@@ -109,9 +204,8 @@ def _in_memory(model: Any) -> Trained:
     name = f"the model {type(model).__name__}"
     if not hasattr(model, "get_env"):
         raise InvalidValueError(
-            f"{name} is the network of a model alone, which does not say what it was trained in: "
-            "hand over the "
-            "model itself, not its policy"
+            f"{name} is the network of a model alone, which does not say what it was trained in: hand over "
+            "the model itself, not its policy"
         )
     venv = model.get_env()
     if venv is None:
@@ -128,7 +222,7 @@ def _in_memory(model: Any) -> Trained:
 
 
 def _of_archive(archive: ArchivePolicy) -> Trained:
-    """What an archive and the statistics beside it tell."""
+    """All that an archive and the statistics beside it say."""
     model, statistics = archive.loaded
     name = f"the archive {archive.path!r}"
     found = None if statistics is None or not statistics.norm_obs else statistics
@@ -168,9 +262,9 @@ def _check_wrappers(trained: Trained, env: gym.Env) -> None:
     )
     raise InvalidValueError(
         f"{trained.name} was trained within {theirs}, which changes observations or actions, and "
-        f"{_id_of(env)} "
-        f"has {ours} of these wrappers: score it by push_recovery.rollout(env, model, scenario), env wrapped "
-        "like that of its training; of running means only those of VecNormalize are taken along"
+        f"{_id_of(env)} has {ours} of these wrappers: score it by push_recovery.rollout(env, model, "
+        "scenario), env wrapped like that of its training; of running means only those of VecNormalize are "
+        "taken along"
     )
 
 
@@ -198,7 +292,7 @@ def _check_normalisation(trained: Trained) -> None:
 
 
 def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
-    """What actions meant in the training, and what they mean here.
+    """Meaning of actions in the training, and here.
 
     Raises:
         InvalidValueError: nothing says the first.
@@ -209,10 +303,9 @@ def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
     if theirs is None and here is not None:
         raise InvalidValueError(
             f"{trained.name} does not say what environment it was trained in, and to its spaces "
-            f"{_id_of(env)} and one whose actions correct a planner are alike: load it with that "
-            "of its training, "
-            'PPO.load(FILE, env=gym.make("push_recovery:PushRecovery/BipedResidual-v0", hold=2)), or make it '
-            "a policy file, push_recovery.training.from_sb3.from_sb3(model, env).save(NAME)"
+            f"{_id_of(env)} and one whose actions correct a planner are alike: load it with that of its "
+            'training, PPO.load(FILE, env=gym.make("push_recovery:PushRecovery/BipedResidual-v0", hold=2)), '
+            "or make it a policy file, push_recovery.training.from_sb3.from_sb3(model, env).save(NAME)"
         )
     return theirs or {}, here or {}
 
@@ -241,13 +334,12 @@ def _correction(trained: Trained, theirs: Meaning, here: Meaning, env: gym.Env) 
         return residual, held
     raise InvalidValueError(
         f"{trained.name} was trained in {_words(theirs)}, and {_id_of(env)} is {_words(here)}: "
-        f"{why}; score it in "
-        "its own, by evaluate(..., env=ID) or push_recovery.rollout(env, model, scenario)"
+        f"{why}; score it in its own, by evaluate(..., env=ID) or push_recovery.rollout(env, model, scenario)"
     )
 
 
 def _words(meaning: Meaning) -> str:
-    """A meaning as errors tell it."""
+    """A meaning in the words of errors."""
     words, residual = str(meaning.get("environment", "an environment of others")), meaning.get(RESIDUAL)
     if residual is not None:
         gate = "no gate" if residual["gate"] is None else f"gate {residual['gate']}"

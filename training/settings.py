@@ -11,7 +11,7 @@ from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 from ..controllers.errors import InvalidValueError
 from ..controllers.policies.mlp import check_inputs
 from ..controllers.policies.residual import check_gate, check_residual_scale
-from ..controllers.validation import require_choice
+from ..controllers.validation import require_choice, require_integer
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.scenario import get_profile
 from .actor import check_critic
@@ -117,14 +117,12 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         require_choice("kind of training", self.kind, tuple(ENV_OF_KIND))
         for name in ("timesteps", "value_first"):
-            self._check_whole(name, 0)
+            require_integer(f"training setting {name}", getattr(self, name))
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
                   "evaluation_scenarios", "walks")  # fmt: skip
         for name in counts if self.hold is None else (*counts, "hold"):
-            self._check_whole(name, 1)
-        self._check(
-            "seed", isinstance(self.seed, int) and 0 <= self.seed < 2**31, "a whole number in [0, 2^31)"
-        )
+            require_integer(f"training setting {name}", getattr(self, name), 1)
+        require_integer("training setting seed", self.seed, 0, 2**31 - 1)
         self._check("n_steps x n_envs", self.n_steps * self.n_envs > 1, "more than 1")
         self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
         self._check("initial", not (self.initial and self.teacher), "None beside a teacher")
@@ -166,10 +164,6 @@ class TrainingSettings:
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
-
-    def _check_whole(self, name: str, least: int) -> None:
-        value = getattr(self, name)
-        self._check(name, isinstance(value, int) and value >= least, f"a whole number >= {least}")
 
     def _check(self, name: str, good: bool, wanted: str) -> None:
         if not good:

@@ -1,8 +1,6 @@
-"""The closed loop of many bipeds at once against bare physics, and Humanoid-v5 beside it.
+"""The closed loop of many bipeds at once: planner, whole-body control and physics, against bare physics.
 
-The closed loop of many bipeds at once: planner, whole-body control and physics, against bare physics.
-
-Gymnasium's Humanoid-v5 without any controller, side by side with the closed loop of many bipeds.
+Gymnasium's Humanoid-v5 without any controller is timed side by side with it.
 """
 
 from __future__ import annotations
@@ -32,6 +30,10 @@ SHOWN = (64, 2)  # robots and threads of `vector_env_rtf`
 WARM_UP, PERIODS = 10, 50  # planning periods before timing, and timed
 MEMORY = 256  # robots of which the memory is taken
 CALLS = 1000  # planning periods of the one robot whose control is timed
+HUMANOID = "Humanoid-v5"
+BATCH_ROBOTS = 64
+SLICES = 12  # of either, in turn
+HUMANOID_STEPS, SLICE_PERIODS = 60, 6  # in a slice
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,12 @@ def walking_core(n: int, threads: int, force: float = 150.0) -> BipedCore:
         push = Push((size * np.cos(angle), size * np.sin(angle), 0.0), 0.1, rng.uniform(0.05, 0.45))
         core.reset(k, Scenario(f"bench-{k}", (push,)), start, gait, action)
     return core
+
+
+def advance(core: BipedCore, policy: TwoStagePolicy) -> None:
+    """One planning period of all robots."""
+    actions = policy.predict(core.observation)[0]
+    core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
 
 
 def time_batch(policy: TwoStagePolicy, n: int, threads: int) -> BatchTiming:
@@ -123,7 +131,7 @@ def time_control(policy: TwoStagePolicy) -> dict[str, Any]:
 
 
 def resident_mib() -> float | None:
-    """Resident memory of this process that no file backs [MiB]; None where the system does not tell.
+    """Resident memory of this process that no file backs [MiB]; None where the system does not say.
 
     Pages of libraries and caches are left out: the system takes them back whenever it likes.
     """
@@ -139,14 +147,13 @@ def memory_per_robot(policy: TwoStagePolicy) -> dict[str, float]:
     before = resident_mib()
     core = walking_core(MEMORY, 1)
     for _ in range(WARM_UP):
-        actions = policy.predict(core.observation)[0]
-        core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
+        advance(core, policy)
     after = resident_mib()
     return {} if before is None or after is None else {"memory_mib_per_robot": (after - before) / MEMORY}
 
 
 def batch_timings(policy: TwoStagePolicy, quick: bool = False) -> dict[str, Any]:
-    """Flat keys for every number of robots and threads, and those of the contract for `SHOWN`."""
+    """Flat keys for every number of robots and threads, and the keys of the contract for `SHOWN`."""
     content: dict[str, Any] = {}
     for n in QUICK if quick else ROBOTS:
         for threads in ROBOTS[n]:
@@ -158,12 +165,6 @@ def batch_timings(policy: TwoStagePolicy, quick: bool = False) -> dict[str, Any]
             if (n, threads) == SHOWN:
                 content |= {"vector_env_rtf": timing.rtf, "vector_envs": n, "threads": threads}
     return content
-
-
-HUMANOID = "Humanoid-v5"
-BATCH_ROBOTS = 64
-SLICES = 12  # of either, in turn
-HUMANOID_STEPS, SLICE_PERIODS = 60, 6  # in a slice
 
 
 def humanoid_timings(policy: TwoStagePolicy) -> dict[str, float]:
@@ -202,7 +203,6 @@ def _humanoid(env: gym.Env) -> float:
 def _bipeds(core: Any, policy: TwoStagePolicy) -> float:
     began = time.perf_counter_ns()
     for _ in range(SLICE_PERIODS):
-        actions = policy.predict(core.observation)[0]
-        core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
+        advance(core, policy)
     spent = time.perf_counter_ns() - began
     return BATCH_ROBOTS * SLICE_PERIODS * core.substeps * CONTROL_STEP * 1e9 / spent

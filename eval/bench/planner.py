@@ -1,8 +1,6 @@
-"""Timings of the planner, and its two problems solved by general solvers beside it.
+"""Timings of the planner, one plan at a time and many in one call, and of general solvers on its problems.
 
-Timings of the planner: one plan at a time, and many in one call.
-
-The planner's two problems, solved from Python by general solvers of quadratic programs.
+The solvers get the planner's two problems as matrices, from Python, by their own interfaces.
 """
 
 from __future__ import annotations
@@ -90,13 +88,13 @@ class Stage2:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Of `CopPlanner.plan`."""
+        """Arguments of `CopPlanner.plan`."""
         seen = self.observation
         return self.plan.remaining, seen[DCM], seen[TRUNK_ANGLE], seen[TRUNK_RATE], self.plan.dcm_target
 
     @property
     def row(self) -> NDArray[np.float64]:
-        """Of `CopPlanner.plan_batch`, (11,)."""
+        """Row of `CopPlanner.plan_batch`, (11,)."""
         remaining, *vectors = self.arguments
         return np.concatenate([[remaining], *vectors, np.zeros(2)])
 
@@ -117,10 +115,8 @@ def planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[
 def batch_planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[str, float]:
     """The same for all observations in one call on one thread, each; medians of REPEATS calls [us]."""
     steps = StepPlanner(policy.robot, policy.limits, policy.config)
-    planner, plans = (
-        CopPlanner(policy.robot, policy.limits, policy.config),
-        np.empty((len(observations), ROW_SIZE)),
-    )
+    planner = CopPlanner(policy.robot, policy.limits, policy.config)
+    plans = np.empty((len(observations), ROW_SIZE))
     rows = np.array([Stage2(seen, policy.plan(seen)).row for seen in observations])
     calls: dict[str, Callable[[], object]] = {
         "stage_1": lambda: steps.plan(observations, plans),
@@ -239,7 +235,7 @@ class Recorded:
     """Problems as a controller meets them."""
 
     stage_1: list[Dense]
-    stage_2: list[tuple[Dense, Dense]]  # x, y
+    stage_2: list[tuple[Dense, ...]]  # x, y
     cop: Array  # (n, 2) that stage 2 decides on [m]
 
 
@@ -248,23 +244,19 @@ def record(policy: TwoStagePolicy, observations: Array) -> Recorded:
     rows = observations[np.linspace(0, len(observations) - 1, PROBLEMS).astype(int)]
     problems = [problem for row in rows if not (problem := Stage2(row, policy.plan(row))).plan.held]
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
-    stage_2 = []
-    for problem in problems:
+
+    def axis(problem: Stage2, i: int) -> Dense:
+        """The problem of stage 2 along x (0) or y (1)."""
         remaining, dcm, angle, rate, target = problem.arguments
-        stage_2.append(
-            tuple(
-                Dense.of(
-                    explicit_problem(
-                        policy.robot, policy.config, remaining, dcm[i], angle[i], rate[i], target[i], 0.0,
-                        *planner.bounds(i, angle[i]),
-                    ).qp
-                )
-                for i in range(2)
-            )
+        program = explicit_problem(
+            policy.robot, policy.config, remaining, dcm[i], angle[i], rate[i], target[i], 0.0,
+            *planner.bounds(i, angle[i]),
         )  # fmt: skip
+        return Dense.of(program.qp)
+
     return Recorded(
         stage_1=[Dense.of(step_program(step_problem(policy, problem))) for problem in problems],
-        stage_2=stage_2,
+        stage_2=[(axis(problem, 0), axis(problem, 1)) for problem in problems],
         cop=planner.plan_batch(np.array([problem.row for problem in problems]))[:, :2],
     )
 
@@ -287,7 +279,7 @@ def solver_timings(policy: TwoStagePolicy, observations: Array) -> dict[str, Any
     """Each solver on the same recorded problems, from matrices to solution, one call each from Python.
 
     `stage_2_NAME_us` is of both axes; `stage_2_NAME_error_m` the largest difference of its CoP from ours;
-    `stage_2_daqp_c_us` what DAQP itself says that its C code took.
+    `stage_2_daqp_c_us` the time that DAQP itself counts in its C code.
     """
     recorded, missing = record(policy, observations), missing_solvers()
     content: dict[str, Any] = {"solvers_missing": missing}

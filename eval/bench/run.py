@@ -1,10 +1,6 @@
-"""Timings on this machine, in one run, as numbers and as tables.
+"""Timings on this machine, in one run: bare physics, the planner, the closed loop, and others beside them.
 
-What the numbers of `push-recovery bench` mean; times in microseconds where no other unit is given.
-
-Timings on this machine, in one run: bare physics, the planner, the closed loop, and others beside them.
-
-The numbers of `push-recovery bench` as tables for a terminal.
+Times are in microseconds where no other unit is given.
 """
 
 from __future__ import annotations
@@ -66,9 +62,9 @@ GROUPS = {
 EPILOG = "keys of --json (times in us; {median, p99} where one call was timed many times):\n" + "".join(
     f"  {key}\n      {text}\n" for key, text in (KEYS | GROUPS).items()
 )
-
-
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
+ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
+SOLVER = re.compile(r"stage_1_(\w+)_us")
 START = "import gymnasium as gym; gym.make({env!r}, disable_env_checker=True).reset(seed=0)"
 
 
@@ -110,15 +106,11 @@ def start_time(env_id: str) -> float:
 
 
 def biped_timings(policy: TwoStagePolicy, quick: bool) -> dict[str, Any]:
-    """What only the biped has: bare physics, control, many robots, Humanoid-v5 beside them."""
-    from .closed_loop import batch_timings, memory_per_robot, time_control
+    """Timings of the biped alone: bare physics, control, many robots, Humanoid-v5 beside them."""
+    from .closed_loop import batch_timings, humanoid_timings, memory_per_robot, time_control
 
     content = {**memory_per_robot(policy), **time_control(policy), **batch_timings(policy, quick)}
-    if quick:
-        return content
-    from .closed_loop import humanoid_timings
-
-    return {**content, **humanoid_timings(policy)}
+    return content if quick else {**content, **humanoid_timings(policy)}
 
 
 def bench(env_id: str, seconds: float) -> dict[str, Any]:
@@ -143,8 +135,9 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
 
 
 def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
-    """All but the start of a process."""
+    """All timings but that of the start of a process."""
     from ...envs.biped.env import BipedEnv
+    from .planner import solver_timings
 
     quick = seconds < FULL
     rtf, walk = closed_loop(env, seconds)
@@ -157,15 +150,8 @@ def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
         content |= planner_timings(policy, observations[:CALLS])
         content |= batch_planner_timings(policy, observations)
         if not quick:
-            from .planner import solver_timings
-
             content |= solver_timings(policy, observations)
     return content
-
-
-ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
-SOLVER = re.compile(r"stage_1_(\w+)_us")
-OURS = "this planner"
 
 
 def number(value: Any) -> str:
@@ -176,7 +162,7 @@ def number(value: Any) -> str:
 
 
 def key_cells(content: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Key, value and meaning of what stands alone."""
+    """Key, value and meaning of each timing that stands alone."""
     return [(key, number(content[key]), meaning) for key, meaning in KEYS.items() if key in content]
 
 
@@ -191,10 +177,10 @@ def robot_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def solver_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Solver, stage 1, stage 2, error of stage 2; the planner's own first, what is missing last."""
+    """Solver, stage 1, stage 2, error of stage 2; the planner first, missing solvers last."""
     if "solvers_missing" not in content:
         return []
-    cells = [(OURS, number(content["stage_1_us"]), number(content["stage_2_us"]), "-")]
+    cells = [("this planner", number(content["stage_1_us"]), number(content["stage_2_us"]), "-")]
     for match in filter(None, map(SOLVER.fullmatch, content)):
         if f"stage_2_{match[1]}_error_m" in content:
             first, second = (number(content[f"stage_{stage}_{match[1]}_us"]) for stage in (1, 2))

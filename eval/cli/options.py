@@ -30,7 +30,7 @@ from ...envs.scenario.push import Body
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
 
 ARCHIVE = ".zip"
-LOADER = "...training.from_sb3"  # a package after this one, which is loaded only where it is needed
+LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
 
 
 def trusted(policies: Sequence[str], trust: bool) -> list[Any]:

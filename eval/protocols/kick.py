@@ -18,6 +18,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...controllers.model.robot import REFERENCE
 from ...controllers.whole_body.kinematics import TRUNK
@@ -25,7 +26,6 @@ from ...envs.biped.core import BipedCore
 from ...envs.scenario.push import GaitEvent, Kick, Push
 from ...envs.scenario.scenario import Scenario
 from ..rollout.outcome import Ending
-from .streams import uniforms
 
 FORCES = (50, 100, 150, 200, 250, 300)  # [N], of which each for 0.1 s on the G1 is a level, as published
 BEYOND = (420, 560, 700)  # 1.2, 1.6 and 2.0 m/s: levels of our own, for robots that stand up to all of those
@@ -42,6 +42,13 @@ SEED = 20261209  # of the draws; a level adds its place
 def jump_of(force: float) -> float:
     """The jump of a level, named by its force on the G1 [N], in m/s."""
     return force * DURATION / G1_MASS
+
+
+def uniforms(seed: int, *shape: int) -> NDArray[np.float64]:
+    """Uniforms in [0, 1) from raw bits of PCG64, whose stream numpy guarantees across versions."""
+    generator = np.random.PCG64(np.random.SeedSequence(seed))
+    raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
+    return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
 
 
 @cache

@@ -25,7 +25,6 @@ from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
 from ..rollout.outcome import Ending
-from .streams import SeededTwister
 
 SIDES = "left", "right"
 WAIST = 3  # joints of the G1's
@@ -85,6 +84,7 @@ def _point(robot: CompiledRobot, data: mujoco.MjData, body: str, point: NDArray[
 
 
 WAYPOINTS, PUNCHES = 2, 3  # streams
+TWISTER_WORDS = 624  # of a Mersenne twister's state
 SEGMENTS, SEGMENT = 18, 5.0  # of the tour, and how long each is [s]
 LENGTH = SEGMENTS * SEGMENT  # [s]
 RADIUS, AHEAD = 1.0, 0.3  # of the disc that waypoints lie in, and how far ahead its centre is [m]
@@ -109,6 +109,69 @@ class Punch(NamedTuple):
     joint: int  # index
     direction: tuple[float, float, float]  # of length 1, world axes
     force: float  # [N]
+
+
+def seed_words(values: Sequence[int]) -> list[int]:
+    """State that C++'s `std::seed_seq` gives `std::mt19937` from seeds ([rand.util.seedseq]).
+
+    With s seeds, n = 624, t = 11, p = 306, q = 317 and T(x) = x xor (x >> 27), all modulo 2^32.
+    """
+    n, p, q, count, mask = TWISTER_WORDS, 306, 317, len(values), 0xFFFFFFFF
+
+    def mixed(word: int) -> int:
+        return word ^ (word >> 27)
+
+    words = [0x8B8B8B8B] * n
+    for k in range(n):
+        first = 1664525 * mixed(words[k] ^ words[(k + p) % n] ^ words[k - 1]) & mask
+        more = count if k == 0 else k + values[k - 1] if k <= count else k
+        second = (first + more) & mask
+        words[(k + p) % n] = (words[(k + p) % n] + first) & mask
+        words[(k + q) % n] = (words[(k + q) % n] + second) & mask
+        words[k] = second
+    for k in range(n):
+        total = (words[k] + words[(k + p) % n] + words[k - 1]) & mask
+        third = 1566083941 * mixed(total) & mask
+        fourth = (third - k) & mask
+        words[(k + p) % n] ^= third
+        words[(k + q) % n] ^= fourth
+        words[k] = fourth
+    if words[0] >> 31 and not any(words[1:]):
+        words[0] = 1 << 31
+    return words
+
+
+class SeededTwister:
+    """A Mersenne twister seeded as C++ seeds it, and the draws of the teleop-walking-benchmark.
+
+    Args:
+        seeds: of `std::seed_seq`.
+    """
+
+    def __init__(self, *seeds: int):
+        self._generator = np.random.MT19937(0)
+        state = self._generator.state
+        state["state"] = {"key": np.array(seed_words(seeds), dtype=np.uint32), "pos": TWISTER_WORDS}
+        self._generator.state = state
+
+    def raw(self) -> int:
+        """The next 32 bits."""
+        return int(self._generator.random_raw())
+
+    def unit(self) -> float:
+        """In [0, 1), by the upper 24 bits."""
+        return (self.raw() >> 8) / 2**24
+
+    def between(self, low: float, high: float) -> float:
+        """In [low, high)."""
+        return low + (high - low) * self.unit()
+
+    def below(self, count: int) -> int:
+        """An integer in [0, count), each as likely."""
+        span = 2**32 // count
+        while (draw := self.raw()) >= span * count:
+            pass
+        return draw // span
 
 
 def wrapped(angle: float) -> float:

@@ -21,10 +21,8 @@ from push_recovery import GaitEvent, Push, Scenario, evaluate, record, rollout
 
 torch = pytest.importorskip("torch")
 sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra train")
-from push_recovery.training.from_sb3 import (  # noqa: E402
-    ArchivePolicy,
-    from_sb3,
-)
+from push_recovery.training.from_sb3 import from_sb3  # noqa: E402
+from push_recovery.training.model_policy import ArchivePolicy  # noqa: E402
 from push_recovery.training.vec_env import SB3VecEnv  # noqa: E402
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize  # noqa: E402
 

@@ -1,335 +1,181 @@
-"""A run begins as a policy: by file, or by name, of the folder of its fellows before that of the package."""
+"""PPO: settings that reach it, what its two networks see, the start from a policy, and the rest at first."""
 
-import dataclasses
-import errno
-import json
-import os
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+import torch
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.learned import NetworkPolicy
-from push_recovery.eval.output.rows import Writer
-from push_recovery.eval.rollout import load_policy as names
-from push_recovery.eval.rollout.episodes import rollout
-from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
-from push_recovery.training.run import Run, find_checkpoints, load_checkpoint, resume, train
+from push_recovery.training.builders import completed, make_env, make_vec_env, segment_seed
+from push_recovery.training.from_sb3 import export_policy, network_of
+from push_recovery.training.imitation import ImitationSettings, imitate
+from push_recovery.training.ppo import AsymmetricPolicy, PPOAlgorithm, ValueFirst
 from push_recovery.training.settings import TrainingSettings
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+SETTINGS = TrainingSettings(n_envs=2, walks=2, critic=("push", "sensing"), policy_layers=(8,), n_steps=8)
+
+
+def made():
+    env = make_env(SETTINGS)
+    settings = completed(SETTINGS, env)
+    venv = make_vec_env(settings, env, 0)
+    model = PPOAlgorithm(settings, venv, 0).model
+    torch.nn.init.normal_(model.policy.action_net.weight, generator=torch.Generator().manual_seed(0))
+    return env, settings, venv, model
+
+
+def test_only_the_value_hangs_on_what_the_policy_does_not_see():
+    _, _, _, model = made()
+    policy = model.policy
+    assert isinstance(policy, AsymmetricPolicy)
+    seen = torch.zeros((1, 83), requires_grad=True)
+    policy.get_distribution(seen).distribution.mean.sum().backward()
+    assert (seen.grad[0, :45] != 0).any()
+    assert not seen.grad[0, 45:].any()
+    seen.grad = None
+    policy.predict_values(seen).sum().backward()
+    assert (seen.grad[0, :45] != 0).any()
+    assert (seen.grad[0, 45:] != 0).all()
+
+
+def test_the_exported_policy_acts_as_the_trained_one_without_the_rest(tmp_path):
+    env, settings, venv, model = made()
+    model.learn(16)
+    policy = export_policy(network_of(model), venv, env, settings)
+    assert policy.network.weights[0].shape == (8, 45)
+    rows = venv.venv.reset()
+    ours = policy.network.forward(policy.normalisation.apply(rows[:, :45].astype(np.float64)))
+    theirs = model.policy.get_distribution(
+        torch.from_numpy(venv.normalize_obs(rows)).float()
+    ).distribution.mean
+    np.testing.assert_allclose(ours, theirs.detach().numpy(), atol=1e-5)
+    policy.save(tmp_path / "policy")
+    assert NetworkPolicy.load(tmp_path / "policy").observation_size == 36
+    model.save(tmp_path / "model.zip")
+    again = type(model).load(tmp_path / "model.zip")
+    np.testing.assert_array_equal(
+        again.policy.mlp_extractor.policy_net[0].weight.detach(),
+        model.policy.mlp_extractor.policy_net[0].weight.detach(),
+    )
+
+
+SETTINGS_START = ImitationSettings(
+    robots=2, rounds=1, periods=10, batches=3, batch_size=8, layers=(16, 8), last_batches=2
+)
+
+
+class Joints(gym.Env):
+    """Spaces of a robot under joint targets; what it sees is noise."""
+
+    observation_space = gym.spaces.Box(-np.inf, np.inf, (58,))
+    action_space = gym.spaces.Box(-1.0, 1.0, (14,))
+
+    def reset(self, **kwargs):
+        super().reset(**kwargs)
+        return self.np_random.normal(size=58).astype(np.float32), {}
+
+    def step(self, action):
+        return (
+            self.np_random.normal(size=58).astype(np.float32),
+            float(-np.square(action).sum()),
+            False,
+            False,
+            {},
+        )
+
+
+def make(layers=(16, 8), **options) -> PPOAlgorithm:
+    venv = VecNormalize(DummyVecEnv([Joints]), norm_reward=False, **{"clip_obs": 10.0, **options})
+    settings = TrainingSettings(
+        "joint", n_envs=1, n_steps=32, batch_size=16, policy_layers=layers, value_layers=(8,)
+    )
+    return PPOAlgorithm(settings, venv, 0)
+
+
+@pytest.fixture(scope="module")
+def policy():
+    return imitate(SETTINGS_START)
+
+
+def test_ppo_acts_as_the_policy_it_starts_from(policy):
+    algorithm = make()
+    algorithm.start_from(policy)
+    model, venv = algorithm.model, algorithm.venv
+    observations = np.random.default_rng(0).normal(size=(20, 58))
+    actions = model.predict(venv.normalize_obs(observations), deterministic=True)[0]
+    np.testing.assert_allclose(actions, policy.predict(observations)[0], atol=1e-5)
+
+
+def test_the_normalisation_stays(policy):
+    algorithm = make()
+    algorithm.start_from(policy)
+    model, venv = algorithm.model, algorithm.venv
+    model.learn(64)
+    np.testing.assert_allclose(venv.obs_rms.mean, policy.normalisation.mean, atol=1e-6)
+    np.testing.assert_allclose(venv.obs_rms.var, policy.normalisation.variance, rtol=1e-6)
+
+
+def test_the_value_is_learned_first(policy):
+    algorithm = make()
+    algorithm.start_from(policy)
+    model = algorithm.model
+    model.learn(64, callback=ValueFirst(1000))
+    np.testing.assert_array_equal(model.policy.action_net.weight.detach(), policy.network.weights[-1])
+    value = model.policy.value_net.weight.detach().clone()
+    model.learn(64, callback=ValueFirst(0))
+    assert (model.policy.action_net.weight.detach().numpy() != policy.network.weights[-1]).any()
+    assert (model.policy.value_net.weight.detach() != value).any()
+
+
+def test_other_layers_are_refused(policy):
+    with pytest.raises(InvalidValueError, match=r"needs its layers, .* set policy_layers"):
+        make(layers=(16,)).start_from(policy)
+
+
+def test_a_policy_of_another_activation_is_refused(policy):
+    """The same widths with relu between them would act otherwise."""
+    relu = NetworkPolicy(replace(policy.network, activation="relu"), policy.normalisation, policy.description)
+    with pytest.raises(InvalidValueError, match="relu and linear, got tanh and linear"):
+        make().start_from(relu)
+
+
+def test_another_normalisation_is_refused(policy):
+    with pytest.raises(InvalidValueError, match="are not the environments'"):
+        make(clip_obs=5.0).start_from(policy)
 
 
 @pytest.fixture
 def settings(toy):
     return TrainingSettings(
-        kind="scratch", env_id=toy, timesteps=128, n_envs=2, n_steps=32, hold=1, policy_layers=(8,),
-        value_layers=(8,), evaluation_scenarios=2,
+        kind="scratch", env_id=toy, n_envs=2, n_steps=24, batch_size=16, n_epochs=3, hold=1, gamma=0.87,
+        gae_lambda=0.77, clip_range=0.13, learning_rate=3e-3, learning_rate_end=1e-3, policy_layers=(5, 4),
+        value_layers=(6,), log_std=-0.7, normalise_reward=False,
     )  # fmt: skip
 
 
-@pytest.fixture
-def first(tmp_path, settings):
-    """A policy that has learned something, as other/first.safetensors."""
-    result = train(settings, tmp_path / "run")
-    policy = NetworkPolicy.load(result.policy)
-    assert np.any(policy.network.weights[-1])
-    return policy.save(tmp_path / "other" / "first")
-
-
-def test_an_untrained_run_acts_as_the_policy_that_it_begins_as(tmp_path, settings, first):
-    begun = dataclasses.replace(settings, initial=str(first), timesteps=0)
-    mine, given = (NetworkPolicy.load(path) for path in (train(begun, tmp_path / "begun").policy, first))
-    rows = np.random.default_rng(0).normal(size=(20, 36))
-    np.testing.assert_array_equal(mine.predict(rows)[0], given.predict(rows)[0])
-
-
-def test_a_name_is_of_the_fellows_first_and_then_of_the_package(tmp_path, settings, first, monkeypatch):
-    begun = dataclasses.replace(settings, initial="first", timesteps=0)
-    found = train(begun, tmp_path / "a", own=first.parent).policy
-    assert NetworkPolicy.load(found).network.weights[0].any()
-    monkeypatch.setattr(names, "NAMES", ("first",))
-    monkeypatch.setattr(names, "FOLDER", first.parent)
-    assert train(begun, tmp_path / "b", own=tmp_path).policy.read_bytes() == found.read_bytes()
-    monkeypatch.setattr(names, "FOLDER", tmp_path)
-    with pytest.raises(InvalidValueError, match="policy 'first' does not come with this version"):
-        train(begun, tmp_path / "c", own=tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [({"hold": 2}, "whose hold is 1, not 2"), ({"policy_layers": (9,)}, "set policy_layers")],
-)
-def test_a_policy_that_does_not_fit_is_refused(tmp_path, settings, first, change, told):
-    with pytest.raises(InvalidValueError, match=told):
-        train(dataclasses.replace(settings, initial=str(first), **change), tmp_path / "begun")
-
-
-def test_a_residual_does_not_begin_as_what_acts_alone(tmp_path, settings, first):
-    residual = dataclasses.replace(settings, kind="residual", initial=str(first), inputs=("observation",))
-    with pytest.raises(InvalidValueError, match="whose residual is False, not True"):
-        train(residual, tmp_path / "begun")
-
-
-def test_the_settings_of_a_run_of_before_are_read(settings):
-    values = settings.to_json()
-    assert values.pop("initial") is None
-    assert values.pop("critic") == []
-    assert TrainingSettings.from_json(values) == settings
-    for wrong in (values | {"more": 1}, {k: v for k, v in values.items() if k != "gamma"}):
-        with pytest.raises(InvalidValueError, match="must have the keys"):
-            TrainingSettings.from_json(wrong)
-
-
-def test_a_run_has_one_teacher():
-    with pytest.raises(InvalidValueError, match="initial must be None beside a teacher, got 'joint'"):
-        TrainingSettings("joint", teacher=True, initial="joint")
-
-
-@pytest.fixture
-def training_run_settings(toy):
-    return TrainingSettings(
-        kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
-        value_layers=(16,), log_std=-1.0, learning_rate=5e-4, learning_rate_end=5e-5,
-        checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
-    )  # fmt: skip
-
-
-class Stop:
-    """A report that interrupts training as Ctrl-C would."""
-
-    def __init__(self, after):
-        self.after = after
-
-    def __call__(self, timesteps, recovered):
-        if timesteps >= self.after:
-            raise KeyboardInterrupt
-
-
-def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, training_run_settings):
-    seen = []
-    result = train(training_run_settings, tmp_path / "run", lambda steps, share: seen.append(steps))
-    assert result.timesteps == 1024
-    assert seen == [0, 256, 512, 768, 1024]
-    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
-    assert read_curve(tmp_path / "run" / "curve.csv") == list(result.curve)
-    assert [load_checkpoint(c).timesteps for c in find_checkpoints(tmp_path / "run")] == [768, 1024]
-    files = {f.suffix for f in (tmp_path / "run" / "checkpoints").rglob("*") if f.is_file()}
-    assert files == {".json", ".safetensors"}  # nothing there can run code
-    note = json.loads((tmp_path / "run" / "policy.json").read_text())["training"]
-    assert note["timesteps"] == 1024
-    open_ones = {"inputs": ("observation",), "starts": "reset", "reward": "environment", "teacher": False}
-    whole = dataclasses.replace(training_run_settings, **open_ones)
-    assert TrainingSettings.from_json(note["settings"]) == whole  # what was left open is said
-    assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
-
-
-def test_the_policy_file_acts_as_sb3_does(tmp_path, training_run_settings):
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
-
-    result = train(training_run_settings, tmp_path / "run")
-    venv = DummyVecEnv([lambda: gym.make(training_run_settings.env_id)])
-    normalise = VecNormalize.load(str(tmp_path / "run" / "sb3" / "vecnormalize.pkl"), venv)
-    model = PPO.load(tmp_path / "run" / "sb3" / "model.zip", device="cpu")
-    observations = np.random.default_rng(0).normal(0, 0.5, (200, 36))
-    observations[:, 3:] = 0.0
-    sb3, _ = model.predict(normalise.normalize_obs(observations), deterministic=True)
-    mine, _ = NetworkPolicy.load(result.policy).predict(observations)
-    assert np.abs(sb3).max() > 0.01
-    np.testing.assert_allclose(mine, sb3, atol=2e-6)
-
-
-def test_training_improves_the_toy(tmp_path, training_run_settings):
-    longer = dataclasses.replace(
-        training_run_settings, timesteps=8192, evaluate_every=100_000, learning_rate=2e-3, gamma=0.9
-    )
-    result = train(longer, tmp_path / "run")
-    assert result.curve[-1].mean_reward > 1.5 * result.curve[0].mean_reward
-    assert result.curve[-1].survived > result.curve[0].survived
-
-
-def test_equal_seeds_give_equal_files(tmp_path, training_run_settings):
-    short = dataclasses.replace(training_run_settings, timesteps=512)
-    first, second, other = (
-        train(dataclasses.replace(short, seed=seed), tmp_path / name).policy.read_bytes()
-        for seed, name in ((3, "a"), (3, "b"), (4, "c"))
-    )
-    assert first == second
-    assert first != other
-
-
-def test_an_interrupted_run_goes_on_to_its_end(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt):
-        train(training_run_settings, out, Stop(768))
-    assert load_checkpoint(out).timesteps == 768
-    assert not (out / "policy.safetensors").exists()
-    result = resume(out)
-    assert result.timesteps == 1024
-    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
-    assert NetworkPolicy.load(out / "policy").observation_size == 36
-
-
-def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt):
-        train(training_run_settings, out, Stop(768))
-    newest = find_checkpoints(out)[-1]
-    newest.rename(newest.with_name(f".{newest.name}.7.tmp"))  # a kill before the rename
-    assert load_checkpoint(out).timesteps < 768
-    assert resume(out).timesteps == 1024
-
-
-def test_a_run_killed_before_its_first_update_goes_on(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt):
-        train(dataclasses.replace(training_run_settings, checkpoint_every=10_000), out, Stop(1))
-    for checkpoint in find_checkpoints(out)[1:]:
-        for file in checkpoint.iterdir():
-            file.unlink()
-        checkpoint.rmdir()
-    assert load_checkpoint(out).timesteps == 0
-    assert resume(out).timesteps == 1024
-
-
-def test_a_finished_run_can_be_prolonged(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    train(dataclasses.replace(training_run_settings, timesteps=512), out)
-    assert resume(out).timesteps == 512
-    assert resume(out, 1024).timesteps == 1024
-    assert load_checkpoint(out).settings.timesteps == 1024
-
-
-def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    train(training_run_settings, out)
-    checkpoint = load_checkpoint(out)
-    run = Run(training_run_settings, tmp_path / "other")
-    run.algorithm.restore(checkpoint.tensors, checkpoint.timesteps, checkpoint.updates)
-    restored = run.algorithm.tensors()
-    assert restored.keys() == checkpoint.tensors.keys()
-    assert any(name.startswith("optimizer.") for name in restored)
-    for name, value in restored.items():
-        np.testing.assert_array_equal(value, checkpoint.tensors[name], err_msg=name)
-    assert (run.timesteps, run.algorithm.updates) == (checkpoint.timesteps, checkpoint.updates)
-    updates = 1024 // (training_run_settings.n_steps * training_run_settings.n_envs)
-    assert (checkpoint.timesteps, checkpoint.updates) == (1024, updates * training_run_settings.n_epochs)
-    for name, statistics in (("observation", run.venv.obs_rms), ("return", run.venv.ret_rms)):
-        assert statistics.count == checkpoint.tensors[f"{name}.count"] > 1000
-    assert checkpoint.seconds > 0.0
-    run.close()
-
-
-def test_a_run_that_goes_on_keeps_its_time_and_the_points_up_to_its_checkpoint(
-    tmp_path, training_run_settings
-):
-    """Of points at 0, 512 and 1024 timesteps, a run that goes on from 512 keeps two."""
-    out = tmp_path / "run"
-    train(dataclasses.replace(training_run_settings, timesteps=512), out)
-    at_512, points = load_checkpoint(out), read_curve(out / "curve.csv")
-    assert [point.timesteps for point in points] == [0, 512]
-    write_curve(out / "curve.csv", [*points, dataclasses.replace(points[-1], timesteps=1024)])
-    run = Run(training_run_settings, out, dataclasses.replace(at_512, seconds=1000.0))
-    assert run.curve == points
-    assert 1000.0 < run.seconds < 1500.0
-    run.close()
-    fresh = Run(training_run_settings, tmp_path / "fresh")
-    assert (fresh.curve, fresh.seconds < 500.0) == ([], True)
-    fresh.close()
-
-
-def test_a_checkpoint_of_other_layers_is_refused(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    train(dataclasses.replace(training_run_settings, timesteps=256), out)
-    run = Run(dataclasses.replace(training_run_settings, policy_layers=(8, 8)), tmp_path / "other")
-    with pytest.raises(InvalidValueError, match="does not fit"):
-        run.algorithm.restore(load_checkpoint(out).tensors, 256, 5)
-    run.close()
-
-
-def test_damaged_and_missing_checkpoints_are_refused(tmp_path, training_run_settings):
-    with pytest.raises(InvalidValueError, match="no checkpoint in"):
-        resume(tmp_path / "nowhere")
-    out = tmp_path / "run"
-    train(dataclasses.replace(training_run_settings, timesteps=256), out)
-    newest = find_checkpoints(out)[-1]
-    (newest / "tensors.safetensors").write_bytes(b"\x80\x04pickle")
-    with pytest.raises(InvalidValueError, match="damaged"):
-        resume(newest)
-    (newest / "state.json").write_text("{")
-    with pytest.raises(InvalidValueError, match="damaged"):
-        resume(out)
-
-
-def test_a_folder_with_a_run_is_not_overwritten(tmp_path, training_run_settings):
-    train(dataclasses.replace(training_run_settings, timesteps=0), tmp_path / "run")
-    with pytest.raises(InvalidValueError, match="--resume"):
-        train(training_run_settings, tmp_path / "run")
-
-
-def test_an_unknown_environment_names_the_valid_ones(tmp_path, training_run_settings):
-    with pytest.raises(UnknownNameError, match="PushRecovery/Biped-v0"):
-        train(dataclasses.replace(training_run_settings, env_id="PushRecovery/Bipde-v0"), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-def test_environments_that_do_not_fit_are_refused(tmp_path, training_run_settings):
-    with pytest.raises(InvalidValueError, match="robot"):
-        train(dataclasses.replace(training_run_settings, env_id="gymnasium:Pendulum-v1"), tmp_path / "run")
-
-
-def test_a_run_without_a_checkpoint_is_none(tmp_path, training_run_settings, monkeypatch):
-    """No space for the first checkpoint: the same command starts again, and --resume says what there is."""
-    out = tmp_path / "run"
-    with monkeypatch.context() as patch:
-        patch.setattr("push_recovery.training.run.save", no_space)
-        with pytest.raises(OSError, match="No space"):
-            train(training_run_settings, out)
-    assert (out / "settings.json").exists()
-    with pytest.raises(InvalidValueError, match="no checkpoint"):
-        resume(out)
-    assert train(dataclasses.replace(training_run_settings, timesteps=0), out).policy.is_file()
-    assert [path.name for path in (out / "checkpoints").iterdir()] == ["0" * 12]
-
-
-def no_space(tensors):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def test_a_second_writer_is_refused(tmp_path, training_run_settings):
-    out = tmp_path / "run"
-    with Writer(out), pytest.raises(InvalidValueError, match="another run"):
-        train(training_run_settings, out)
-    train(dataclasses.replace(training_run_settings, timesteps=0), out)
-    for path in (out, *find_checkpoints(out)):
-        with Writer(out), pytest.raises(InvalidValueError, match="another run"):
-            resume(path)
-
-
-def test_a_folder_that_cannot_be_is_refused(tmp_path, training_run_settings):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidValueError, match="can't write"):
-        train(training_run_settings, tmp_path / "file" / "run")
-
-
-def test_an_untrained_network_gives_zero(tmp_path, training_run_settings):
-    result = train(dataclasses.replace(training_run_settings, timesteps=0), tmp_path / "run")
-    action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 36)))
-    np.testing.assert_array_equal(action, 0.0)
-
-
-def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, training_run_settings):
-    from push_recovery.controllers.policies.two_stage import make_policy
-
-    result = train(
-        dataclasses.replace(training_run_settings, kind="residual", timesteps=0, hold=2), tmp_path / "run"
-    )
-    env = gym.make(training_run_settings.env_id)
-    base = make_policy("two-stage", env.unwrapped.robot, env.unwrapped.limits, env.unwrapped.preset)
-    learned = NetworkPolicy.load(result.policy)
-    for scenario in curve_scenarios(3):
-        assert rollout(env, learned, scenario, "same") == rollout(env, base, scenario, "same")
-
-
-def test_the_curve_has_the_same_distinct_scenarios_in_every_run():
-    assert curve_scenarios(8) == curve_scenarios(16)[:8]
-    assert len({s.pushes for s in curve_scenarios(16)}) == 16
+def test_every_setting_is_handed_over(settings, vec_env_of):
+    venv = vec_env_of(settings, 3)
+    assert (venv.num_envs, venv.gamma, venv.norm_reward, venv.clip_obs) == (2, 0.87, False, 10.0)
+    for given in (True, None):  # None: as this is the environment's own reward
+        assert vec_env_of(replace(settings, normalise_reward=given), 3).norm_reward
+    model = PPOAlgorithm(settings, venv, 3).model
+    assert (model.n_steps, model.batch_size, model.n_epochs) == (24, 16, 3)
+    assert (model.gamma, model.gae_lambda, model.seed) == (0.87, 0.77, 3)
+    assert model.clip_range(1.0) == model.clip_range(0.0) == 0.13
+    assert (model.lr_schedule(1.0), model.lr_schedule(0.0)) == pytest.approx((3e-3, 1e-3))
+    parts = model.policy.mlp_extractor
+    widths = [[m.out_features for m in net if hasattr(m, "out_features")]
+              for net in (parts.policy_net, parts.value_net)]  # fmt: skip
+    assert widths == [[5, 4], [6]]
+    np.testing.assert_array_equal(model.policy.log_std.detach().numpy(), np.full(7, np.float32(-0.7)))
+
+
+def test_a_resumed_run_meets_new_pushes_and_each_part_its_own():
+    assert segment_seed(5, 0) == 5
+    seeds = {segment_seed(5, timesteps) for timesteps in (0, 256, 512)} | {segment_seed(6, 256)}
+    assert len(seeds) == 4
+    assert all(0 <= seed < 2**31 for seed in seeds)  # what numpy and torch take
+    assert segment_seed(5, 256) == segment_seed(5, 256)

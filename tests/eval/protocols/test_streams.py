@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from push_recovery.eval.protocols.streams import SeededTwister, uniforms
+from push_recovery.eval.protocols.kick import uniforms
+from push_recovery.eval.protocols.tour import SeededTwister
 
 FIRST = {  # raw draws by run id, streams 2, 3, 4
     0: (3825457058, 3539355048, 3010783125),

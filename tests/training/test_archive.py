@@ -12,7 +12,7 @@ from push_recovery.eval.rollout.environments import make_env
 
 sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra train")
 
-from push_recovery.training.from_sb3 import ArchivePolicy, algorithm_of  # noqa: E402
+from push_recovery.training.model_policy import ArchivePolicy, algorithm_of  # noqa: E402
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 ALGORITHMS = {

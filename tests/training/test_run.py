@@ -1,0 +1,374 @@
+"""Runs of training: their files, going on after an interrupt, beginning as a policy, and their progress."""
+
+import dataclasses
+import errno
+import json
+import os
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.eval.output.rows import Writer
+from push_recovery.eval.rollout import load_policy as names
+from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
+from push_recovery.training.run import Progress, Run, find_checkpoints, load_checkpoint, resume, train
+from push_recovery.training.settings import TrainingSettings
+
+
+@pytest.fixture
+def settings(toy):
+    return TrainingSettings(
+        kind="scratch", env_id=toy, timesteps=128, n_envs=2, n_steps=32, hold=1, policy_layers=(8,),
+        value_layers=(8,), evaluation_scenarios=2,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def first(tmp_path, settings):
+    """A policy that has learned something, as other/first.safetensors."""
+    result = train(settings, tmp_path / "run")
+    policy = NetworkPolicy.load(result.policy)
+    assert np.any(policy.network.weights[-1])
+    return policy.save(tmp_path / "other" / "first")
+
+
+def test_an_untrained_run_acts_as_the_policy_that_it_begins_as(tmp_path, settings, first):
+    begun = dataclasses.replace(settings, initial=str(first), timesteps=0)
+    mine, given = (NetworkPolicy.load(path) for path in (train(begun, tmp_path / "begun").policy, first))
+    rows = np.random.default_rng(0).normal(size=(20, 36))
+    np.testing.assert_array_equal(mine.predict(rows)[0], given.predict(rows)[0])
+
+
+def test_a_name_is_of_the_fellows_first_and_then_of_the_package(tmp_path, settings, first, monkeypatch):
+    begun = dataclasses.replace(settings, initial="first", timesteps=0)
+    found = train(begun, tmp_path / "a", own=first.parent).policy
+    assert NetworkPolicy.load(found).network.weights[0].any()
+    monkeypatch.setattr(names, "NAMES", ("first",))
+    monkeypatch.setattr(names, "FOLDER", first.parent)
+    assert train(begun, tmp_path / "b", own=tmp_path).policy.read_bytes() == found.read_bytes()
+    monkeypatch.setattr(names, "FOLDER", tmp_path)
+    with pytest.raises(InvalidValueError, match="policy 'first' does not come with this version"):
+        train(begun, tmp_path / "c", own=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [({"hold": 2}, "whose hold is 1, not 2"), ({"policy_layers": (9,)}, "set policy_layers")],
+)
+def test_a_policy_that_does_not_fit_is_refused(tmp_path, settings, first, change, told):
+    with pytest.raises(InvalidValueError, match=told):
+        train(dataclasses.replace(settings, initial=str(first), **change), tmp_path / "begun")
+
+
+def test_a_residual_does_not_begin_as_what_acts_alone(tmp_path, settings, first):
+    residual = dataclasses.replace(settings, kind="residual", initial=str(first), inputs=("observation",))
+    with pytest.raises(InvalidValueError, match="whose residual is False, not True"):
+        train(residual, tmp_path / "begun")
+
+
+def test_the_settings_of_a_run_of_before_are_read(settings):
+    values = settings.to_json()
+    assert values.pop("initial") is None
+    assert values.pop("critic") == []
+    assert TrainingSettings.from_json(values) == settings
+    for wrong in (values | {"more": 1}, {k: v for k, v in values.items() if k != "gamma"}):
+        with pytest.raises(InvalidValueError, match="must have the keys"):
+            TrainingSettings.from_json(wrong)
+
+
+def test_a_run_has_one_teacher():
+    with pytest.raises(InvalidValueError, match="initial must be None beside a teacher, got 'joint'"):
+        TrainingSettings("joint", teacher=True, initial="joint")
+
+
+@pytest.fixture
+def training_run_settings(toy):
+    return TrainingSettings(
+        kind="scratch", env_id=toy, timesteps=1024, n_envs=4, n_steps=64, hold=1, policy_layers=(16, 16),
+        value_layers=(16,), log_std=-1.0, learning_rate=5e-4, learning_rate_end=5e-5,
+        checkpoint_every=256, evaluate_every=512, evaluation_scenarios=4,
+    )  # fmt: skip
+
+
+class Stop:
+    """A report that interrupts training as Ctrl-C would."""
+
+    def __init__(self, after):
+        self.after = after
+
+    def __call__(self, timesteps, recovered):
+        if timesteps >= self.after:
+            raise KeyboardInterrupt
+
+
+def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, training_run_settings):
+    seen = []
+    result = train(training_run_settings, tmp_path / "run", lambda steps, share: seen.append(steps))
+    assert result.timesteps == 1024
+    assert seen == [0, 256, 512, 768, 1024]
+    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
+    assert read_curve(tmp_path / "run" / "curve.csv") == list(result.curve)
+    assert [load_checkpoint(c).timesteps for c in find_checkpoints(tmp_path / "run")] == [768, 1024]
+    files = {f.suffix for f in (tmp_path / "run" / "checkpoints").rglob("*") if f.is_file()}
+    assert files == {".json", ".safetensors"}  # nothing there can run code
+    note = json.loads((tmp_path / "run" / "policy.json").read_text())["training"]
+    assert note["timesteps"] == 1024
+    open_ones = {"inputs": ("observation",), "starts": "reset", "reward": "environment", "teacher": False}
+    whole = dataclasses.replace(training_run_settings, **open_ones)
+    assert TrainingSettings.from_json(note["settings"]) == whole  # what was left open is said
+    assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
+
+
+def test_the_policy_file_acts_as_sb3_does(tmp_path, training_run_settings):
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    result = train(training_run_settings, tmp_path / "run")
+    venv = DummyVecEnv([lambda: gym.make(training_run_settings.env_id)])
+    normalise = VecNormalize.load(str(tmp_path / "run" / "sb3" / "vecnormalize.pkl"), venv)
+    model = PPO.load(tmp_path / "run" / "sb3" / "model.zip", device="cpu")
+    observations = np.random.default_rng(0).normal(0, 0.5, (200, 36))
+    observations[:, 3:] = 0.0
+    sb3, _ = model.predict(normalise.normalize_obs(observations), deterministic=True)
+    mine, _ = NetworkPolicy.load(result.policy).predict(observations)
+    assert np.abs(sb3).max() > 0.01
+    np.testing.assert_allclose(mine, sb3, atol=2e-6)
+
+
+def test_training_improves_the_toy(tmp_path, training_run_settings):
+    longer = dataclasses.replace(
+        training_run_settings, timesteps=8192, evaluate_every=100_000, learning_rate=2e-3, gamma=0.9
+    )
+    result = train(longer, tmp_path / "run")
+    assert result.curve[-1].mean_reward > 1.5 * result.curve[0].mean_reward
+    assert result.curve[-1].survived > result.curve[0].survived
+
+
+def test_equal_seeds_give_equal_files(tmp_path, training_run_settings):
+    short = dataclasses.replace(training_run_settings, timesteps=512)
+    first, second, other = (
+        train(dataclasses.replace(short, seed=seed), tmp_path / name).policy.read_bytes()
+        for seed, name in ((3, "a"), (3, "b"), (4, "c"))
+    )
+    assert first == second
+    assert first != other
+
+
+def test_an_interrupted_run_goes_on_to_its_end(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(training_run_settings, out, Stop(768))
+    assert load_checkpoint(out).timesteps == 768
+    assert not (out / "policy.safetensors").exists()
+    result = resume(out)
+    assert result.timesteps == 1024
+    assert [p.timesteps for p in result.curve] == [0, 512, 1024]
+    assert NetworkPolicy.load(out / "policy").observation_size == 36
+
+
+def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(training_run_settings, out, Stop(768))
+    newest = find_checkpoints(out)[-1]
+    newest.rename(newest.with_name(f".{newest.name}.7.tmp"))  # a kill before the rename
+    assert load_checkpoint(out).timesteps < 768
+    assert resume(out).timesteps == 1024
+
+
+def test_a_run_killed_before_its_first_update_goes_on(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(dataclasses.replace(training_run_settings, checkpoint_every=10_000), out, Stop(1))
+    for checkpoint in find_checkpoints(out)[1:]:
+        for file in checkpoint.iterdir():
+            file.unlink()
+        checkpoint.rmdir()
+    assert load_checkpoint(out).timesteps == 0
+    assert resume(out).timesteps == 1024
+
+
+def test_a_finished_run_can_be_prolonged(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=512), out)
+    assert resume(out).timesteps == 512
+    assert resume(out, 1024).timesteps == 1024
+    assert load_checkpoint(out).settings.timesteps == 1024
+
+
+def test_a_checkpoint_restores_every_tensor_and_counter(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    train(training_run_settings, out)
+    checkpoint = load_checkpoint(out)
+    run = Run(training_run_settings, tmp_path / "other")
+    run.algorithm.restore(checkpoint.tensors, checkpoint.timesteps, checkpoint.updates)
+    restored = run.algorithm.tensors()
+    assert restored.keys() == checkpoint.tensors.keys()
+    assert any(name.startswith("optimizer.") for name in restored)
+    for name, value in restored.items():
+        np.testing.assert_array_equal(value, checkpoint.tensors[name], err_msg=name)
+    assert (run.timesteps, run.algorithm.updates) == (checkpoint.timesteps, checkpoint.updates)
+    updates = 1024 // (training_run_settings.n_steps * training_run_settings.n_envs)
+    assert (checkpoint.timesteps, checkpoint.updates) == (1024, updates * training_run_settings.n_epochs)
+    for name, statistics in (("observation", run.venv.obs_rms), ("return", run.venv.ret_rms)):
+        assert statistics.count == checkpoint.tensors[f"{name}.count"] > 1000
+    assert checkpoint.seconds > 0.0
+    run.close()
+
+
+def test_a_run_that_goes_on_keeps_its_time_and_the_points_up_to_its_checkpoint(
+    tmp_path, training_run_settings
+):
+    """Of points at 0, 512 and 1024 timesteps, a run that goes on from 512 keeps two."""
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=512), out)
+    at_512, points = load_checkpoint(out), read_curve(out / "curve.csv")
+    assert [point.timesteps for point in points] == [0, 512]
+    write_curve(out / "curve.csv", [*points, dataclasses.replace(points[-1], timesteps=1024)])
+    run = Run(training_run_settings, out, dataclasses.replace(at_512, seconds=1000.0))
+    assert run.curve == points
+    assert 1000.0 < run.seconds < 1500.0
+    run.close()
+    fresh = Run(training_run_settings, tmp_path / "fresh")
+    assert (fresh.curve, fresh.seconds < 500.0) == ([], True)
+    fresh.close()
+
+
+def test_a_checkpoint_of_other_layers_is_refused(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=256), out)
+    run = Run(dataclasses.replace(training_run_settings, policy_layers=(8, 8)), tmp_path / "other")
+    with pytest.raises(InvalidValueError, match="does not fit"):
+        run.algorithm.restore(load_checkpoint(out).tensors, 256, 5)
+    run.close()
+
+
+def test_damaged_and_missing_checkpoints_are_refused(tmp_path, training_run_settings):
+    with pytest.raises(InvalidValueError, match="no checkpoint in"):
+        resume(tmp_path / "nowhere")
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=256), out)
+    newest = find_checkpoints(out)[-1]
+    (newest / "tensors.safetensors").write_bytes(b"\x80\x04pickle")
+    with pytest.raises(InvalidValueError, match="damaged"):
+        resume(newest)
+    (newest / "state.json").write_text("{")
+    with pytest.raises(InvalidValueError, match="damaged"):
+        resume(out)
+
+
+def test_a_folder_with_a_run_is_not_overwritten(tmp_path, training_run_settings):
+    train(dataclasses.replace(training_run_settings, timesteps=0), tmp_path / "run")
+    with pytest.raises(InvalidValueError, match="--resume"):
+        train(training_run_settings, tmp_path / "run")
+
+
+def test_an_unknown_environment_names_the_valid_ones(tmp_path, training_run_settings):
+    with pytest.raises(UnknownNameError, match="PushRecovery/Biped-v0"):
+        train(dataclasses.replace(training_run_settings, env_id="PushRecovery/Bipde-v0"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_environments_that_do_not_fit_are_refused(tmp_path, training_run_settings):
+    with pytest.raises(InvalidValueError, match="robot"):
+        train(dataclasses.replace(training_run_settings, env_id="gymnasium:Pendulum-v1"), tmp_path / "run")
+
+
+def test_a_run_without_a_checkpoint_is_none(tmp_path, training_run_settings, monkeypatch):
+    """No space for the first checkpoint: the same command starts again, and --resume says what there is."""
+    out = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr("push_recovery.training.run.save", no_space)
+        with pytest.raises(OSError, match="No space"):
+            train(training_run_settings, out)
+    assert (out / "settings.json").exists()
+    with pytest.raises(InvalidValueError, match="no checkpoint"):
+        resume(out)
+    assert train(dataclasses.replace(training_run_settings, timesteps=0), out).policy.is_file()
+    assert [path.name for path in (out / "checkpoints").iterdir()] == ["0" * 12]
+
+
+def no_space(tensors):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_second_writer_is_refused(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    with Writer(out), pytest.raises(InvalidValueError, match="another run"):
+        train(training_run_settings, out)
+    train(dataclasses.replace(training_run_settings, timesteps=0), out)
+    for path in (out, *find_checkpoints(out)):
+        with Writer(out), pytest.raises(InvalidValueError, match="another run"):
+            resume(path)
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path, training_run_settings):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidValueError, match="can't write"):
+        train(training_run_settings, tmp_path / "file" / "run")
+
+
+def test_an_untrained_network_gives_zero(tmp_path, training_run_settings):
+    result = train(dataclasses.replace(training_run_settings, timesteps=0), tmp_path / "run")
+    action, _ = NetworkPolicy.load(result.policy).predict(np.ones((5, 36)))
+    np.testing.assert_array_equal(action, 0.0)
+
+
+def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, training_run_settings):
+    from push_recovery.controllers.policies.two_stage import make_policy
+
+    result = train(
+        dataclasses.replace(training_run_settings, kind="residual", timesteps=0, hold=2), tmp_path / "run"
+    )
+    env = gym.make(training_run_settings.env_id)
+    base = make_policy("two-stage", env.unwrapped.robot, env.unwrapped.limits, env.unwrapped.preset)
+    learned = NetworkPolicy.load(result.policy)
+    for scenario in curve_scenarios(3):
+        assert rollout(env, learned, scenario, "same") == rollout(env, base, scenario, "same")
+
+
+def test_the_curve_has_the_same_distinct_scenarios_in_every_run():
+    assert curve_scenarios(8) == curve_scenarios(16)[:8]
+    assert len({s.pushes for s in curve_scenarios(16)}) == 16
+
+
+FELL = {"failure_reason": "low", "recovered_at": 1.0}  # it had recovered, and fell all the same
+STOOD = {"failure_reason": None, "recovered_at": None}
+RECOVERED = {"failure_reason": None, "recovered_at": 0.0}
+
+
+class Logger:
+    def __init__(self):
+        self.values = {}
+
+    def record(self, name, value):
+        self.values[name] = value
+
+
+def ended(progress: Progress, *infos) -> None:
+    progress.locals = {"dones": np.ones(len(infos), np.bool_), "infos": list(infos)}
+    assert progress.on_step()
+
+
+def test_recovered_is_standing_and_settled(monkeypatch):
+    told, logger = [], Logger()
+    progress = Progress(lambda timesteps, share: told.append(share))
+    monkeypatch.setattr(Progress, "logger", logger)
+    progress._on_rollout_end()
+    assert told == [None]  # no episode has ended yet
+    progress.model = type("Model", (), {"num_timesteps": 0})()  # type: ignore[assignment]
+    ended(progress, FELL, STOOD, RECOVERED, RECOVERED)
+    progress._on_rollout_end()
+    assert told == [None, 0.5]
+    assert logger.values == {"rollout/recovered": 0.5}
+
+
+def test_only_episodes_that_end_count(monkeypatch):
+    progress = Progress(lambda timesteps, share: None)
+    progress.model = type("Model", (), {"num_timesteps": 0})()  # type: ignore[assignment]
+    progress.locals = {"dones": np.array([False, True, False]), "infos": [RECOVERED, FELL, RECOVERED]}
+    progress.on_step()
+    assert list(progress.recovered) == [False]
