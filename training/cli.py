@@ -62,9 +62,9 @@ class Train(Options):
         """Settings of a run to go on with, or of a recipe; the user has given what differs from them."""
         if self.resume is None:
             return None if self.recipe is None else Train(settings=get_recipe(self.recipe))
+        require_training()
         from .run import load_checkpoint
 
-        require_training()
         return Train(settings=load_checkpoint(Path(self.resume)).settings)
 
     def run(self) -> None:

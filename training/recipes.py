@@ -67,7 +67,7 @@ def get_recipe(name: str) -> TrainingSettings:
 
 
 def file_settings(path: Path) -> TrainingSettings:
-    """What stands under `training` in a policy's JSON.
+    """Settings that stand under `training` in a policy's JSON.
 
     Raises:
         InvalidValueError: see `get_recipe`.

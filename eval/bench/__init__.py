@@ -1,1 +1,1 @@
-"""What a second of a robot costs."""
+"""Timings of planner, control and physics."""
