@@ -78,16 +78,20 @@ class Algorithm(ABC):
         sees stands behind it, and passes as it is.
 
         Raises:
-            InvalidValueError: the layers are others, or the normalisation has another clip or epsilon.
+            InvalidValueError: layers, activation or output are others, or clip or epsilon of the
+            normalisation.
         """
         acting, given = acting_network(self.model), policy.network
         found = tuple((layer.in_features, layer.out_features) for layer in acting.layers)
         wanted = tuple((weight.shape[1], weight.shape[0]) for weight in given.weights)
-        if (found, acting.activation, acting.output) != (wanted, given.activation, given.output):
-            kinds = f"{acting.activation} and {acting.output}", f"{given.activation} and {given.output}"
-            mine, theirs = (found, wanted) if found != wanted else kinds
+        if found != wanted:
             raise InvalidValueError(
-                f"a run that starts from a policy needs its layers, {theirs}, got {mine}: set policy_layers"
+                f"a run that starts from a policy needs its layers, {wanted}, got {found}: set policy_layers"
+            )
+        kinds = [f"{one.activation} and {one.output}" for one in (given, acting)]
+        if kinds[0] != kinds[1]:
+            raise InvalidValueError(
+                f"a run that starts from a policy needs its activation and output, {kinds[0]}, got {kinds[1]}"
             )
         normalisation, statistics = policy.normalisation, self.statistics()["observation"]
         if (self.venv.clip_obs, self.venv.epsilon) != (normalisation.clip, normalisation.epsilon):
