@@ -73,3 +73,23 @@ def test_what_is_no_archive_is_refused_unloaded(tmp_path):
         policy.predict(observation)
     with pytest.raises(InvalidValueError, match="can't read"):
         ArchivePolicy.of(str(tmp_path / "none.zip"))
+
+
+def test_statistics_stay_as_they_were_saved_and_belong_to_the_digest(tmp_path):
+    """(x - 0.5) / 2 is what the model sees, however often it acts; other statistics are other content."""
+    normalised = sb3.common.vec_env.VecNormalize(
+        sb3.common.vec_env.DummyVecEnv([lambda: make_env(PENDULUM)]), epsilon=0.0
+    )
+    model = saved(tmp_path / "model.zip", normalised)
+    normalised.obs_rms.mean[:], normalised.obs_rms.var[:] = 0.5, 4.0
+    normalised.save(str(tmp_path / "vecnormalize.pkl"))
+    policy = ArchivePolicy.of(str(tmp_path / "model.zip"))
+    observation = np.linspace(-0.2, 0.4, normalised.observation_space.shape[0])
+    expected, _ = model.predict(((observation - 0.5) / 2.0).astype(np.float32), deterministic=True)
+    for _ in range(3):
+        np.testing.assert_allclose(policy.predict(observation)[0], expected, rtol=0, atol=1e-6)
+    normalised.obs_rms.mean[:] = 0.6
+    normalised.save(str(tmp_path / "vecnormalize.pkl"))
+    assert ArchivePolicy.of(policy.path).sha256 != policy.sha256
+    with pytest.raises(InvalidValueError, match="has changed since it was named"):
+        copy.deepcopy(policy).predict(observation)

@@ -118,6 +118,33 @@ def test_the_normalisation_stays(policy):
     np.testing.assert_allclose(venv.obs_rms.var, policy.normalisation.variance, rtol=1e-6)
 
 
+def test_what_only_a_critic_sees_stands_behind_the_normalisation_and_passes_as_it_is(policy):
+    """Two entries of the push behind the 58: mean 0 and variance 1, which no later observation moves."""
+
+    class Pushed(Joints):
+        observation_space = gym.spaces.Box(-np.inf, np.inf, (60,))
+
+        def reset(self, **kwargs):
+            return np.append(super().reset(**kwargs)[0], np.float32([3.0, -4.0])), {}
+
+    venv = VecNormalize(DummyVecEnv([Pushed]), norm_reward=False, clip_obs=10.0)
+    settings = TrainingSettings(
+        "joint",
+        critic=("push",),
+        n_envs=1,
+        n_steps=32,
+        batch_size=16,
+        policy_layers=(16, 8),
+        value_layers=(8,),
+    )
+    PPOAlgorithm(settings, venv, 0).start_from(policy)
+    assert venv.obs_rms.mean[58:].tolist() == [0.0, 0.0]
+    assert venv.obs_rms.var[58:].tolist() == [1.0, 1.0]
+    np.testing.assert_array_equal(venv.obs_rms.mean[:58], policy.normalisation.mean)
+    np.testing.assert_array_equal(venv.obs_rms.var[:58], policy.normalisation.variance)
+    np.testing.assert_allclose(venv.reset()[0, 58:], [3.0, -4.0], atol=1e-6)
+
+
 def test_the_value_is_learned_first(policy):
     algorithm = make()
     algorithm.start_from(policy)
