@@ -25,7 +25,7 @@ from ...controllers.whole_body.kinematics import TRUNK
 from ...envs.biped.core import BipedCore
 from ...envs.scenario.push import GaitEvent, Kick, Push
 from ...envs.scenario.scenario import Scenario
-from ..rollout.outcome import Ending
+from ..rollout.outcome import Outcome
 
 FORCES = (50, 100, 150, 200, 250, 300)  # [N], of which each for 0.1 s on the G1 is a level, as published
 BEYOND = (420, 560, 700)  # 1.2, 1.6 and 2.0 m/s: levels of our own, for robots that stand up to all of those
@@ -123,9 +123,9 @@ class KickWatcher:
             math.acos(min(max(float(state.xmat[k, TRUNK, UPRIGHT]), -1.0), 1.0)),
         )
 
-    def end(self, core: BipedCore, k: int, ending: Ending) -> dict[str, Any]:
+    def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """RSR, TTS and PTT of the episode."""
-        return self._episodes.pop(k).entries(ending)
+        return self._episodes.pop(k).entries(outcome)
 
 
 class Measures:
@@ -148,10 +148,10 @@ class Measures:
             if math.isnan(self._stable) and speed < STILL:
                 self._stable = time
 
-    def entries(self, ending: Ending) -> dict[str, Any]:
+    def entries(self, outcome: Outcome) -> dict[str, Any]:
         """Entries of a row; the time to stable of one that never was is what was left of its episode."""
-        stands = not ending.fell and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
-        stable = ending.time if math.isnan(self._stable) else self._stable
+        stands = outcome.survived and self._lowest >= LOWEST * self._standing and self._steepest <= STEEPEST
+        stable = outcome.end_time if math.isnan(self._stable) else self._stable
         after = math.isfinite(self._start)
         return {
             "stood": stands,

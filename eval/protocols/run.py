@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -13,15 +13,14 @@ from typing import Any, Protocol
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
-from ...controllers.policies.interface import Policy, as_policy
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
-from ..rollout.episodes import GymRobot, Ints, Robots, begin_policy, run_episodes
-from ..rollout.outcome import Ending
+from ..rollout.episodes import Ints, Observer
+from ..rollout.outcome import Outcome
 from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
 from .kick import KickWatcher
@@ -46,7 +45,7 @@ class Watcher(Protocol):
         """Robot k has acted, or has just begun."""
         ...
 
-    def end(self, core: BipedCore, k: int, ending: Ending) -> dict[str, Any]:
+    def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """Entries of the row of the episode that has ended, besides its outcome."""
         ...
 
@@ -70,43 +69,31 @@ def _bipeds(episodes: Any) -> BipedEpisodes:
     return episodes
 
 
-class Watched:
-    """Robots that `run_episodes` takes, beside a watcher; `found` has its entries by scenario id.
+class Watched(Observer):
+    """A watcher in an episode loop; `found` has its entries of rows by scenario id."""
 
-    Args:
-        robots: of an episode loop.
-        episodes: theirs.
-        watcher: looks at them after every action.
+    def __init__(self, watcher: Watcher):
+        self.found: dict[str, dict[str, Any]] = {}
+        self._watcher = watcher
 
-    Raises:
-        InvalidValueError: they are robots of another kind than bipeds.
-    """
+    def begin(self, robots: Any, k: int, scenario: Scenario) -> None:
+        """Robot k has begun a scenario.
 
-    def __init__(self, robots: Robots, episodes: Any, watcher: Watcher):
-        self.n, self.found = robots.n, {}
-        self.rest, self.observe = robots.rest, robots.observe
-        self._robots, self._core, self._watcher = robots, _bipeds(episodes).core, watcher
-        self._ids: dict[int, str] = {}
+        Raises:
+            InvalidValueError: it is no biped.
+        """
+        core = _bipeds(robots.episodes).core
+        self._watcher.begin(core, k, scenario)
+        self._watcher.look(core, k)
 
-    def begin(self, k: int, scenario: Scenario) -> None:
-        """Begin a scenario with robot k."""
-        self._robots.begin(k, scenario)
-        self._ids[k] = scenario.id
-        self._watcher.begin(self._core, k, scenario)
-        self._watcher.look(self._core, k)
-
-    def step(self, rows: Ints, actions: Any) -> list[int]:
-        """Act, then look."""
-        ended = self._robots.step(rows, actions)
+    def after_step(self, robots: Any, rows: Ints) -> None:
+        """The robots `rows` have acted."""
         for k in rows.tolist():
-            self._watcher.look(self._core, k)
-        return ended
+            self._watcher.look(robots.episodes.core, k)
 
-    def ending(self, k: int) -> Ending:
-        """How the episode of robot k has ended."""
-        ending = self._robots.ending(k)
-        self.found[self._ids[k]] = self._watcher.end(self._core, k, ending)
-        return ending
+    def end(self, robots: Any, k: int, outcome: Outcome) -> None:
+        """The episode of robot k has ended."""
+        self.found[outcome.scenario_id] = self._watcher.end(robots.episodes.core, k, outcome)
 
 
 @dataclass(frozen=True)
@@ -194,19 +181,8 @@ def run_protocol(
 
 
 def run_watched(runner: Runner, job: Job) -> list[Row]:
-    """The task of `parallel`: rows of one policy, its outcomes and the watcher's entries."""
+    """The task of `parallel`: rows of one policy, its outcomes with the watcher's entries."""
     protocol, label, scenarios = job
-    policy, robots, watcher = as_policy(runner.policy(label)), runner.robots(label), WATCHERS[protocol]()
-    if robots is not None:
-        return list(_rows(Watched(robots, robots.episodes, watcher), policy, scenarios, label))
-    rows, env = [], runner.env_of(label)
-    alone = Watched(GymRobot(env), getattr(env.unwrapped, "episodes", None), watcher)
-    for scenario in scenarios:
-        begin_policy(policy, scenario)
-        rows += _rows(alone, policy, (scenario,), label)
-    return rows
-
-
-def _rows(robots: Watched, policy: Policy, scenarios: tuple[Scenario, ...], label: str) -> Iterator[Row]:
-    for _, outcome in run_episodes(robots, policy, scenarios, label):
-        yield {**outcome.to_dict(), **robots.found.pop(outcome.scenario_id)}
+    watched = Watched(WATCHERS[protocol]())
+    outcomes = runner.run_all(label, scenarios, watched)
+    return [{**outcome.to_dict(), **watched.found.pop(outcome.scenario_id)} for outcome in outcomes]

@@ -24,7 +24,7 @@ from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
-from ..rollout.outcome import Ending
+from ..rollout.outcome import Outcome
 
 SIDES = "left", "right"
 WAIST = 3  # joints of the G1's
@@ -283,7 +283,7 @@ class TourWatcher:
         """Write the command of robot k; the planning period after the next one is planned on it."""
         core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
 
-    def end(self, core: BipedCore, k: int, ending: Ending) -> dict[str, Any]:
+    def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """Errors at the last look of each segment begun, also the one in which it fell."""
         errors = self._tours.pop(k).errors
         return {

@@ -2,8 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.protocols.kick import BEYOND, FORCES, Measures, every_kick, jump_of, kick_scenarios
-from push_recovery.eval.rollout.outcome import Ending
+from push_recovery.eval.rollout.outcome import Ending, Outcome
 from push_recovery.eval.score.suites import get_suite
 
 
@@ -62,7 +63,8 @@ def measured(*moments: tuple[float, float, float, float], fell: bool = False) ->
     episode = Measures(2.0, 0.79)
     for moment in moments:
         episode.take(*moment)
-    return episode.entries(Ending(fell, moments[-1][0], None, "too_low" if fell else None, 0.0))
+    ending = Ending(fell, moments[-1][0], None, "too_low" if fell else None, 0.0)
+    return episode.entries(Outcome.of(Scenario("kick"), "p", ending, len(moments)))
 
 
 def test_time_to_stable_and_tilt_count_from_the_kick():

@@ -23,7 +23,7 @@ from push_recovery.eval.protocols.tour import (
     waypoints,
     wrapped,
 )
-from push_recovery.eval.rollout.outcome import Ending
+from push_recovery.eval.rollout.outcome import Ending, Outcome
 
 
 def test_waypoints_are_the_benchmarks():
@@ -196,7 +196,8 @@ def test_a_watcher_writes_the_command_in_the_frame_in_which_the_robot_began(monk
     core.put(5.0 - 1e-12, 0.94, 2.16, left + 0.32)  # the second segment, in spite of rounding
     watcher.look(core, 0)
     assert core.command[0] == pytest.approx((-0.25, 0.2, -0.48))  # at the limits of a robot of 0.8 m
-    assert watcher.end(core, 0, Ending(True, 5.0, None, "too_low", 0.0)) == {
+    outcome = Outcome.of(Scenario("tour-0007"), "p", Ending(True, 5.0, None, "too_low", 0.0), 500)
+    assert watcher.end(core, 0, outcome) == {
         "position_errors_cm": [pytest.approx(100.0 * math.hypot(0.04, 0.04), abs=1e-3),
                                pytest.approx(100.0 * math.hypot(1.16, 0.06), abs=1e-3)],
         "heading_errors_deg": [pytest.approx(math.degrees(0.02), abs=1e-3),
