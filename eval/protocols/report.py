@@ -200,10 +200,8 @@ def tour_cells(results: Results) -> list[tuple[str, ...]]:
     cells = []
     for name, rows in results.rows.items():
         found = tour_summary(rows)
-        share, interval = (
-            found["completed"] / found["runs"],
-            "-".join(f"{100 * p:.1f}" for p in found["ci95"]),
-        )
+        share = 100 * found["completed"] / found["runs"]
+        interval = "-".join(f"{100 * bound:.1f}" for bound in found["ci95"])
         means = (f"{found[key]:.1f}" for key in ("survival_s", "position_error_cm", "heading_error_deg"))
         cells.append((name, str(found["runs"]), f"{share:.1f} %", interval, *means))
     for name, row in TOUR_ROWS.items():
