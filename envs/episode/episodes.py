@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError, shown
+from ...controllers.errors import InvalidValueError, is_finite_number, is_integer, shown
 from ...controllers.jit import announce_compilation
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, NominalStart, nominal_gait, nominal_start
@@ -118,7 +118,7 @@ class GaitEpisodes(ABC, Generic[C]):
         n = require_integer("num_envs", n, 1, MOST_ROBOTS)
         require_kind("robot", robot, RobotModel)
         require_kind("limits", limits, GaitLimits)
-        if not (isinstance(control_hz, int | float) and 20.0 <= control_hz <= 1000.0):
+        if not (is_finite_number(control_hz) and 20.0 <= control_hz <= 1000.0):
             raise InvalidValueError(f"control_hz must lie within 20-1000 Hz, got {shown(control_hz)}")
         config = preset_config(preset, arm)
         if config.double_support > 0 and not self.has_double_support:
@@ -129,7 +129,7 @@ class GaitEpisodes(ABC, Generic[C]):
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
-        self.control_hz, self.arm = control_hz, arm
+        self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
@@ -333,9 +333,9 @@ def check_hold(periods: object) -> int:
     Raises:
         InvalidValueError: no whole number from 1.
     """
-    if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
+    if not is_integer(periods) or periods < 1:
         raise InvalidValueError(f"an action is held for a whole number of periods >= 1, got {shown(periods)}")
-    return periods
+    return int(periods)
 
 
 def hold_action(

@@ -23,9 +23,9 @@ from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.policies.interface import Policy, RandomPolicy, as_policy
+from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.learned import NetworkPolicy
-from ...controllers.policies.two_stage import TwoStagePolicy
+from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
 from ...envs.biped.limits_record import BoundsReport
 from ...envs.episode.episodes import GaitEpisodes, Held, Mask, hold_action
 from ...envs.episode.gym_env import GaitEnv, check_action

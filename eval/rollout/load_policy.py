@@ -215,7 +215,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
 def _random_joints(name: str, episodes: Any) -> Policy:
     """The one analytic policy that acts on joints."""
-    from ...controllers.policies.interface import RandomPolicy
+    from ...controllers.policies.two_stage import RandomPolicy
 
     if name != "random":
         raise InvalidValueError(
