@@ -217,13 +217,17 @@ class TwoStagePolicy:
         if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
             self._act(batch, actions, rows, 0)
         else:
-
-            def job(worker: int, first: int, end: int) -> None:
-                self._act(batch[first:end], actions[first:end], rows[first:end], worker)
-
-            self._threads.run(job, n, ROWS_A_THREAD)
+            self._share(batch, actions, rows)
         self._rows = rows
         return actions, rows
+
+    def _share(self, batch: Floats, actions: Actions, rows: Floats) -> None:
+        """`_act`, the observations shared by threads."""
+
+        def job(worker: int, first: int, end: int) -> None:
+            self._act(batch[first:end], actions[first:end], rows[first:end], worker)
+
+        self._threads.run(job, len(batch), ROWS_A_THREAD)
 
     def _act(self, batch: Floats, actions: Actions, rows: Floats, worker: int) -> None:
         """Plan observations (n, 36) into rows (n, ROW_SIZE) and actions (n, 7)."""

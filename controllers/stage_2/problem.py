@@ -215,7 +215,7 @@ def acceleration_interval(angle: float, gravity: float, torque: float, box: floa
     return low, high
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def apply_results(observations, rows, box, use_cop, use_trunk):  # pragma: no cover
     """Make each row's result its CoP and trunk acceleration; where the step is held, the previous action's.
 

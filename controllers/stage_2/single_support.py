@@ -212,7 +212,7 @@ class FirstInterval(NamedTuple):
     l22: float
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def write_inputs(observations: Any, rows: Any, inputs: Any) -> None:
     """Input rows (n, 11) of observations and their stage 1 rows; the CoP's reference is the sole's centre."""
     for i in range(rows.shape[0]):
@@ -230,9 +230,9 @@ def regulate_rows(observations: Any, rows: Any, packed: Any) -> int:
     """Stage 2 of stage 1 rows, in place; returns how many were invalid; see `Regulator.regulate`."""
     t, inputs = dense_part_of(packed, Parts, "tables"), np.empty((rows.shape[0], INPUTS))
     write_inputs(observations, rows, inputs)
-    invalid = plan_rows(inputs, rows[:, RESULT:], packed)
+    c = constants_of(t.numbers)
+    invalid = _plan_rows(inputs, rows[:, RESULT:], c, t)
     if invalid == 0:
-        c = constants_of(t.numbers)
         problem.apply_results(observations, rows, t.box, c.use_cop > 0.0, c.use_trunk > 0.0)
     return invalid
 
@@ -241,7 +241,11 @@ def regulate_rows(observations: Any, rows: Any, packed: Any) -> int:
 def plan_rows(rows: Any, out: Any, packed: Any) -> int:
     """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`."""
     t = dense_part_of(packed, Parts, "tables")
-    c = constants_of(t.numbers)
+    return _plan_rows(rows, out, constants_of(t.numbers), t)
+
+
+@njit(cache=True, forceinline=True)
+def _plan_rows(rows: Any, out: Any, c: Constants, t: Tables) -> int:
     invalid = 0
     for i in range(rows.shape[0]):
         row = rows[i]
