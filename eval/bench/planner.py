@@ -24,7 +24,6 @@ from ...controllers.model.observation import DCM, ELAPSED, OBSERVATION_SIZE, TRU
 from ...controllers.policies.two_stage import Plan, TwoStagePolicy
 from ...controllers.qp import QuadraticProgram
 from ...controllers.stage_1 import ROW_SIZE, StepPlanner, StepProblem, step_program
-from ...controllers.stage_2.problem import explicit_problem
 from ...controllers.stage_2.single_support import CopPlanner
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
@@ -248,20 +247,10 @@ def record(policy: TwoStagePolicy, observations: Array) -> Recorded:
     rows = observations[np.linspace(0, len(observations) - 1, PROBLEMS).astype(int)]
     problems = [problem for row in rows if not (problem := Stage2(row, policy.plan(row))).plan.held]
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
-    stage_2 = []
-    for problem in problems:
-        remaining, dcm, angle, rate, target = problem.arguments
-        stage_2.append(
-            tuple(
-                Dense.of(
-                    explicit_problem(
-                        policy.robot, policy.config, remaining, dcm[i], angle[i], rate[i], target[i], 0.0,
-                        *planner.bounds(i, angle[i]),
-                    ).qp
-                )
-                for i in range(2)
-            )
-        )  # fmt: skip
+    stage_2 = [
+        (Dense.of(planner.program(problem.row, 0).qp), Dense.of(planner.program(problem.row, 1).qp))
+        for problem in problems
+    ]
     return Recorded(
         stage_1=[Dense.of(step_program(step_problem(policy, problem))) for problem in problems],
         stage_2=stage_2,
