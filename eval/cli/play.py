@@ -1,9 +1,4 @@
-"""`push-recovery play`, and one episode as a film, a contact sheet, a page in 3D, arrays or a figure.
-
-Write one episode as a film, a contact sheet, a page in 3D, arrays or a figure.
-
-`push-recovery play`.
-"""
+"""`push-recovery play`, and one episode as a film, a contact sheet, a page in 3D, arrays or a figure."""
 
 from __future__ import annotations
 
@@ -29,7 +24,17 @@ from ..record.record import LOG_FORMATS, record_episode, write_log
 from ..record.words import describe
 from ..rollout.episodes import GymRobot, Watch, planning_period, rollout
 from ..rollout.policy_source import acting_in
-from .options import EnvOptions, PolicyName, PushOptions, Real, RobotOptions, within
+from .options import (
+    Count,
+    EnvOptions,
+    FileName,
+    NameOrFile,
+    PolicyName,
+    PushOptions,
+    Real,
+    RobotOptions,
+    within,
+)
 
 FILMED, WATCHED = 20.0, 5.0  # seconds that an episode takes, about
 FORMATS = (".mp4", ".gif", ".png", ".html")
@@ -147,26 +152,26 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     """Force of the push [N]; times the duration it is the impulse [N s]."""
     psi: Real = field(default=0.0, metadata=within(-360, 360))
     """Direction of the push [deg]: 0 is forward, 90 to the left, 180 backward, 270 to the right."""
-    suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    suite: NameOrFile = None
     """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Id of the scenario in the suite (by default the first one)."""
-    out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    out: FileName = None
     """Write one push as a film (mp4 or gif), as six moments (png) or as a page in 3D (html)."""
-    log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    log: FileName = None
     """Write the episode of one push as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques,
     limits met."""
-    plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    plot: FileName = None
     """Draw the episode of one push over time (png or svg)."""
     viewer: Literal["browser", "mujoco"] = "browser"
     """Where you play with the robot: on a page in the browser, or in MuJoCo's own window."""
-    beside: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    beside: NameOrFile = None
     """Policy of a second robot that gets the same pushes."""
     host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
     """Address that the page is served on; with any but this computer's own it asks for a token."""
     token: Annotated[str, arg(metavar="WORD", help_behavior_hint="(made up where one is needed)")] = ""
     """Token that the page's address must hold."""
-    port: Annotated[int, arg(metavar="N")] = field(default=8080, metadata=within(0, 65535))
+    port: Count = field(default=8080, metadata=within(0, 65535))
     """Port of the page; if it is taken, the next free one is used."""
 
     def run(self) -> None:
