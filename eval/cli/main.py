@@ -139,11 +139,11 @@ class _Reader(argparse.ArgumentParser):
         names, plain, marked = [], get_type_hints(kind), get_type_hints(kind, include_extras=True)
         for entry in fields(kind):
             hint, marks = plain[entry.name], getattr(marked[entry.name], "__metadata__", ())
-            told: dict[str, Any] = {
+            marked_as: dict[str, Any] = {
                 key: value for mark in marks for key in ("name", "metavar", "aliases")
                 if (value := getattr(mark, key, None)) is not None
             }  # fmt: skip
-            name = prefix + told.get("name", entry.name).replace("_", "-")
+            name = prefix + marked_as.get("name", entry.name).replace("_", "-")
             required = entry.default is MISSING and entry.default_factory is MISSING
             if Suppress in marks:
                 continue
@@ -151,16 +151,16 @@ class _Reader(argparse.ArgumentParser):
                 names += self._add_fields(hint, f"{name}." if name else "")
             elif Positional in marks:
                 how = _arity(hint) if required else {"nargs": "?", **_arity(hint)}
-                self.add_argument(name, metavar=told.get("metavar"), **how)
+                self.add_argument(name, metavar=marked_as.get("metavar"), **how)
             else:
-                options = [f"--{name}", *told.get("aliases", ())]
+                options = [f"--{name}", *marked_as.get("aliases", ())]
                 names += options
                 self.add_argument(*options, **{"required": required, **_arity(hint)})
         return names
 
 
 def _arity(hint: Any) -> dict[str, Any]:
-    """How many words of which kind an option takes, as argparse is told it."""
+    """How many words of which kind an option takes, as `add_argument` takes it."""
     if hint is bool:
         return {"action": "store_true"}
     kinds = [one for one in get_args(hint) if one is not NoneType] if NoneType in get_args(hint) else [hint]

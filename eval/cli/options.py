@@ -85,7 +85,7 @@ class Options:
                 raise InvalidValueError(f"{option} must name a directory or a file, got an empty string")
 
     def defaults(self) -> Options | None:
-        """What the options not given stand for, where it depends on the ones given."""
+        """Values of the options that are not given, where they depend on the ones given; else None."""
         return None
 
     def run(self) -> None:

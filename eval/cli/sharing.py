@@ -146,7 +146,7 @@ class RobotCommand(JsonOption):
     """Folder that NAME.robot.json and NAME.preset.json are written to."""
 
     def run(self) -> None:
-        """Guess, derive, write and tell."""
+        """Guess, derive, write, and print what was guessed."""
         from ..robot_tools.new_robot import new_robot, save, summary
 
         name = self.name or Path(self.model).stem
@@ -163,7 +163,7 @@ class RobotCommand(JsonOption):
 
 
 def _guess_lines(about: dict[str, Any]) -> list[str]:
-    """What was guessed, for review."""
+    """Guessed parts and sizes, for review."""
     robot, limits = about["robot"], about["limits"]
     rows = {
         "pelvis, trunk": f"{about['pelvis']}, {about['trunk']}",
@@ -216,7 +216,7 @@ class SuiteCommand(JsonOption):
     """Suite file to write."""
 
     def run(self) -> None:
-        """Draw and write the suite, and tell its hash."""
+        """Draw and write the suite, and print its hash."""
         from ..output.rows import require_place
         from ..score.suites import new_suite
 

@@ -72,7 +72,7 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity(EnvOptions, RunningOptions):
-    """What outcomes hang on."""
+    """Measure what outcomes depend on."""
 
     suite: SuiteName = "hard"
     sample: Count = field(default=128, metadata=within(1))
@@ -155,7 +155,7 @@ ALONE = 2.0  # what a robot costs alone, of its cost among others
 
 @dataclass(frozen=True, kw_only=True)
 class Corrections(EnvOptions, RobotOptions):
-    """What a residual adds to the planner, by the direction of the push and by step."""
+    """Show what a residual adds to the planner, by the direction of the push and by step."""
 
     policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
     """Name or file of a residual on gait actions, such as residual."""

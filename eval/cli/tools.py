@@ -92,7 +92,7 @@ BASE = "residual"  # whose curve begins at the planner's own share
 
 @dataclass(frozen=True, kw_only=True)
 class Curves(Options):
-    """Learning curves of policies, as their files tell them."""
+    """Draw learning curves of policies from their files."""
 
     policies: Annotated[
         Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]", help_behavior_hint="")
@@ -109,7 +109,7 @@ class Curves(Options):
         """Draw, and print the last point of each.
 
         Raises:
-            InvalidValueError: there is no policy, or a file tells of no training.
+            InvalidValueError: there is no policy, or a file has no training curve.
         """
         from ..record.learning_curve import learning_curve, save_learning_curves
         from ..rollout.load_policy import shipped_names
@@ -201,7 +201,7 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
     @property
     def settings(self) -> TuningSettings:
-        """What each study is, of the first arm, besides its number of trials."""
+        """Settings of each study but for its number of trials, with the first policy's name."""
         from ..tuning.study import TuningSettings
 
         return TuningSettings(

@@ -1,4 +1,4 @@
-"""What became of single pushes: endings as bars, a line for each push, and pictures of the most telling ones.
+"""Single pushes: endings as bars, a line for each push, and pictures of the most telling ones.
 
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
@@ -17,27 +17,16 @@ from ..record.film import Row, sheet, watch
 from ..rollout.environments import make_env
 from ..score.evaluate import Evaluation
 from ..score.report import REASONS, brief_measures, ranked, reasons_of
+from . import page
 from .headline import SEED
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    PALE,
-    beside_axis,
-    new_panel,
-    outcome_words,
-    page_style,
-    scenario_words,
-    to_svg,
-)
 
 LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn
-    {"facecolor": BLUE},
+    {"facecolor": page.BLUE},
     {"facecolor": "white", "hatch": "////"},
-    {"facecolor": INK},
-    {"facecolor": PALE},
+    {"facecolor": page.INK},
+    {"facecolor": page.PALE},
     {"facecolor": "white", "hatch": "...."},
-    {"facecolor": GREY},
+    {"facecolor": page.GREY},
 )
 
 
@@ -47,21 +36,22 @@ def ending_figure(evaluation: Evaluation) -> str:
     scores = [evaluation.score(name) for name in names]
     parts = [("recovered", [score.recovered for score in scores])]
     parts += [(r, [score.failures.get(r, 0) for score in scores]) for r in reasons_of(evaluation)]
-    with page_style():
-        figure, axes = new_panel(0.95 + 0.3 * len(names) + 0.16 * len(parts))
+    with page.panel(0.95 + 0.3 * len(names) + 0.16 * len(parts)) as (figure, axes):
         left = [0] * len(names)
         for index, (label, counts) in enumerate(parts):
             look = LOOKS[index % len(LOOKS)]
             axes.barh(
-                range(len(names)), counts, left=left, height=0.62, edgecolor=INK, linewidth=0.6,
+                range(len(names)), counts, left=left, height=0.62, edgecolor=page.INK, linewidth=0.6,
                 label=label, **look,
             )  # fmt: skip
             left = [start + count for start, count in zip(left, counts, strict=True)]
-        axes.set_yticks(range(len(names)), [beside_axis(name) for name in names])
+        axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.invert_yaxis()
         axes.set(xlabel="pushes", xlim=(0, len(evaluation.suite.scenarios)))
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Pushes of each policy by what became of them; the numbers stand in the table")
+        return page.to_svg(
+            figure, "Pushes of each policy by what became of them; the numbers stand in the table"
+        )
 
 
 def explained(reasons: Iterable[str]) -> list[tuple[str, str]]:
@@ -86,7 +76,7 @@ class ScenarioLine:
 def _sign(row: Mapping[str, Any]) -> tuple[str, str]:
     """One of SIGNS, and the words behind it."""
     ending = "recovered" if row["recovered"] else "survived" if row["survived"] else "fell"
-    words = "" if row["recovered"] else outcome_words(row), brief_measures(row)
+    words = "" if row["recovered"] else page.outcome_words(row), brief_measures(row)
     return SIGNS[ending], "; ".join(filter(None, words))
 
 
@@ -98,7 +88,7 @@ def scenario_lines(evaluation: Evaluation, shares: Mapping[str, float]) -> list[
         kind = "all" if all(recovered) else "some" if any(recovered) else "none"
         signs = tuple(map(_sign, rows))
         share = f"{shares[scenario.id]:.2f}" if scenario.id in shares else ""
-        lines.append(ScenarioLine(scenario.id, scenario_words(scenario), signs, kind, share))
+        lines.append(ScenarioLine(scenario.id, page.scenario_words(scenario), signs, kind, share))
     return lines
 
 
@@ -151,7 +141,7 @@ def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]
     for label in policies:
         row = evaluation.rows[label][place]
         watched = watch(evaluation.env_id, row["policy"], scenario)
-        rows.append(Row(f"{label} {outcome_words(row)}", watched))
+        rows.append(Row(f"{label} {page.outcome_words(row)}", watched))
     content = base64.b64encode(sheet(rows)).decode()
-    caption = f"{scenario.id}: {scenario_words(scenario)}. {'; '.join(row.title for row in rows)}."
+    caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(row.title for row in rows)}."
     return caption, f"data:image/jpeg;base64,{content}"

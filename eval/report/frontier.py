@@ -17,19 +17,8 @@ from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
 from ..score.frontier import OWN, PAPER, Frontier, fall_cell, frontier_table, limit_curves
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    Command,
-    manifest,
-    new_panel,
-    page_style,
-    rows_hash,
-    short_labels,
-    to_svg,
-    write_page,
-)
+from . import page
+from .page import Command
 
 CURVE_STEP = 3.0  # between the points of a limit's curve [deg]
 Rows = Sequence[Mapping[str, Any]]
@@ -41,7 +30,7 @@ def write_frontier_page(frontier: Frontier, command: Command) -> Path:
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    labels = short_labels(frontier.rows)
+    labels = page.short_labels(frontier.rows)
     found = replace(frontier, rows={labels[name]: rows for name, rows in frontier.rows.items()})
     seeds = "nothing random but the sensors' noise, which has one seed"
     content = {
@@ -51,9 +40,9 @@ def write_frontier_page(frontier: Frontier, command: Command) -> Path:
         "figures": _figures(found),
         "forces": frontier_table(found, direction_text, falls=False),
         "falls": falls_table(found, command),
-        "manifest": manifest(command, [rows_hash(found.directory)], seeds),
+        "manifest": page.manifest(command, [page.rows_hash(found.directory)], seeds),
     }
-    return write_page(found.directory, "frontier.html", content)
+    return page.write_page(found.directory, "frontier.html", content)
 
 
 def mean_share(found: Frontier, policy: str) -> float:
@@ -115,19 +104,23 @@ def _figure(
     """Forces of one policy around the robot, between both limits; forward is up."""
     from matplotlib.ticker import MaxNLocator
 
-    with page_style():
-        figure, axes = new_panel(3.6, polar=True)
+    with page.panel(3.6, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
-        axes.plot(np.radians(angles), curves[OWN], color=INK, linewidth=1.1, label=OWN)
+        axes.plot(np.radians(angles), curves[OWN], color=page.INK, linewidth=1.1, label=OWN)
         axes.plot(
-            np.radians(angles), curves[PAPER], color=GREY, linewidth=1.1, linestyle=(0, (4, 2)), label=PAPER
+            np.radians(angles),
+            curves[PAPER],
+            color=page.GREY,
+            linewidth=1.1,
+            linestyle=(0, (4, 2)),
+            label=PAPER,
         )
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]
         axes.plot(
             [*psi, psi[0]],
             [*force, force[0]],
-            color=BLUE,
+            color=page.BLUE,
             marker="o",
             markersize=3.5,
             linewidth=1.4,
@@ -139,4 +132,6 @@ def _figure(
         axes.set_rlabel_position(22.5)
         axes.grid(color="#cccccc", linewidth=0.5)
         figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)
-        return to_svg(figure, f"{label}: largest force before the first failure [N], by direction, and F*")
+        return page.to_svg(
+            figure, f"{label}: largest force before the first failure [N], by direction, and F*"
+        )

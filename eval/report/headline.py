@@ -1,4 +1,4 @@
-"""What a page begins with: who recovers more, how sure that is, pairs of policies, training seeds.
+"""The beginning of a page: who recovers more, how sure that is, pairs of policies, training seeds.
 
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
@@ -19,21 +19,13 @@ from ..output.tables import Table
 from ..record.words import sector_of
 from ..score.evaluate import Evaluation
 from ..score.report import Evaluations, p_words, points, ranked
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Command,
-    beside_axis,
-    new_panel,
-    outcome_words,
-    page_style,
-    scenario_words,
-    to_svg,
-)
+from . import page
+from .page import Command
 
-RATE_LOOKS: tuple[dict[str, Any], ...] = ({"color": BLUE, "marker": "o"}, {"color": ORANGE, "marker": "s"})
+RATE_LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": page.BLUE, "marker": "o"},
+    {"color": page.ORANGE, "marker": "s"},
+)
 SURE = 0.05  # p below which chance is taken for an unlikely cause
 VERY_SURE = 0.001
 
@@ -57,7 +49,7 @@ def sureness(pairs: PairedCounts) -> str:
     """Whether chance explains a difference, with Newcombe's interval and McNemar's p."""
     low, high = pairs.interval
     p = pairs.p_value
-    said = (
+    words = (
         "a lead that chance hardly makes"
         if p < VERY_SURE
         else "a lead that chance is unlikely to make"
@@ -65,7 +57,7 @@ def sureness(pairs: PairedCounts) -> str:
         else "too few to say that it is better"
     )
     found = f"{points(pairs.rate_difference)} points, 95 % interval {points(low)} to {points(high)}"
-    return f"{said} ({found}; exact McNemar {p_words(p)})"
+    return f"{words} ({found}; exact McNemar {p_words(p)})"
 
 
 def rates_table(evaluation: Evaluation) -> Table:
@@ -85,17 +77,18 @@ def rates_table(evaluation: Evaluation) -> Table:
 def rate_figure(evaluations: Evaluations) -> str:
     """A line for each policy: filled marks for recovered with their interval, hollow ones for survived."""
     names, count = list(next(iter(evaluations.values())).rows), len(evaluations)
-    with page_style():
-        figure, axes = new_panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count)
+    with page.panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count) as (figure, axes):
         for index, (profile, evaluation) in enumerate(evaluations.items()):
             shift = 0.3 * (index - (count - 1) / 2.0)
             _draw(axes, evaluation, names, shift, RATE_LOOKS[index % len(RATE_LOOKS)], profile)
-        axes.set_yticks(range(len(names)), [beside_axis(name) for name in names])
+        axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="share of the pushes [%]")
         axes.grid(axis="x", color="#e4e4e4", linewidth=0.6)
         axes.set_axisbelow(True)
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Share of pushes recovered from and survived; the numbers stand in the table")
+        return page.to_svg(
+            figure, "Share of pushes recovered from and survived; the numbers stand in the table"
+        )
 
 
 def _draw(
@@ -116,7 +109,7 @@ def _draw(
         label=f"survived, {profile}", **look,
     )  # fmt: skip
     axes.errorbar(
-        rates, places, xerr=reach, linestyle="none", markersize=4.5, elinewidth=1.0, ecolor=GREY,
+        rates, places, xerr=reach, linestyle="none", markersize=4.5, elinewidth=1.0, ecolor=page.GREY,
         label=f"recovered, {profile}", **look,
     )  # fmt: skip
 
@@ -161,7 +154,7 @@ def _pair(evaluation: Evaluation, a: str, b: str, profile: str, command: Command
         if of_a["recovered"] != of_b["recovered"]:
             loser = of_b if of_a["recovered"] else of_a
             first, second = (command.replay(profile, scenario.id, row["policy"]) for row in (of_a, of_b))
-            words = scenario_words(scenario), loser["impulse"], outcome_words(loser)
+            words = page.scenario_words(scenario), loser["impulse"], page.outcome_words(loser)
             lists[loser is of_a].append(Differing(scenario.id, *words, (first, second)))
     only_a, only_b = (tuple(sorted(found, key=lambda one: one.impulse)) for found in lists)
     return Pair(a, b, counts, sureness(counts), only_a, only_b)
@@ -174,16 +167,16 @@ DRAWS = 1000  # of a bootstrap
 THRESHOLDS = np.linspace(0.0, 1.0, 41)
 OTHERS = 2  # policies beside the recipes in the figure
 SEED_LOOKS: tuple[dict[str, Any], ...] = (
-    {"color": BLUE, "linestyle": "-"},
-    {"color": ORANGE, "linestyle": (0, (4, 2))},
-    {"color": INK, "linestyle": (0, (1, 1))},
-    {"color": GREY, "linestyle": (0, (6, 2, 1, 2))},
+    {"color": page.BLUE, "linestyle": "-"},
+    {"color": page.ORANGE, "linestyle": (0, (4, 2))},
+    {"color": page.INK, "linestyle": (0, (1, 1))},
+    {"color": page.GREY, "linestyle": (0, (6, 2, 1, 2))},
 )
 
 
 @dataclass(frozen=True)
 class SeedPart:
-    """What the page shows of recipes with several seeds."""
+    """Scores of recipes with several seeds, as the page shows them."""
 
     strata: int
     recipes: Table
@@ -276,19 +269,20 @@ def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> st
     def profile(drawn: Array) -> Array:
         return seeds.performance_profile(seeds.stratum_rates(drawn, strata), THRESHOLDS)
 
-    with page_style():
-        figure, axes = new_panel(2.6)
+    with page.panel(2.6) as (figure, axes):
         for (name, mine), look in zip(scores.items(), SEED_LOOKS, strict=False):
             band = seeds.bootstrap_band(profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata)
             axes.fill_between(
                 100.0 * THRESHOLDS, *(100.0 * band), color=look["color"], alpha=0.15, linewidth=0
             )
             axes.plot(
-                100.0 * THRESHOLDS, 100.0 * profile(mine), label=beside_axis(name), linewidth=1.4, **look
+                100.0 * THRESHOLDS, 100.0 * profile(mine), label=page.beside_axis(name), linewidth=1.4, **look
             )
         axes.set(
             xlim=(0.0, 100.0), ylim=(-3.0, 103.0), xlabel="recovered from more than [%]",
             ylabel="of groups and seeds [%]",
         )  # fmt: skip
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Share of strata in which more than a share of the pushes is recovered from")
+        return page.to_svg(
+            figure, "Share of strata in which more than a share of the pushes is recovered from"
+        )

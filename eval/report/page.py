@@ -43,8 +43,8 @@ class Command:
     @property
     def text(self) -> str:
         """The line for a shell."""
-        said = [word for option, values in self.options for word in (option, *values)]
-        return shlex.join([PROGRAM, *self.words, *said])
+        words = [word for option, values in self.options for word in (option, *values)]
+        return shlex.join([PROGRAM, *self.words, *words])
 
     def replay(self, profile: str, scenario_id: str, policy: str) -> str:
         """The line that draws one scenario of a suite under a profile and says what became of it."""
@@ -74,7 +74,7 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
         options: its fields are the options, as in `cli/options.py`.
         positional: fields whose values stand without an option.
     """
-    said = []
+    given = []
     for entry in fields(options):
         value = getattr(options, entry.name)
         default = entry.default if entry.default_factory is MISSING else entry.default_factory()
@@ -83,8 +83,8 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
         values = (
             () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
         )
-        said.append(("--" + entry.name.replace("_", "-"), values))
-    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(said))
+        given.append(("--" + entry.name.replace("_", "-"), values))
+    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(given))
 
 
 BLUE, ORANGE, INK, GREY, PALE = "#0b5394", "#c4610a", "#1c1c1c", "#6f6f6f", "#d9d9d9"
@@ -94,9 +94,11 @@ POINTS = 72.0  # an inch
 
 
 @contextmanager
-def page_style() -> Iterator[None]:
-    """Fonts and axes of the page's figures; draw and turn into SVG inside it."""
+def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
+    """A figure [in] with one pair of axes that needs no display, to be drawn and turned into SVG inside it."""
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
 
     settings: Any = {
         "font.family": "sans-serif", "font.size": 8.5, "axes.titlesize": 9.0, "axes.labelsize": 8.5,
@@ -105,17 +107,9 @@ def page_style() -> Iterator[None]:
         "hatch.linewidth": 0.6, "svg.fonttype": "none",
     }  # fmt: skip
     with matplotlib.rc_context(settings):
-        yield
-
-
-def new_panel(height: float, polar: bool = False) -> tuple[Figure, Any]:
-    """A figure [in] with one pair of axes, on a canvas that needs no display."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(PANEL, height), layout="constrained")
-    FigureCanvasSVG(figure)
-    return figure, figure.add_subplot(projection="polar" if polar else None)
+        figure = Figure(figsize=(PANEL, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        yield figure, figure.add_subplot(projection="polar" if polar else None)
 
 
 def to_svg(figure: Figure, text: str) -> str:
@@ -167,7 +161,7 @@ def short_labels(names: Iterable[str]) -> dict[str, str]:
 
 
 def scenario_words(scenario: Scenario) -> str:
-    """What happens in a scenario: its first push, how many there are, and on which walk."""
+    """A scenario in words: its first push, how many there are, and on which walk."""
     walk, count = KINDS["command"](scenario), KINDS["count"](scenario)
     if not scenario.pushes:
         return f"no push, walking {walk}"
@@ -179,7 +173,7 @@ def scenario_words(scenario: Scenario) -> str:
 
 
 def outcome_words(row: Row) -> str:
-    """What became of an episode, and the first limit that a fall met."""
+    """The end of an episode in words, and the first limit that a fall met."""
     if row["recovered"]:
         return "recovers"
     if row["survived"]:
@@ -217,7 +211,7 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Pa
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    env.filters["figure"] = Markup  # of to_svg, which escapes what it is told
+    env.filters["figure"] = Markup  # of to_svg, which escapes its text
     path = directory / PAGE
     write_text(path, env.get_template(template).render(content))
     return path
@@ -230,7 +224,7 @@ def rows_hash(directory: Path) -> tuple[str, str]:
 
 
 def manifest(command: Command, hashes: Sequence[tuple[str, str]], seeds: str) -> list[tuple[str, str]]:
-    """What a page is made from and by: names and values.
+    """Names and values of all that a page is made from.
 
     Args:
         command: that wrote it.

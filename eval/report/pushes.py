@@ -22,7 +22,7 @@ from ..record.words import DIRECTIONS, sector_of
 from ..score.evaluate import Evaluation
 from ..score.frontier import limit_share
 from ..score.report import KINDS
-from .page import BLUE, GREY, INK, ORANGE, beside_axis, new_panel, page_style, to_svg
+from .page import BLUE, GREY, INK, ORANGE, beside_axis, panel, to_svg
 
 Row = Mapping[str, Any]
 FAINT = "#b4b4b4"
@@ -66,8 +66,7 @@ def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[st
         rows: of the policy, by scenario.
     """
     furthest = max(1.0, *(push.share for push in pushes))
-    with page_style():
-        figure, axes = new_panel(3.5, polar=True)
+    with panel(3.5, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
         _draw_pushes(axes, pushes, rows)
         around = np.linspace(0.0, 2.0 * math.pi, 181)
@@ -129,7 +128,7 @@ class Curve:
     def threshold(self, share: float) -> str:
         """Impulse up to which at least this share recovers, with its interval, in words [N s].
 
-        Nothing is told beyond the pushes that were given.
+        Beyond the pushes that were given there is no number.
         """
         low, high = float(self.impulse.min()), float(self.impulse.max())
         if self.recovered.all():
@@ -180,8 +179,7 @@ def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
         furthest: largest impulse on the axis [N s].
     """
     policy = curves[0].policy
-    with page_style():
-        figure, axes = new_panel(2.35)
+    with panel(2.35) as (figure, axes):
         for curve, look in zip(curves, BODY_LOOKS, strict=False):
             _draw(axes, curve, look)
         axes.axhline(0.5, color=GREY, linewidth=0.5, linestyle=(0, (1, 2)))
@@ -228,7 +226,7 @@ def binned(impulse: Array, recovered: NDArray[np.bool_]) -> tuple[Array, Array, 
     return centres, share, np.maximum(share - ends[:, 0], 0.0), np.maximum(ends[:, 1] - share, 0.0)
 
 
-MARKS = 3  # moments that the table tells of
+MARKS = 3  # moments in the table
 COLORS, LINES = (BLUE, ORANGE, INK, GREY), ("-", (0, (4, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
     {"color": COLORS[k % 4], "linestyle": LINES[(k + k // 4) % 4]} for k in range(16)
@@ -237,7 +235,7 @@ SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
 
 @dataclass(frozen=True)
 class SurvivalPart:
-    """What the page shows of repeated pushes."""
+    """Survival under repeated pushes, as the page shows it."""
 
     episodes: int
     table: Table
@@ -283,8 +281,7 @@ def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
         curves: by label.
         longest: of the episodes [s].
     """
-    with page_style():
-        figure, axes = new_panel(2.2 + 0.1 * len(curves))
+    with panel(2.2 + 0.1 * len(curves)) as (figure, axes):
         for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
             axes.plot(

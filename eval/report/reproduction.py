@@ -23,11 +23,11 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    told = list(claims(found.content)) if found.content.keys() >= NEEDED else []
+    known = list(claims(found.content)) if found.content.keys() >= NEEDED else []
     content = {
         "title": "The paper's results, measured again",
-        "verdict": verdict(told),
-        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), told, 4),
+        "verdict": verdict(known),
+        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), known, 4),
         "pictures": pictures(found.pictures, found.directory),
         "tables": [_plain(*table) for table in found.tables],
         "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
@@ -41,13 +41,13 @@ def _plain(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], wo
     return Table(title.translate(CODE), columns, cells, words=words)
 
 
-def verdict(told: Sequence[Claim]) -> str:
-    """How many of the claims were reproduced, differ, or cannot be told."""
-    if not told:
+def verdict(known: Sequence[Claim]) -> str:
+    """Counts of the claims that were reproduced, differ, or are not clear from the text."""
+    if not known:
         return "One part of the paper; its claims are told where all parts run: push-recovery reproduce."
-    counts = Counter(claim.verdict.split(":")[0] for claim in told)
+    counts = Counter(claim.verdict.split(":")[0] for claim in known)
     return (
-        f"Of {len(told)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
+        f"Of {len(known)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
         f"{counts[UNTOLD]} cannot be told from the text."
     )
 

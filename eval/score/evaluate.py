@@ -39,7 +39,7 @@ class Evaluation:
     wall_time: float  # of this run, without resumed rows [s]
 
     def score(self, policy: str) -> Score:
-        """Over the whole suite."""
+        """Counts of a policy over the whole suite."""
         return Score.of(self.rows[policy])
 
     def by_scenario(self) -> Iterator[tuple[Scenario, list[dict[str, Any]]]]:
@@ -84,7 +84,7 @@ def limit_summary(rows: Iterable[Row]) -> dict[str, dict[str, dict[str, float]]]
 
 
 def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
-    """What the rows of a directory belong to: suite, environment, and the code behind them."""
+    """All that the rows of a directory belong to: suite, environment, and the code behind them."""
     names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
     return names | preset_digest(env_id)
 

@@ -48,7 +48,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Scanned:
-    """What a scan found, in the unit of its strengths."""
+    """Result of a scan, in the unit of its strengths."""
 
     survived: float  # largest before the first failure; 0 where none was survived
     largest_survived: float  # at all
@@ -393,7 +393,7 @@ def frontier(
 
 
 def fall_cell(falls: Sequence[Mapping[str, Any]]) -> str:
-    """Of the weakest force that failed: the limit met first, and the three met for the longest time."""
+    """Fall of the weakest force that failed: the limit met first, the three met for the longest time."""
     if not falls or falls[0]["first_limit"] is None:
         return "-"
     shares = falls[0]["limit_shares"]

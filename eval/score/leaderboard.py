@@ -138,27 +138,27 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     Raises:
         InvalidValueError: naming the fields that do not.
     """
-    said = {key: value for key, value in row.items() if key != DIGEST}
+    outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
-        bounds = BoundsReport(dict(said["limits_met"]), dict(said["limit_shares"]))
+        bounds = BoundsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
         ending = Ending(
-            not said["survived"],
-            said["end_time"],
-            said["recovered_at"],
-            said["failure_reason"],
-            said["total_reward"],
+            not outcome["survived"],
+            outcome["end_time"],
+            outcome["recovered_at"],
+            outcome["failure_reason"],
+            outcome["total_reward"],
             bounds,
-            said.get("measures", {}),
+            outcome.get("measures", {}),
         )
-        follows = Outcome.of(scenario, said["policy"], ending, said["env_steps"]).to_dict()
+        follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
         if DIGEST not in row:
             raise KeyError(DIGEST)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidValueError(
             f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error!r}"
         ) from error
-    differs = [key for key in sorted({*said, *follows}) if said.get(key) != follows.get(key)]
-    if differs or not isinstance(said["survived"], bool):
+    differs = [key for key in sorted({*outcome, *follows}) if outcome.get(key) != follows.get(key)]
+    if differs or not isinstance(outcome["survived"], bool):
         raise InvalidValueError(
             f"row {scenario.id!r} of {row['policy']!r} contradicts its scenario or itself in: "
             f"{', '.join(differs or ['survived'])}"
@@ -170,10 +170,10 @@ def _check_report(path: Path, rows: Mapping[str, Sequence[Row]]) -> None:
     """Where there is a report, its counts are those of the rows."""
     if not path.is_file():
         return
-    told = _object(path).get("policies")
+    reported = _object(path).get("policies")
     for policy, mine in rows.items():
         score = Score.of(mine).to_dict()
-        entry = told.get(policy, {}) if isinstance(told, dict) else {}
+        entry = reported.get(policy, {}) if isinstance(reported, dict) else {}
         if differs := [key for key in score if entry and entry.get(key) != score[key]]:
             raise InvalidValueError(
                 f"{str(path)!r} tells other numbers of {policy!r} than the rows give: {', '.join(differs)}"
@@ -216,14 +216,14 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
 
 def _compare(given: Row, outcome: dict[str, Any]) -> None:
     """Raise InvalidValueError where an outcome is not the row that was handed in."""
-    came = json.loads(json.dumps(outcome))
-    said = {key: value for key, value in given.items() if key != DIGEST}
-    if differs := [key for key in sorted({*said, *came}) if said.get(key) != came.get(key)]:
+    again = json.loads(json.dumps(outcome))
+    stated = {key: value for key, value in given.items() if key != DIGEST}
+    if differs := [key for key in sorted({*stated, *again}) if stated.get(key) != again.get(key)]:
         key = "recovered" if "recovered" in differs else differs[0]
         raise InvalidValueError(
             f"row {given['scenario_id']!r} of {given['policy']!r} is not what running it again gives: {key} "
-            f"is {said.get(key)!r}, again {came.get(key)!r} ({len(differs)} fields differ); on another kind "
-            "of machine last bits may differ"
+            f"is {stated.get(key)!r}, again {again.get(key)!r} ({len(differs)} fields differ); on another "
+            "kind of machine last bits may differ"
         )
 
 
@@ -243,7 +243,7 @@ def policy_key(entry: Entry) -> str:
 
 
 def entry_of(submission: Submission, policy: str, checked: int) -> Entry:
-    """What the board keeps of a policy; `checked` of its rows were run again."""
+    """Entry of the board for a policy; `checked` of its rows were run again."""
     rows = submission.rows[policy]
     lines = "\n".join(json.dumps(row, sort_keys=True) for row in rows)
     return {

@@ -114,7 +114,7 @@ def measure_of(name: str, row: Row, scenario: Scenario) -> float | None:
 
 
 def brief_measures(row: Row) -> str:
-    """What an episode took, in few words; empty where the row lacks one of the measures for it."""
+    """Measures of an episode in few words; empty where the row lacks one of the measures for it."""
     words = []
     for name, measure in MEASURES.items():
         if measure.brief:
@@ -145,7 +145,7 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
 
 
 def effort_table(evaluation: Evaluation) -> Table:
-    """What recovering took; no rows where no episode has measures."""
+    """Medians of what recovering took; no rows where no episode has measures."""
     together, summary = effort_summary(evaluation)
     in_rows = [name for name, measure in MEASURES.items() if measure.value is None]
     measured = any(one[name] is not None for one in summary.values() for name in in_rows)
@@ -302,7 +302,7 @@ def limits_table(evaluation: Evaluation) -> Table:
 
 
 def limit_details(evaluation: Evaluation) -> list[Table]:
-    """Of each policy the limits that it met: how often first and at all, and for how long."""
+    """Limits that each policy met: how often first and at all, and for how long."""
     columns = [f"{what} in {part}" for part in ("falls", "recovered") for what in ("first", "met", "time")]
     columns.remove("first in recovered")
     nothing, tables = {"first": 0, "met": 0.0, "time": 0.0}, []
@@ -376,7 +376,7 @@ def profiles_table(evaluations: Evaluations) -> Table:
 
 
 def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
-    """What each policy keeps under b of what it does under a.
+    """Recoveries and survivals under b, beside those under a.
 
     Shares of its own number under a; lost and gained recoveries on the same pushes; exact McNemar p.
     """

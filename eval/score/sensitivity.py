@@ -100,7 +100,7 @@ class Sensitivity:
     evaluation: Evaluation
 
     def changes(self, policy: str) -> list[Change]:
-        """What becomes of a policy under each variation, in order."""
+        """Outcomes of a policy under each variation, in order."""
         rows = self.evaluation.rows[policy]
         parts = [rows[i : i + self.pushes] for i in range(0, len(rows), self.pushes)]
         found = []
@@ -191,7 +191,7 @@ NOTE = (
 
 
 def sensitivity_tables(result: Sensitivity) -> list[Table]:
-    """Of each policy its counts under every variation, and how they differ from those of the exact robot."""
+    """Counts of each policy under every variation, and how they differ from those of the exact robot."""
     suite, tables = result.suite, []
     for policy in result.evaluation.rows:
         lines = []

@@ -1,7 +1,4 @@
-"""Where a push stands on the map.
-
-Thresholds told only where pushes were given; groups of equally many pushes.
-"""
+"""Where a push stands on the map, thresholds of impulses, and survival under repeated pushes."""
 
 import math
 

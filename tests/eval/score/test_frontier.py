@@ -1,11 +1,4 @@
-"""The scan of pushes on hand-written outcomes.
-
-F* of a robot that walks: the room between the DCM at the start of its step and the bounds of a box.
-
-The share of a push of the closed-form limit, against the limit itself and against the capture margin.
-
-The frontier's table on rows written by hand.
-"""
+"""Scans on hand-written outcomes, F* of a robot that walks and shares of it, and the frontier's table."""
 
 import json
 import math
