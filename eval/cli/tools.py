@@ -204,18 +204,11 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
         """Settings of each study but for its number of trials, with the first policy's name."""
         from ..tuning.study import TuningSettings
 
+        only, preset, suite = self.only or (), self.preset or "", self.suite or ""
         return TuningSettings(
-            self.env,
-            self.policies[0],
-            self.space,
-            self.only or (),
-            self.preset or "",
-            self.seed,
-            self.suite or "",
-            self.scenarios,
-            self.held_out,
-            self.model_errors,
-        )
+            self.env, self.policies[0], self.space, only, preset, self.seed, suite, self.scenarios,
+            self.held_out, self.model_errors,
+        )  # fmt: skip
 
     def run(self) -> None:
         """Run the studies, print the tables or the object."""

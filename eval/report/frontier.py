@@ -106,26 +106,16 @@ def _figure(
 
     with page.panel(3.6, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
-        axes.plot(np.radians(angles), curves[OWN], color=page.INK, linewidth=1.1, label=OWN)
-        axes.plot(
-            np.radians(angles),
-            curves[PAPER],
-            color=page.GREY,
-            linewidth=1.1,
-            linestyle=(0, (4, 2)),
-            label=PAPER,
-        )
+        for name, color, line in ((OWN, page.INK, "-"), (PAPER, page.GREY, (0, (4, 2)))):
+            axes.plot(
+                np.radians(angles), curves[name], color=color, linewidth=1.1, linestyle=line, label=name
+            )
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]
         axes.plot(
-            [*psi, psi[0]],
-            [*force, force[0]],
-            color=page.BLUE,
-            marker="o",
-            markersize=3.5,
-            linewidth=1.4,
+            [*psi, psi[0]], [*force, force[0]], color=page.BLUE, marker="o", markersize=3.5, linewidth=1.4,
             label=label,
-        )
+        )  # fmt: skip
         axes.set_thetagrids(range(0, 360, 45), ("forward", "", "left", "", "backward", "", "right", ""))
         axes.set_ylim(0.0, furthest)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, furthest) if 0.0 < tick < furthest])

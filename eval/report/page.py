@@ -95,7 +95,7 @@ POINTS = 72.0  # an inch
 
 @contextmanager
 def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
-    """A figure [in] with one pair of axes that needs no display, to be drawn and turned into SVG inside it."""
+    """A figure [in] with one pair of axes that needs no display; draw it, and turn it into SVG."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure

@@ -194,15 +194,9 @@ def _draw(axes: Any, curve: Curve, look: Mapping[str, Any]) -> None:
     """One curve with its band, its groups and their intervals."""
     centres, shares, below, above = binned(curve.impulse, curve.recovered)
     mark = {key: look[key] for key in ("color", "marker", "markerfacecolor")}
+    reach = below, above
     axes.errorbar(
-        centres,
-        shares,
-        (below, above),
-        linestyle="none",
-        markersize=4.0,
-        elinewidth=0.8,
-        label=curve.body,
-        **mark,
+        centres, shares, reach, linestyle="none", markersize=4.0, elinewidth=0.8, label=curve.body, **mark
     )
     if curve.fit is not None:
         at = np.linspace(curve.impulse.min(), curve.impulse.max(), 60)
