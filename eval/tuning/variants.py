@@ -15,7 +15,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.settings import PresetFile, load_preset
 from ..output.rows import Writer, default_directory
-from ..output.tables import print_table
+from ..output.tables import Table
 from ..rollout.environments import code_digest
 from .study import OnTrial, Study, TuningSettings, space_of, tune, whose
 
@@ -106,26 +106,20 @@ def _configuration(settings: TuningSettings, policies: Sequence[str]) -> dict[st
     return {"tune": {**settings.to_dict(), "policy": list(policies)}, "start": start, "code": code_digest()}
 
 
-COLUMNS = ("field", "start", "best", "change [units]")
-
-
-def print_arms(found: ArmStudies) -> None:
-    """The tables of every arm, and where the presets lie."""
+def result_tables(found: ArmStudies) -> list[Table]:
+    """Of each arm its scores on both suites, and the fields that moved most."""
+    tables = []
     for study in found.studies.values():
-        _print_study(study)
-    print(f"preset of all of these arms: {found.path}")
-
-
-def _print_study(study: Study) -> None:
-    """Scores on both suites, and the fields that moved most."""
-    settings, found = study.settings, study.preset.found
-    print_table(
-        f"{settings.env_id}: {settings.policy}, {found['trials']} trials, {found['episodes']} episodes",
-        ("suite", "start", "best", "difference", "McNemar p"),
-        [score_cells(name, found[name]) for name in ("tuning", "held_out")],
-    )
-    print_table("Fields that moved most", COLUMNS, field_cells(study))
-    print(f"preset: {study.path}")
+        settings, content = study.settings, study.preset.found
+        title = (
+            f"{settings.env_id}: {settings.policy}, {content['trials']} trials, "
+            f"{content['episodes']} episodes ({study.path})"
+        )
+        scores = [score_cells(name, content[name]) for name in ("tuning", "held_out")]
+        tables.append(Table(title, ("suite", "start", "best", "difference", "McNemar p"), scores))
+        moved = field_cells(study)
+        tables.append(Table("Fields that moved most", ("field", "start", "best", "change [units]"), moved))
+    return tables
 
 
 def summary(found: ArmStudies) -> dict[str, Any]:

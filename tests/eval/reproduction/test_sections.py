@@ -4,7 +4,7 @@ import json
 
 import pytest
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.output.tables import print_table
+from push_recovery.eval.output.tables import Table
 from push_recovery.eval.reproduction import ablations, limits, scenario_1, scenario_2
 from push_recovery.eval.reproduction.jobs import key, markdown
 from push_recovery.eval.reproduction.pendulum import EpisodeJob, ScanJob, Variant
@@ -95,7 +95,7 @@ def test_every_job_has_its_own_row_and_a_label():
 def test_brackets_in_tables_are_units(capsys):
     content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 100.0), 1)
     table = next(t for t in ablations.tables(content) if "foot_width" in t.title)
-    print_table(*table)
+    Table(*table).print()
     assert "foot_width [m]" in capsys.readouterr().out
     assert markdown(table).startswith(
         "**two-stage: largest force [N] by foot_width [m]**\n\n| foot_width [m] |"
