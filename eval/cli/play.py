@@ -23,7 +23,7 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import require_place
-from ..record.film import Camera, Shot, episode_film, require_imageio, strip
+from ..record.film import Shot, episode_film, require_imageio, strip
 from ..record.plot import PLOT_FORMATS, write_plot
 from ..record.record import LOG_FORMATS, record_episode, write_log
 from ..record.words import describe
@@ -123,10 +123,10 @@ def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable
 
         replay = Replay(env, policy)
         return replay, replay.page
-    camera = Camera(planning_period(env))
+    shot = Shot(policy, planning_period(env))
     if suffix == ".png":
-        return camera, lambda: strip(Shot(policy, camera))
-    return camera, lambda: episode_film(Shot(policy, camera), suffix)
+        return shot, lambda: strip(shot)
+    return shot, lambda: episode_film(shot, suffix)
 
 
 def output_suffix(path: Path, valid: tuple[str, ...]) -> str:

@@ -18,7 +18,7 @@ from ...controllers.errors import PushRecoveryError
 from ...controllers.whole_body.limits import BOUNDS
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..record.film import Row, sheet, watch
+from ..record.film import sheet, watch
 from ..rollout.environments import make_env
 from ..score.evaluate import Evaluation, bound_summary
 from .headline import SEED, ranked
@@ -209,7 +209,7 @@ def _drawn(
     rows, said = [], []
     for policy in policies:
         words = outcome_words(evaluation.rows[policy][place])
-        rows.append(Row(f"{labels[policy]} {words}", watch(evaluation.env_id, policy, scenario)))
+        rows.append((f"{labels[policy]} {words}", watch(evaluation.env_id, policy, scenario)))
         said.append(f"{labels[policy]} {words}")
     content = base64.b64encode(sheet(rows)).decode()
     caption = f"{scenario.id}: {scenario_words(scenario)}. {'; '.join(said)}."

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim, claims
-from ..reproduction.run import SHOWN, Reproduction
+from ..reproduction.page import DIFFERS, REPRODUCED, SHOWN, UNTOLD, Claim, claims
+from ..reproduction.run import Reproduction
 from .page import Command, code_hash, manifest, rows_hash, write_page
 
 COLUMNS = ("claim", "paper", "here", "verdict")

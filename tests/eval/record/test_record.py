@@ -19,7 +19,15 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.api import rollout
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record.plot import write_plot
-from push_recovery.eval.record.record import LIMIT, LOG_FORMATS, TORQUE, Sampler, log_bytes, record
+from push_recovery.eval.record.record import (
+    LIMIT,
+    LOG_FORMATS,
+    TORQUE,
+    Recorder,
+    log_bytes,
+    record,
+    record_episode,
+)
 from push_recovery.eval.record.words import (
     FALLS,
     describe,
@@ -80,10 +88,11 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     policy, core = load_policy("two-stage", env), episodes.core
     push = Push((40.0, 60.0, 0.0), 0.1, 0.7)
     observation, _ = env.reset(options={"scenario": Scenario("turn", (push,), Command(0.2, 0.0, 0.5), side)})
-    sampler, data = Sampler(episodes), core.simulations.data[0]
+    recorder, data = Recorder(episodes, keep=1), core.simulations.data[0]
     for _ in range(130):
         observation, *_ = env.step(policy.predict(observation)[0])
-        row = sampler.row()
+        recorder()
+    (row,) = recorder.rows
     assert row["heading"] > 0.3
     for leg, name in enumerate(("left", "right")):
         sole = sole_position(core.true_state(0), 0, leg)
@@ -96,7 +105,7 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     assert abs(row["trunk_roll"]) > 0.01
     for joint in ("waist_pitch", "left_knee", "right_hip_roll"):
         assert row[TORQUE + joint] == data.actuator(joint).ctrl[0]
-    assert sampler.bounds[TORQUE + "left_knee"] == 300.0
+    assert recorder.bounds[TORQUE + "left_knee"] == 300.0
     env.close()
 
 
@@ -124,6 +133,17 @@ def test_the_mirrored_episode_is_the_mirror_image():
 def test_an_unknown_column_lists_the_valid_ones(shoved):
     with pytest.raises(UnknownNameError, match="did you mean 'dcm_x'"):
         shoved["dmc_x"]
+
+
+def test_a_record_is_iterated_and_indexed_by_the_names_of_its_columns(shoved):
+    assert list(shoved) == list(shoved.columns)
+    assert "dcm_x" in shoved
+    assert "dmc_x" not in shoved
+    with pytest.raises(TypeError, match=r"name of a column, got 3; .*record\['time'\]\[3\]"):
+        shoved[3]
+    with pytest.raises(TypeError, match="name of a column, got slice"):
+        shoved[1:3]
+    np.testing.assert_array_equal(shoved.points("cop"), np.stack([shoved["cop_x"], shoved["cop_y"]], axis=1))
 
 
 def test_an_environment_of_another_project_is_refused():
@@ -203,6 +223,15 @@ def test_words_for_people(episode):
 def test_every_fall_has_words_and_one_of_another_environment_keeps_its_name():
     assert set(FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
     assert fall_words("tripped") == "tripped"
+
+
+@pytest.mark.parametrize("pushes", [(), (PUSH,), SHOVED.pushes, (Push((0.0, 900.0, 0.0), 0.1, 0.5),)])
+def test_a_record_is_described_as_its_last_info(pushes):
+    env, infos = make_env(PENDULUM), []
+    scenario, policy = Scenario("x", pushes, settle_time=1.0, duration=3.0), load_policy("two-stage", env)
+    found = record_episode(env, policy, scenario, "x", lambda robot: infos.append(robot.info))
+    env.close()
+    assert describe(found) == describe(infos[-1])
 
 
 def test_an_episode_in_one_line_counts_from_its_last_push():

@@ -4,7 +4,7 @@ import re
 import pytest
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.report.reproduction import pictures, verdict
-from push_recovery.eval.reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim
+from push_recovery.eval.reproduction.page import DIFFERS, REPRODUCED, UNTOLD, Claim
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 
