@@ -20,10 +20,10 @@ from .session import CLICK, IMPULSE_MAX, Session, dragged_impulse, limits_words,
 
 NOBODY = "nobody"
 TIED = "\N{NO-BREAK SPACE}"
-HOW = (
-    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it: '
-    "the thick arrow is the push. Drag beside it to turn the view.</div>"
-)
+SMALL = '<div style="font-size:0.75em;padding:0 1em 0.5em">{}</div>'
+HOW = """<b>Drag the robot and let go</b> to push it: the thick arrow is the push.
+Drag beside it to turn the view."""
+MARK = '<span style="color:rgb{};white-space:nowrap">&#9632; {}</span>'  # colour and name of an overlay
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
 VELOCITY = 0.6  # of the sliders, both ways [m/s]
 Do = Callable[[Callable[[], object]], None]  # has something done between two planning periods
@@ -45,8 +45,9 @@ class Panel:
     ):
         self._session, self._do, gui = session, do, server.gui
         self._status = gui.add_markdown("")
-        gui.add_html(HOW)
-        gui.add_html(legend())
+        gui.add_html(SMALL.format(HOW))
+        marks = " ".join(MARK.format(colour, name) for name, colour in COLOURS.items())
+        gui.add_html(SMALL.format(marks))
         with gui.add_folder("Push"):
             self._size = gui.add_slider(
                 "impulse [N s]", 0.0, IMPULSE_MAX / 2, 0.5, min(impulse[0], IMPULSE_MAX / 2),
@@ -131,15 +132,6 @@ class Panel:
         chosen = None if self._beside.value == NOBODY else self._beside.value
         if chosen != self._session.beside:
             self._session.put_beside(chosen)
-
-
-def legend() -> str:
-    """The colours of the overlays, as HTML."""
-    marks = (
-        f'<span style="color:rgb{colour};white-space:nowrap">&#9632; {name}</span>'
-        for name, colour in COLOURS.items()
-    )
-    return f'<div style="font-size:0.75em;padding:0 1em 0.5em">{" ".join(marks)}</div>'
 
 
 FRAME = 1.0 / 30.0  # [s]

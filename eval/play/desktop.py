@@ -1,7 +1,7 @@
 """A session in MuJoCo's own window: pushes by mouse and key, until the window is closed.
 
 Ctrl and the mouse drag a body as in any MuJoCo window; its way along the floor is the push, given where it is
-let go: IMPULSE_PER_METRE times that way.
+let go.
 """
 
 from __future__ import annotations
@@ -15,16 +15,7 @@ import numpy as np
 
 from ...controllers.errors import PushRecoveryError
 from ...envs.biped.view import add_markers, set_posture
-from .session import (
-    CLICK,
-    FASTEST,
-    IMPULSE_PER_METRE,
-    SLOWEST,
-    Session,
-    limited,
-    polar_impulse,
-    status_words,
-)
+from .session import CLICK, Session, floor_impulse, polar_impulse, status_words
 
 FRAME = 1.0 / 60.0  # [s]
 KEYS = "space: push, R: replay, P: pause, F: one period, N: start anew, -/=: slower, faster"
@@ -54,8 +45,8 @@ class Desktop:
         session = self.session
         actions: dict[str, Callable[[], object]] = {
             " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
-            "P": session.pause_or_go_on, "F": session.step_once, "-": lambda: self._faster(SLOWER),
-            "=": lambda: self._faster(1.0 / SLOWER),
+            "P": session.pause_or_go_on, "F": session.step_once, "-": lambda: session.faster(SLOWER),
+            "=": lambda: session.faster(1.0 / SLOWER),
         }  # fmt: skip
         while self._keys:
             action = actions.get(chr(self._keys.pop(0)))
@@ -69,7 +60,7 @@ class Desktop:
             grabbed = data.xpos[perturb.select] + turn @ perturb.localpos
             self._way = np.array(perturb.refselpos - grabbed)[:2]
         elif self._way is not None:
-            impulse, self._way = limited(IMPULSE_PER_METRE * self._way), None
+            impulse, self._way = floor_impulse(self._way), None
             if np.hypot(*impulse) >= CLICK:
                 self._try(lambda: self.session.push(impulse))
 
@@ -79,9 +70,6 @@ class Desktop:
         if not words.startswith(("walks", "pushed")) and words != self._last_words:
             print(words, flush=True)
         self._last_words = words
-
-    def _faster(self, factor: float) -> None:
-        self.session.set_speed(min(max(self.session.speed * factor, SLOWEST), FASTEST))
 
     def _try(self, action: Callable[[], object]) -> None:
         try:

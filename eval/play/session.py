@@ -53,12 +53,12 @@ def dragged_impulse(way: ArrayLike, camera: ArrayLike) -> Array:
     away = away[:2] / np.hypot(*away[:2])
     aside = np.array([away[1], -away[0]])
     way = np.asarray(way, np.float64)
-    return limited(IMPULSE_PER_METRE * ((way @ right) * aside - (way @ down) * away))
+    return floor_impulse((way @ right) * aside - (way @ down) * away)
 
 
-def limited(impulse: ArrayLike) -> Array:
-    """An impulse (2,) no larger than IMPULSE_MAX, in the same direction."""
-    impulse = np.asarray(impulse, np.float64)
+def floor_impulse(way: ArrayLike) -> Array:
+    """Impulse (2,) of a drag along the floor (2,) [m]: K times the way, no larger than IMPULSE_MAX."""
+    impulse = IMPULSE_PER_METRE * np.asarray(way, np.float64)
     return impulse * min(1.0, IMPULSE_MAX / max(float(np.hypot(*impulse)), 1e-12))
 
 
@@ -128,7 +128,7 @@ class Lane:
     def restart(self, command: Command) -> None:
         """Begin a new walk."""
         scenario = replace(self._start, command=command)
-        self._seen, self._info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
+        self._seen, self.info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
         begin_policy(self.policy, scenario)
         self.rows.clear()
@@ -142,7 +142,7 @@ class Lane:
             self._seen, state=self._memory, episode_start=np.array([self._first]), deterministic=True
         )
         self._first = False
-        self._seen, _, fell, late, self._info = self.env.step(action)
+        self._seen, _, fell, late, self.info = self.env.step(action)
         self.over = bool(fell or late)
         self.recorder()
 
@@ -182,7 +182,7 @@ class Lane:
         Raises:
             InvalidValueError: a robot of another kind.
         """
-        self._seen, self._info = self.env.restore(state.snapshot)
+        self._seen, self.info = self.env.restore(state.snapshot)
         same = state.policy == self.name
         self._memory = state.memory if same else None
         self._first, self.over = not same, False
@@ -203,17 +203,7 @@ class Lane:
     @property
     def time(self) -> float:
         """Since the start of its walk [s]."""
-        return float(self._info["time"])
-
-    @property
-    def failure(self) -> str | None:
-        """Why it has fallen."""
-        return self._info["failure_reason"]
-
-    @property
-    def recovered_at(self) -> float | None:
-        """Since when it has been following its command again [s]."""
-        return self._info["recovered_at"]
+        return float(self.info["time"])
 
     def close(self) -> None:
         """Let the environment go."""
@@ -221,7 +211,7 @@ class Lane:
 
     def _go_on(self, scenario: Scenario) -> None:
         self._refuse_fallen()
-        self._seen, self._info = self.env.restore(self.env.state_snapshot(), scenario)
+        self._seen, self.info = self.env.restore(self.env.state_snapshot(), scenario)
 
     def _refuse_fallen(self) -> None:
         if self.over:
@@ -239,11 +229,12 @@ def status_words(lane: Lane) -> str:
     since = lane.time - start
     if lane.over:
         after = "" if push is None else f" {since:.2f} s after the push"
-        return f"fell{after} ({fall_words(lane.failure)})"
+        return f"fell{after} ({fall_words(lane.info['failure_reason'])})"
     if push is None:
         return f"walks, {lane.time:.1f} s"
-    if lane.recovered_at is not None and lane.recovered_at >= start:
-        return f"recovered {lane.recovered_at - start:.2f} s after {impulse_words(push, lane.mass)}"
+    settled = lane.info["recovered_at"]
+    if settled is not None and settled >= start:
+        return f"recovered {settled - start:.2f} s after {impulse_words(push, lane.mass)}"
     return f"pushed {since:.2f} s ago with {impulse_words(push, lane.mass)}"
 
 
@@ -328,6 +319,10 @@ class Session:
             InvalidValueError: outside [SLOWEST, FASTEST].
         """
         self.speed = require_number("speed", speed, SLOWEST, FASTEST)
+
+    def faster(self, factor: float) -> None:
+        """Multiply the speed, as far as it may go."""
+        self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)
 
     def push(self, impulse: ArrayLike, body: Body = "pelvis") -> Push:
         """Push every robot now with an impulse (2,) [N s], world axes; returns the first one's push.

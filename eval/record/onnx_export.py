@@ -36,8 +36,8 @@ def require_onnx() -> None:
 def onnx_model(policy: NetworkPolicy) -> Any:
     """Normalisation, network and clip to [-1, 1]: float32 inputs (n, i) to float32 (n, a), as a ModelProto.
 
-    The normalisation is in double precision, as numpy's is: a large mean over a small deviation would cost
-    digits. What is to be done with the output stands in the metadata.
+    The normalisation clip((x - mean) / sqrt(variance + epsilon), -clip, clip) is in double precision, as
+    numpy's is: a large mean over a small deviation would cost digits. The metadata say how to use the output.
 
     Args:
         policy: of a file, or from Stable-Baselines3.
@@ -45,8 +45,12 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     require_onnx()
     from onnx import TensorProto, helper
 
-    parts = _Parts()
-    row = parts.normalised(policy)
+    parts, n = _Parts(), policy.normalisation
+    row = parts.add("Cast", INPUT, to=TensorProto.DOUBLE)
+    row = parts.add("Sub", row, parts.constant(n.mean))
+    row = parts.add("Div", row, parts.constant(np.sqrt(n.variance + n.epsilon)))
+    row = parts.add("Clip", row, *(parts.constant(np.float64(end)) for end in (-n.clip, n.clip)))
+    row = parts.add("Cast", row, to=TensorProto.FLOAT)
     network, last = policy.network, len(policy.network.weights) - 1
     for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         row = parts.add("Gemm", row, parts.constant(weight), parts.constant(bias), transB=1)
@@ -87,18 +91,6 @@ class _Parts:
         name = output or f"row_{len(self.nodes)}"
         self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
         return name
-
-    def normalised(self, policy: NetworkPolicy) -> str:
-        """The name of clip((x - mean) / sqrt(variance + epsilon), -clip, clip) of the graph's input x."""
-        from onnx import TensorProto
-
-        n = policy.normalisation
-        deviation = np.sqrt(n.variance + n.epsilon)
-        row = self.add("Cast", INPUT, to=TensorProto.DOUBLE)
-        row = self.add("Sub", row, self.constant(n.mean))
-        row = self.add("Div", row, self.constant(deviation))
-        row = self.add("Clip", row, *(self.constant(np.float64(end)) for end in (-n.clip, n.clip)))
-        return self.add("Cast", row, to=TensorProto.FLOAT)
 
 
 def metadata(policy: NetworkPolicy) -> dict[str, str]:

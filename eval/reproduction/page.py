@@ -37,25 +37,42 @@ def claims(content: Content) -> Iterator[Claim]:
     Args:
         content: result object with scenario 1 and scenario 2.
     """
-    yield from _scenario_1(content)
-    yield from _cost_of_equation_20(content)
-    yield from _reaction(content)
-    yield from _return(content)
-    yield from _scenario_2(content)
-    yield from _open()
+    yield from _forces(content)
+    yield from _motion(content["scenario_1_cases"], content["scenario_1_sway"])
+    yield from _scenario_2(content["scenario_2"], content["scenario_2_overview"]["two-stage"])
+    yield Claim(
+        "The matrices of stage 2 change with every cycle, as the horizon does",
+        "recomputed at each control cycle",
+        "They depend on the number of intervals alone, so there is one table for each, built once",
+        f"{DIFFERS}: nothing has to be recomputed",
+    )
+    yield Claim(
+        "Double support",
+        "the hull of both feet, 0.55 s + 0.1 s; how it enters stage 1 is not said",
+        "`two-stage+double-support` has a linear transfer of the CoP inside stage 1, and the hull inside "
+        "stage 2",
+        UNTOLD,
+    )
+    yield Claim(
+        "Foot size, l_p, control period and sampling time of stage 2",
+        "not given",
+        "They are 0.20 x 0.10 m, 0.20 m, 10 ms and 50 ms here. What other values give is in the tables below",
+        UNTOLD,
+    )
 
 
-def _scenario_1(content: Content) -> Iterator[Claim]:
-    arms, intervals = content["scenario_1"], content["scenario_1_interval"]
-    together = content["scenario_1_together"]
-    point = content["scenario_1_limits_N"]["point foot"]
-    a, b, scaled = arms["stage-1-paper"], arms["two-stage-paper"], arms["stage-1"]
+def _forces(content: Content) -> Iterator[Claim]:
+    """Largest forces of scenario 1, and what decides them."""
+    variants, intervals = content["scenario_1"], content["scenario_1_interval"]
+    together, point = content["scenario_1_together"], content["scenario_1_limits_N"]["point foot"]
+    a, b, scaled = variants["stage-1-paper"], variants["two-stage-paper"], variants["stage-1"]
+    word_a, word_b = ("recovers" if one["recovers_315_N"] else "does not recover" for one in (a, b))
     low, high = intervals["stage-1-paper"]["max_force_N"]
     group = together["stage-1-paper"]["none"]
     yield Claim(
         "(a) Step place and time alone do not recover from 315 N (Figs. 3a, 4a)",
         "falls",
-        f"It {_word(a)}. The largest force is {a['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N over the "
+        f"It {word_a}. The largest force is {a['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N over the "
         f"open parameters. {group['recovered']} of {group['combinations']} combinations recover",
         verdict(
             not a["recovers_315_N"],
@@ -68,15 +85,12 @@ def _scenario_1(content: Content) -> Iterator[Claim]:
     yield Claim(
         "(b) CoP and angular momentum recover from 315 N (Figs. 3b, 4b)",
         "recovers",
-        f"It {_word(b)}. The largest force is {b['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N with one "
+        f"It {word_b}. The largest force is {b['max_force_N']:.0f} N, and {low:.0f}-{high:.0f} N with one "
         f"open parameter at another value. {group['survived']} of {group['combinations']} combinations "
         f"survive, and {group['recovered']} recover",
         verdict(b["recovers_315_N"], "with the cost taken about the free motion"),
     )
-
-
-def _cost_of_equation_20(content: Content) -> Iterator[Claim]:
-    literal = content["scenario_1_together"]["two-stage-paper"]["literal"]
+    literal = together["two-stage-paper"]["literal"]
     yield Claim(
         "With the cost of eq. 20 the robot walks",
         "the DCM acceleration itself is penalised (beta_2)",
@@ -90,10 +104,14 @@ def _cost_of_equation_20(content: Content) -> Iterator[Claim]:
     )
 
 
-def _reaction(content: Content) -> Iterator[Claim]:
-    """What the gait does until the push is caught (scenario 1)."""
-    cases = content["scenario_1_cases"]
+def _motion(cases: Content, sway: list[Content]) -> Iterator[Claim]:
+    """Gait, CoP, trunk and speed about the push of scenario 1."""
     a, b = cases["stage-1-paper"], cases["two-stage-paper"]
+    soft = next(entry for entry in sway if entry["beta_3"] == 0.01)
+    steps = " and ".join(
+        f"{step['duration']:.2f} s and is {step['width']:.2f} m wide in ({name})"
+        for name, step in (("a", a["pushed_step"]), ("b", b["pushed_step"]))
+    )
     yield Claim(
         "Before the push all nominal values are realised",
         "four nominal steps",
@@ -107,12 +125,7 @@ def _reaction(content: Content) -> Iterator[Claim]:
     yield Claim(
         "Both cases adapt step time and place after the push",
         "yes",
-        "The pushed step takes "
-        + " and ".join(
-            f"{step['duration']:.2f} s and is {step['width']:.2f} m wide in ({name})"
-            for name, step in (("a", a["pushed_step"]), ("b", b["pushed_step"]))
-        )
-        + " (nominal: 0.65 s, 0.20 m)",
+        f"The pushed step takes {steps} (nominal: 0.65 s, 0.20 m)",
         verdict(max(a["pushed_step"]["duration"], b["pushed_step"]["duration"]) < 0.6),
     )
     yield Claim(
@@ -121,13 +134,6 @@ def _reaction(content: Content) -> Iterator[Claim]:
         f"The CoP goes {1e3 * b['cop_to_inner_edge']:.0f} mm of 50 mm towards it",
         verdict(b["cop_to_inner_edge"] > 0.04),
     )
-
-
-def _return(content: Content) -> Iterator[Claim]:
-    """How trunk and speed come back (scenario 1)."""
-    cases = content["scenario_1_cases"]
-    b = cases["two-stage-paper"]
-    soft = next(entry for entry in content["scenario_1_sway"] if entry["beta_3"] == 0.01)
     yield Claim(
         "(b) The trunk sways (Fig. 4b)",
         "clearly visible",
@@ -153,12 +159,12 @@ def _return(content: Content) -> Iterator[Claim]:
     )
 
 
-def _scenario_2(content: Content) -> Iterator[Claim]:
+def _scenario_2(section: Content, overview: Content) -> Iterator[Claim]:
+    """Largest forces by direction; `overview` is that of `two-stage`."""
     forces = {
-        arm: {entry["psi_deg"]: entry["max_force_N"] for entry in entries}
-        for arm, entries in content["scenario_2"].items()
+        name: {entry["psi_deg"]: entry["max_force_N"] for entry in entries}
+        for name, entries in section.items()
     }
-    overview = content["scenario_2_overview"]["two-stage"]
     paper, alone = forces["two-stage-paper"], forces["stage-1-paper"]
     ratio = {psi: paper[psi] / alone[psi] for psi in paper if alone[psi] > 0}
     psi = min(ratio, key=lambda angle: ratio[angle])
@@ -179,32 +185,6 @@ def _scenario_2(content: Content) -> Iterator[Claim]:
             f"{best[90.0]:.0f} N inward",
             verdict(best[0.0] > best[270.0] > best[90.0], "the closed form says the same"),
         )
-
-
-def _open() -> Iterator[Claim]:
-    yield Claim(
-        "The matrices of stage 2 change with every cycle, as the horizon does",
-        "recomputed at each control cycle",
-        "They depend on the number of intervals alone, so there is one table for each, built once",
-        f"{DIFFERS}: nothing has to be recomputed",
-    )
-    yield Claim(
-        "Double support",
-        "the hull of both feet, 0.55 s + 0.1 s; how it enters stage 1 is not said",
-        "`two-stage+double-support` has a linear transfer of the CoP inside stage 1, and the hull inside "
-        "stage 2",
-        UNTOLD,
-    )
-    yield Claim(
-        "Foot size, l_p, control period and sampling time of stage 2",
-        "not given",
-        "They are 0.20 x 0.10 m, 0.20 m, 10 ms and 50 ms here. What other values give is in the tables below",
-        UNTOLD,
-    )
-
-
-def _word(entry: dict[str, Any]) -> str:
-    return "recovers" if entry["recovers_315_N"] else "does not recover"
 
 
 PICTURES = "pictures"  # folder beside the page
