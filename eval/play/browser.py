@@ -68,7 +68,7 @@ class Panel:
                 gui.add_slider("turn [rad/s]", -FASTEST_TURN, FASTEST_TURN, 0.05, now.turn),
             ]
             for slider in self._command:
-                slider.on_update(lambda _: self._do(self._tell))
+                slider.on_update(lambda _: self._do(self._set_command))
         with gui.add_folder("Who acts"):
             self._policy = gui.add_dropdown("policy", tuple(policies), initial_value=session.first.name)
             self._beside = gui.add_dropdown(
@@ -125,8 +125,8 @@ class Panel:
         if self._policy.value != self._session.first.name:
             self._session.switch(self._policy.value)
 
-    def _tell(self) -> None:
-        self._session.tell(Command(*(float(slider.value) for slider in self._command)))
+    def _set_command(self) -> None:
+        self._session.set_command(Command(*(float(slider.value) for slider in self._command)))
 
     def _put_beside(self) -> None:
         chosen = None if self._beside.value == NOBODY else self._beside.value

@@ -155,7 +155,7 @@ class Lane:
         scenario = self.scenario
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
 
-    def tell(self, command: Command) -> None:
+    def set_command(self, command: Command) -> None:
         """Another command, in force from the next planning period on.
 
         Raises:
@@ -340,11 +340,11 @@ class Session:
         self.last = LastPush(pushes[0], before)
         return pushes[0]
 
-    def tell(self, command: Command) -> None:
+    def set_command(self, command: Command) -> None:
         """Command all robots that walk."""
         for lane in self.lanes:
             if not lane.over:
-                lane.tell(command)
+                lane.set_command(command)
 
     def switch(self, policy: str, index: int = 0) -> bool:
         """Let another policy act for a robot from now on; returns whether its walk went on.
@@ -408,7 +408,7 @@ class Session:
             lane.close()
 
     def _aligned(self) -> tuple[LaneState, ...]:
-        """Where every robot is, the second where the first is if it is of the same kind."""
+        """States of all robots, the second put where the first is if it is of the same kind."""
         first = self.first.state()
         for lane in self.lanes[1:]:
             if not _tried(lambda lane=lane: lane.put(first)) and lane.over:

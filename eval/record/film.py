@@ -41,7 +41,7 @@ LEGEND = {
         "push": PUSH_COLOUR, "foothold": FOOTHOLD_COLOUR[:3], "DCM": DCM_COLOUR[:3], "CoP": COP_COLOUR[:3],
     }.items()
 }  # fmt: skip
-COLOURS = (PAPER, INK, GOOD, BAD, *LEGEND.values())  # that must be told apart in a small palette
+COLOURS = (PAPER, INK, GOOD, BAD, *LEGEND.values())  # that must stay apart in a small palette
 
 
 def middle(frame: Frame, proportions: tuple[int, int]) -> Frame:
@@ -97,7 +97,7 @@ class Shot:
 
     @property
     def ending(self) -> str:
-        """How the episode has ended, in words."""
+        """Ending of the episode in words."""
         return ending_words(self.info)
 
     @property
@@ -154,7 +154,7 @@ def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
 
 
 def _fitting(draw: ImageDraw, text: str) -> str:
-    """A text that is not wider than a picture: of the path of a file the end is what tells it apart."""
+    """A text cut at its front to the width of a picture: paths of files differ at their ends."""
     while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
         text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
     return text

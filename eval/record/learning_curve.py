@@ -36,7 +36,7 @@ def learning_curve(policy: str) -> LearningCurve:
     """Learning curve of a shipped policy, by name, or of a policy file.
 
     Raises:
-        InvalidValueError: the file can't be read, or tells of no training.
+        InvalidValueError: the file can't be read, or holds no record of a training.
     """
     path = policy_paths(named_file(policy))[1]
     training = training_note(path)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PLOT_FORMATS = (".png", ".svg")
 CMP_LINE: dict[str, Any] = {"color": "#7a5195", "ls": (0, (1, 1)), "lw": 1.6}
-JOINTS = ("waist", "hip", "knee", "ankle")  # whose torques are told apart
+JOINTS = ("waist", "hip", "knee", "ankle")  # whose torques are drawn apart
 JOINT_COLOURS = ("#0064a8", "#c44601", "#009e73", "#cc79a7")
 MARGIN = 0.06  # about what a panel of the floor holds [m]
 

@@ -247,7 +247,7 @@ def gait_episodes(env: gym.Env) -> GaitEpisodes:
     """The episodes of one of this project's environments.
 
     Raises:
-        InvalidValueError: one of another kind, which does not tell its state.
+        InvalidValueError: one of another project, whose state is unknown.
     """
     episodes = getattr(env.unwrapped, "episodes", None)
     if not isinstance(episodes, GaitEpisodes):

@@ -45,7 +45,7 @@ def describe(episode: EpisodeRecord | Mapping[str, Any]) -> str:
 
 
 def last_info(record: EpisodeRecord) -> dict[str, Any]:
-    """The entries of the last step's `info` that tell how an episode has ended."""
+    """Entries of the last step's `info` that `describe` needs: push, time, failure reason, recovery."""
     outcome, push = record.outcome, None
     if record.scenario.pushes:
         begun = [start for start in record.push_starts if start < outcome.end_time]
@@ -70,7 +70,7 @@ def info_push_words(push: Mapping[str, Any]) -> str:
 
 
 def ending_words(info: Mapping[str, Any]) -> str:
-    """How an episode has ended by its last `info`, and how long after the push."""
+    """Ending of an episode in words by its last `info`, with the time after the push."""
     start = (info.get("push") or {}).get("start") or 0.0
     if info.get("failure_reason"):
         return f"fell after {info['time'] - start:.1f} s ({fall_words(info['failure_reason'])})"
@@ -100,7 +100,7 @@ def push_words(record: EpisodeRecord) -> str:
 
 
 def verdict(outcome: Outcome) -> str:
-    """How an episode has ended: recovered, survived or fell, and when."""
+    """Ending of an episode in words: recovered, survived or fell, and when."""
     if outcome.recovered_at is not None and outcome.recovered:
         return f"recovered, from {outcome.recovered_at:.2f} s on"
     if outcome.survived:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..reproduction.page import DIFFERS, REPRODUCED, SHOWN, UNTOLD, Claim, claims
+from ..reproduction.page import DIFFERS, REPRODUCED, SHOWN, UNSTATED, Claim, claims
 from ..reproduction.run import Reproduction
 from .page import Command, code_hash, manifest, rows_hash, write_page
 
@@ -47,7 +47,7 @@ def verdict(told: Sequence[Claim]) -> str:
     counts = Counter(claim.verdict.split(":")[0] for claim in told)
     return (
         f"Of {len(told)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
-        f"{counts[UNTOLD]} cannot be told from the text."
+        f"{counts[UNSTATED]} cannot be told from the text."
     )
 
 

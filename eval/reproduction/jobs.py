@@ -130,7 +130,7 @@ def scan(survives: Survives, grids: Sequence[float], unit: float = 1.0) -> Row:
 
 @dataclass(frozen=True)
 class EpisodeJob(Job):
-    """How one push of one variant ends."""
+    """Outcome of one push of one variant."""
 
     FIELDS: ClassVar[tuple[str, ...]] = (
         "survived", "recovered", "recovered_at", "failure_reason", "end_time",

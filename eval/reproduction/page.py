@@ -1,4 +1,4 @@
-"""The paper's claims against the numbers of a run, and the page that holds them: docs/generated/reproduction.md."""
+"""The paper's claims against the numbers of a run, and the page that holds them (docs/generated)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .jobs import Table
 Content = dict[str, Any]
 Tables = Mapping[str, Sequence[Table]]  # by name of the section
 
-REPRODUCED, DIFFERS, UNTOLD = "reproduced", "differs", "cannot be told from the text"
+REPRODUCED, DIFFERS, UNSTATED = "reproduced", "differs", "cannot be told from the text"
 
 
 class Claim(NamedTuple):
@@ -51,13 +51,13 @@ def claims(content: Content) -> Iterator[Claim]:
         "the hull of both feet, 0.55 s + 0.1 s; how it enters stage 1 is not said",
         "`two-stage+double-support` has a linear transfer of the CoP inside stage 1, and the hull inside "
         "stage 2",
-        UNTOLD,
+        UNSTATED,
     )
     yield Claim(
         "Foot size, l_p, control period and sampling time of stage 2",
         "not given",
         "They are 0.20 x 0.10 m, 0.20 m, 10 ms and 50 ms here. What other values give is in the tables below",
-        UNTOLD,
+        UNSTATED,
     )
 
 
@@ -139,7 +139,7 @@ def _motion(cases: Content, sway: list[Content]) -> Iterator[Claim]:
         "clearly visible",
         f"It leans by {b['peak_lean_within_1_s']:.2f} rad within 1 s with beta_3 = 1, and by "
         f"{soft['peak_lean_within_1_s']:.2f} rad with beta_3 = 0.01",
-        f"{UNTOLD}: the unit or the square of beta_3 is not given",
+        f"{UNSTATED}: the unit or the square of beta_3 is not given",
     )
     yield Claim(
         "(b) It resumes the commanded speed",

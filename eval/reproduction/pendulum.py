@@ -251,7 +251,7 @@ class PushKind:
 
     @property
     def unit(self) -> str:
-        """Of the strength."""
+        """Unit of the strength."""
         return "N" if self.duration > 0 else "N s"
 
     @property

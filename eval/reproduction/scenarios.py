@@ -158,7 +158,7 @@ def _interval(rows: Rows, policy: str) -> Row:
 
 
 def _together(rows: Rows, policy: str) -> Row:
-    """How many of all combinations survive and recover from 315 N, by jerk cost, and which do not recover."""
+    """Counts of combinations that survive and recover from 315 N by jerk cost, and those that do not."""
     groups: dict[str, Row] = {}
     names = ("foot_length", "foot_width", "pelvis_width", "control_period", "sampling_time")
     for about, variant in together(policy):

@@ -60,7 +60,7 @@ def robot_sweep(name: str, values: Sequence[float]) -> Sweep:
 
 
 def adaptation_sweep(base: Variant) -> Sweep:
-    """Which of place and time the step adapts."""
+    """The step adapts its place, its time, both or neither."""
     fixed = {"place": {"adapt_step": False}, "time": {"adapt_duration": False}}
     choices = {"place and time": {}, "place only": fixed["time"], "time only": fixed["place"],
                "neither": {**fixed["place"], **fixed["time"]}}  # fmt: skip

@@ -28,7 +28,7 @@ def inside(polygon, point):
 @pytest.fixture(scope="module")
 def lane():
     lane = Lane("PushRecovery/Biped-v0", "two-stage")
-    lane.tell(Command(0.15, 0.05, 0.5))
+    lane.set_command(Command(0.15, 0.05, 0.5))
     yield lane
     lane.close()
 

@@ -105,8 +105,8 @@ def session():
 
 def test_pushes_and_commands_while_it_walks_are_a_scenario_bit_for_bit(session):
     go(session, 55)
-    session.tell(Command(0.2, 0.0, 0.1))
-    session.tell(Command(0.25, 0.0, 0.1))  # of two in one planning period the later one stands
+    session.set_command(Command(0.2, 0.0, 0.1))
+    session.set_command(Command(0.25, 0.0, 0.1))  # of two in one planning period the later one stands
     go(session, 40)
     first = session.push([12.0, 15.0])
     go(session, 13)
@@ -152,7 +152,7 @@ def test_another_policy_takes_over_in_mid_walk_and_goes_another_way(session):
 
 def test_a_policy_with_a_robot_of_its_own_starts_a_new_walk(session):
     go(session, 30)
-    session.tell(Command(0.2))
+    session.set_command(Command(0.2))
     assert not session.switch("raibert")
     assert (session.first.time, session.first.command) == (0.0, Command(0.2))
     with pytest.raises(UnknownNameError, match="two-stage"):
@@ -182,7 +182,7 @@ def test_two_robots_meet_the_same_push_from_the_same_state(session):
 
 
 def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
-    session.tell(Command(0.1))
+    session.set_command(Command(0.1))
     go(session, 40)
     session.push([0.0, -300.0])
     go(session, 250)
@@ -195,7 +195,7 @@ def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
     assert lane.time == time
     with pytest.raises(InvalidValueError, match="has fallen"):
         session.push([1.0, 0.0])
-    session.tell(Command(0.3))  # nothing to tell
+    session.set_command(Command(0.3))  # nobody walks who could follow it
     session.replay()
     assert not lane.over
     session.restart()
