@@ -235,10 +235,14 @@ class Variant:
         config = replace(config, **dict(self.planner))
         return TwoStagePolicy(robot, limits, config, adapt=self.policy != "passive", name=self.policy)
 
-    def run(self, scenarios: Sequence[Scenario], watch: Watch | None = None) -> list[Outcome]:
+    @property
+    def measurement(self) -> Measurement:
+        """Errors of what the policy sees."""
+        return Measurement(self.dcm_noise, self.delay)
+
+    def run(self, scenarios: Sequence[Scenario]) -> list[Outcome]:
         """Outcomes of scenarios side by side."""
-        measurement = Measurement(self.dcm_noise, self.delay)
-        return run_batch(self.made_policy(), scenarios, self.episodes(len(scenarios)), measurement, watch)
+        return run_batch(self.made_policy(), scenarios, self.episodes(len(scenarios)), self.measurement)
 
 
 @dataclass(frozen=True)
@@ -310,20 +314,19 @@ class Walk(EpisodeRecord):
 
 def record(variant: Variant, push: PushKind, strength: float) -> Walk:
     """The time histories and the steps of one push of one variant."""
-    scenario, recorders, steps = push.scenario(strength), [], []
+    episodes, scenario, steps = variant.episodes(1), push.scenario(strength), []
+    recorder = Recorder(episodes)
 
-    def look(slots: Slots) -> None:
-        episodes: Any = slots.episodes
+    def look(_: object) -> None:
+        recorder()
         state = episodes.core.state
-        if not recorders:
-            recorders.append(Recorder(episodes))
-        recorders[0]()
         if not steps or state.steps[0] != steps[-1][0]:
             steps.append((state.steps[0], state.stance[0].copy(), state.side[0], state.step_start[0]))
 
-    (outcome,) = variant.run([scenario], look)
+    (outcome,) = run_batch(variant.made_policy(), [scenario], episodes, variant.measurement, look)
     _, foothold, side, touchdown = map(np.array, zip(*steps, strict=True))
-    found = vars(recorders[0].finish(scenario, outcome))
-    height = variant.robot_model.com_height
-    return Walk(**found, label=variant.label, com_height=height, foothold=foothold,
-                foothold_side=side.astype(np.int64), touchdown=touchdown)  # fmt: skip
+    return Walk(
+        **vars(recorder.finish(scenario, outcome)), label=variant.label,
+        com_height=variant.robot_model.com_height, foothold=foothold,
+        foothold_side=side.astype(np.int64), touchdown=touchdown,
+    )  # fmt: skip

@@ -1,7 +1,4 @@
-"""A drag against projections worked out by hand.
-
-A session against ordinary rollouts of the scenarios that it says it has been.
-"""
+"""Drags against projections by hand, and sessions against rollouts of the scenarios that they have become."""
 
 from dataclasses import replace
 
@@ -22,6 +19,8 @@ from push_recovery.eval.play.session import (
 )
 from push_recovery.eval.record.record import record
 from push_recovery.eval.record.words import FALLS
+
+BIPED = "PushRecovery/Biped-v0"
 
 
 def camera(azimuth, elevation):
@@ -68,9 +67,6 @@ def test_a_polar_impulse_turns_counter_clockwise():
     np.testing.assert_allclose(polar_impulse(20.0, 90.0), [0.0, 20.0], atol=1e-12)
     with pytest.raises(InvalidValueError, match="400"):
         polar_impulse(401.0, 0.0)
-
-
-BIPED = "PushRecovery/Biped-v0"
 
 
 def go(session, periods):

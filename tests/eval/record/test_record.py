@@ -1,7 +1,4 @@
-"""A recorded episode against its own rollout, against the simulation itself, and against its mirror image.
-
-What is written of an episode is what was recorded.
-"""
+"""A recorded episode against its rollout, the simulation and its mirror image; its files and its words."""
 
 import csv
 import io
@@ -151,13 +148,12 @@ def test_an_environment_of_another_project_is_refused():
         record("two-stage", SHOVED, "toy_gait_env:PushRecovery/Toy-v0")
 
 
-PENDULUM_FILES = "PushRecovery/Pendulum-v0"
-PUSH_FILES = Push((0.0, 150.0, 0.0), 0.1, 0.5)
+ASIDE = Push((0.0, 150.0, 0.0), 0.1, 0.5)
 
 
 @pytest.fixture(scope="module")
 def episode():
-    return record("two-stage", Scenario("aside", (PUSH_FILES,), settle_time=0.5), PENDULUM_FILES)
+    return record("two-stage", Scenario("aside", (ASIDE,), settle_time=0.5), PENDULUM)
 
 
 def test_arrays_come_back_by_name_with_units(episode):
@@ -193,7 +189,7 @@ def test_a_figure_is_a_picture_and_the_same_twice(episode, tmp_path):
 
 def test_play_writes_log_and_plot_and_opens_no_window(tmp_path, capsys):
     log, plot = tmp_path / "episode.csv", tmp_path / "episode.png"
-    argv = ["play", "--env", PENDULUM_FILES, "--force", "20", "--log", str(log), "--plot", str(plot)]
+    argv = ["play", "--env", PENDULUM, "--force", "20", "--log", str(log), "--plot", str(plot)]
     assert main(argv) == 0
     out = capsys.readouterr().out
     assert "recovered" in out
@@ -207,14 +203,14 @@ def test_play_writes_log_and_plot_and_opens_no_window(tmp_path, capsys):
     [("--log", "a.txt", [".txt", ".npz", ".csv"]), ("--plot", "a.gif", [".gif", ".png", ".svg"])],
 )
 def test_another_format_is_refused_before_the_episode(option, name, words, tmp_path, capsys):
-    assert main(["play", "--env", PENDULUM_FILES, option, str(tmp_path / name)]) == 2
+    assert main(["play", "--env", PENDULUM, option, str(tmp_path / name)]) == 2
     err = capsys.readouterr().err
     assert all(word in err for word in words)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_words_for_people(episode):
-    assert impulse_words(PUSH_FILES, 60.0) == "15.0 N s (0.25 N s/kg) to the left"
+    assert impulse_words(ASIDE, 60.0) == "15.0 N s (0.25 N s/kg) to the left"
     assert push_words(episode) == "15.0 N s (0.25 N s/kg) to the left"
     assert direction_words(-1.0, -0.9) == "backward and to the right"
     assert direction_words(-1.0, 0.1) == "backward"

@@ -1,7 +1,4 @@
-"""Many pendulums at once against one environment, and what measurement errors do to observations.
-
-Scans against robots whose limit is known, and against the closed form.
-"""
+"""Many pendulums at once against one environment, measurement errors, and scans against known limits."""
 
 import json
 import math
