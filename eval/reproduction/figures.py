@@ -310,15 +310,13 @@ def draw_cartoon(walks: Sequence[Walk], directory: Path) -> list[Path]:
 
 def _cartoon_legend(figure: Figure) -> None:
     left, right = style.FOOT_COLOURS
-    marks = (("CoM", "o", style.COM_COLOUR, "white"), ("DCM", "D", style.DCM_COLOUR, "white"),
-             ("CoP", "^", style.COP_COLOUR, None))  # fmt: skip
+    point: dict[str, Any] = {"ms": 7, "ls": "none"}
     looks: dict[str, dict[str, Any]] = {
         "left leg": {"color": left, "lw": 3},
         "right leg": {"color": right, "lw": 3},
-        **{
-            name: {"marker": mark, "color": c, "mec": edge, "ms": 7, "ls": "none"}
-            for name, mark, c, edge in marks
-        },
+        "CoM": {"marker": "o", "color": style.COM_COLOUR, "mec": "white", **point},
+        "DCM": {"marker": "D", "color": style.DCM_COLOUR, "mec": "white", **point},
+        "CoP": {"marker": "^", "color": style.COP_COLOUR, **point},
     }
     style.legend(figure, looks, 5, columnspacing=1.4)
 
@@ -338,25 +336,17 @@ def draw_robot(axes: Axes, walk: Walk, sample: int, shift: float, width: float =
     pelvis = (shift - float(walk["com_y"][sample]), walk.com_height)
     stance, half = int(walk["stance_side"][sample]), walk.sole[1] / 2
     for side in (1 - stance, stance):
-        colour, (y, z) = (
-            style.FOOT_COLOURS[side],
-            (walk[f"{SIDES[side]}_sole_{axis}"][sample] for axis in "yz"),
-        )
-        across = shift - float(y)
-        ankle = (across, float(z) + SOLE)
-        axes.plot(
-            *zip(pelvis, ankle, strict=True), color=colour, lw=3 * width, solid_capstyle="butt", zorder=3
-        )
-        axes.add_patch(Rectangle((across - half, z), 2 * half, SOLE, fc=colour, ec="none", zorder=4))
+        colour = style.FOOT_COLOURS[side]
+        y, z = (float(walk[f"{SIDES[side]}_sole_{axis}"][sample]) for axis in "yz")
+        leg = {"color": colour, "lw": 3 * width, "solid_capstyle": "butt", "zorder": 3}
+        axes.plot((pelvis[0], shift - y), (pelvis[1], z + SOLE), **leg)
+        axes.add_patch(Rectangle((shift - y - half, z), 2 * half, SOLE, fc=colour, ec="none", zorder=4))
     lean = float(walk["trunk_roll"][sample])
-    up = np.array([-math.sin(lean), math.cos(lean)])
-    neck, skull = pelvis + TRUNK * up, pelvis + (TRUNK + HEAD) * up
-    axes.plot(
-        *zip(pelvis, neck, strict=True), color="#444444", lw=5 * width, solid_capstyle="round", zorder=5
-    )
-    axes.add_patch(
-        Circle((float(skull[0]), float(skull[1])), HEAD, fc="#dddddd", ec="#444444", lw=1.4, zorder=5)
-    )
+    up: Any = np.array([-math.sin(lean), math.cos(lean)])
+    trunk = {"color": "#444444", "lw": 5 * width, "solid_capstyle": "round", "zorder": 5}
+    axes.plot(*zip(pelvis, pelvis + TRUNK * up, strict=True), **trunk)
+    skull = pelvis + (TRUNK + HEAD) * up
+    axes.add_patch(Circle(skull, HEAD, fc="#dddddd", ec="#444444", lw=1.4, zorder=5))
     axes.plot(*pelvis, "o", color=style.COM_COLOUR, mec="white", ms=6.5 * width, zorder=6)
     marks = (("cop_y", "^", style.COP_COLOUR, 8.0), ("dcm_y", "D", style.DCM_COLOUR, 4.5))
     for name, marker, colour, size in marks:  # the smaller one last: both show where they coincide
@@ -384,10 +374,8 @@ def _reach(walks: Sequence[Walk]) -> tuple[float, float]:
     for walk in walks:
         places = _instants(walk)
         for place, sample in places:
-            lateral = np.array(
-                [walk[f"{name}_y"][sample] for name in ("com", "dcm", "left_sole", "right_sole")]
-            )
-            across = walk["com_y"][places[0][1]] - lateral
+            names = ("com_y", "dcm_y", "left_sole_y", "right_sole_y")
+            across = walk["com_y"][places[0][1]] - np.array([walk[name][sample] for name in names])
             head = across[0] - (TRUNK + 2 * HEAD) * math.sin(walk["trunk_roll"][sample])
             left = max(left, 0.12 - min(*across, head) - SPACING * place)
             right = max(right, 0.12 + max(*across, head) - SPACING * (len(INSTANTS) - 1 - place))
