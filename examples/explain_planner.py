@@ -19,8 +19,8 @@ from push_recovery.controllers.stage_1 import StepPlan, StepProblem, solve_step,
 from push_recovery.controllers.stage_2.single_support import CopPlanner
 from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.robots.biped import biped_model
-from push_recovery.eval.reproduction import style
-from push_recovery.eval.reproduction.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
+from push_recovery.eval.record import style
+from push_recovery.eval.record.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)

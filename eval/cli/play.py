@@ -17,7 +17,7 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import require_place
-from ..record.film import Camera, Shot, episode_film, require_imageio, strip
+from ..record.film import Shot, episode_film, require_imageio, strip
 from ..record.plot import PLOT_FORMATS, write_plot
 from ..record.record import LOG_FORMATS, record_episode, write_log
 from ..record.words import describe
@@ -110,10 +110,10 @@ def _observer(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Cal
 
         replay = Replay(env, policy)
         return replay, replay.page
-    camera = Camera(planning_period(env))
+    shot = Shot(policy, planning_period(env))
     if suffix == ".png":
-        return camera, lambda: strip(Shot(policy, camera))
-    return camera, lambda: episode_film(Shot(policy, camera), suffix)
+        return shot, lambda: strip(shot)
+    return shot, lambda: episode_film(shot, suffix)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -222,7 +222,6 @@ class Reproduce(RunningOptions):
 
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
-        from ..output.tables import Table
         from ..report.page import command_of
         from ..report.reproduction import write_reproduction_page
         from ..reproduction.run import RESULT, TABLES, reproduce
@@ -232,4 +231,4 @@ class Reproduce(RunningOptions):
         command = command_of("reproduce", self, ("section",))
         paths = (found.directory / RESULT, found.directory / TABLES, *found.pictures)
         written = page_lines(lambda: write_reproduction_page(found, command))
-        self.show(found.content, (Table(*table) for table in found.tables), [*map(str, paths), *written])
+        self.show(found.content, found.tables, [*map(str, paths), *written])

@@ -13,7 +13,7 @@ from typing import Any
 from ...controllers.errors import PushRecoveryError
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..record.film import Row, sheet, watch
+from ..record.film import sheet, watch
 from ..rollout.environments import make_env
 from ..score.evaluate import Evaluation
 from ..score.report import REASONS, brief_measures, ranked, reasons_of
@@ -140,8 +140,7 @@ def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]
     rows = []
     for label in policies:
         row = evaluation.rows[label][place]
-        watched = watch(evaluation.env_id, row["policy"], scenario)
-        rows.append(Row(f"{label} {page.outcome_words(row)}", watched))
+        rows.append((f"{label} {page.outcome_words(row)}", watch(evaluation.env_id, row["policy"], scenario)))
     content = base64.b64encode(sheet(rows)).decode()
-    caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(row.title for row in rows)}."
+    caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
     return caption, f"data:image/jpeg;base64,{content}"

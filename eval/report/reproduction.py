@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..output.tables import Table
-from ..reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim, claims
-from ..reproduction.run import SHOWN, Reproduction
+from ..reproduction.page import DIFFERS, REPRODUCED, SHOWN, UNSTATED, Claim, claims
+from ..reproduction.run import Reproduction
 from .page import Command, manifest, rows_hash, write_page
 
 NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
@@ -29,7 +29,7 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
         "verdict": verdict(known),
         "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), known, 4),
         "pictures": pictures(found.pictures, found.directory),
-        "tables": [_plain(*table) for table in found.tables],
+        "tables": [_plain(table.title, table.columns, table.rows) for table in found.tables],
         "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
     }
     return write_page(found.directory, "reproduction.html", content)
@@ -48,7 +48,7 @@ def verdict(known: Sequence[Claim]) -> str:
     counts = Counter(claim.verdict.split(":")[0] for claim in known)
     return (
         f"Of {len(known)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
-        f"{counts[UNTOLD]} cannot be told from the text."
+        f"{counts[UNSTATED]} cannot be told from the text."
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.whole_body.limits import BOUNDS
-from push_recovery.eval.record.film import Moments
+from push_recovery.eval.record.film import StripCamera
 from push_recovery.eval.report import episodes as pictures
 from push_recovery.eval.report.episodes import (
     PicturePart,
@@ -42,10 +42,10 @@ def test_every_limit_has_words():
     assert set(LIMITS) == set(BOUNDS)
 
 
-def drawn() -> Moments:
-    moments = Moments()
-    moments.frames, moments.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
-    return moments
+def drawn() -> StripCamera:
+    camera = StripCamera()
+    camera.frames, camera.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
+    return camera
 
 
 def test_the_best_is_shown_beside_another_recipe(evaluation):
