@@ -6,12 +6,18 @@ import difflib
 import math
 import numbers
 from collections.abc import Iterable
+from typing import TypeGuard
 
 LONGEST_SHOWN = 200  # characters of a refused value in a message
 
 
-def is_finite_number(value: object) -> bool:
-    """Whether a value is a finite real number that a float can hold; True and False are none."""
+def is_integer(value: object) -> TypeGuard[int]:
+    """Whether a value is an integer, numpy's included; True and False are none."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def is_finite_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite real number that a float can hold, numpy's included; no True or False."""
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return False
     try:

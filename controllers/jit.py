@@ -1,26 +1,11 @@
 """Compiled kernels: the project's own `njit`, where its code is kept, when it is stale, and its threads.
 
-What a module's compiled code can depend on, as one digest: its source and that of all it imports.
-
-Numba's own cache looks at the file of a kernel alone and does not notice a changed callee, or a changed
-constant, in another. The digest of a module is taken over its own text, the digests of the modules of this
-project that it imports at its top level, the package's data files where it names any, and the versions of the
-outside packages that it imports. The flow of the rooms has no circle, so neither has this recursion.
-
-Where compiled kernels lie: one directory of a user, in it one for each version of each module with any.
-
-`njit` for this project's kernels: compiled once on a machine, and anew when what they are made of changes.
-
-Numba keeps compiled functions beside their module and compares that one file. Here they lie in a directory of
-the user's under a digest of all that the module's kernels depend on (`source_digest`), so that an edit of a
+Numba keeps compiled functions beside their module and compares that one file: it does not notice a changed
+callee, or a changed constant, in another. Here they lie in a directory of the user's, one for each version of
+each module, under a digest of all that the module's kernels depend on (`source_digest`). So an edit of a
 callee compiles its callers anew, an installation that cannot be written works, and installations of equal
-sources share what was compiled. A process waits for another that compiles what it needs.
-
-Ranges of independent problems on a few threads of one process.
-
-A word on standard error while numba compiles, which happens once on a machine and takes long.
-
-Of a command and its worker processes one says it.
+sources share what was compiled. A process waits for another that compiles what it needs. The first
+compilation, which takes long, is announced on standard error, once for a command and its worker processes.
 """
 
 from __future__ import annotations
@@ -51,7 +36,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from platformdirs import user_cache_path
 
-from .errors import InvalidValueError, shown
+from .errors import InvalidValueError, is_integer, shown
 
 # Statements at the top level only: what a function imports when it runs is no global of a kernel.
 IMPORT = re.compile(rb"\n(?:from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)|(?:import|from) (\w+))")
@@ -61,7 +46,11 @@ LENGTH = 16  # hexadecimal digits: two versions of one module do not meet
 
 @cache
 def source_digest(module: str) -> str:
-    """Digest of a module's source and of everything that it is made of; see the module's docstring.
+    """Digest of a module's source and of everything that it is made of.
+
+    That is its own text, the digests of the modules of this project that it imports at its top level, the
+    package's data files where it names any, and the versions of the outside packages that it imports. Modules
+    import in no circle, so neither has this recursion.
 
     Args:
         module: full name of a module of this project that is imported, or far enough to define a kernel.
@@ -192,7 +181,7 @@ def make_room(path: Path) -> None:
 
 
 def platform_versions() -> str:
-    """What besides sources decides compiled code, or how it is kept."""
+    """Versions that decide, besides the sources, compiled code or how it is kept."""
     import llvmlite
     import numba
     import numpy as np
@@ -350,11 +339,11 @@ class RangeThreads:
         Raises:
             InvalidValueError: for less than one thread or more than MOST_THREADS.
         """
-        if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= MOST_THREADS:
+        if not (is_integer(threads) and 1 <= threads <= MOST_THREADS):
             raise InvalidValueError(
                 f"threads must be a whole number from 1 to {MOST_THREADS}, got {shown(threads)}"
             )
-        self.threads = threads
+        self.threads = int(threads)
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0
 

@@ -1,13 +1,6 @@
-"""Vectors, quaternions and small arrays in compiled code.
+"""Vectors, unit quaternions (w, x, y, z) as tuples, and small arrays on the stack, in compiled code.
 
-Vectors of three components as tuples, which compiled code keeps in registers instead of in memory.
-
-Unit quaternions (w, x, y, z), MuJoCo's order, as tuples in compiled code.
-
-Arrays of fixed shape on the stack of a compiled function.
-
-An array of numpy's costs a malloc, a free and atomic reference counts; a control cycle has thirty of them. An
-array on the stack must not leave the function that made it, and it begins with whatever lay there.
+Compiled code keeps tuples in registers instead of in memory. Quaternions have MuJoCo's order.
 """
 
 from __future__ import annotations
@@ -173,7 +166,12 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 @intrinsic(prefer_literal=True)
 def stack_floats(typingctx, count):
-    """Pointer to `count` (a literal) float64 on the caller's stack; see `numba.carray`."""
+    """Pointer to `count` (a literal) float64 on the caller's stack; see `numba.carray`.
+
+    An array of numpy's costs a malloc, a free and atomic reference counts; a control cycle has thirty of
+    them. An array on the stack must not leave the function that made it, and it begins with whatever lay
+    there.
+    """
     if not isinstance(count, types.IntegerLiteral):
         return None
     size = count.literal_value

@@ -1,19 +1,11 @@
-"""Quadratic programs: DAQP and OSQP from Python, and DAQP from compiled loops.
-
-One small interface over the quadratic-program solvers DAQP and OSQP.
+"""Quadratic programs solved by DAQP and OSQP from Python, and by DAQP from compiled loops.
 
     min 0.5 x'Hx + f'x + 0.5 sum_i w_i s_i^2   s.t.  lower_i <= (A x)_i + s_i <= upper_i
 
 with s_i = 0 on hard rows (w_i = 0) and free on soft rows (w_i > 0). Every solve starts cold, so that the
-answer depends on the problem alone.
-
-Least-distance problems solved by DAQP's C functions, callable from compiled loops.
-
-    min 0.5 |v|^2   s.t.   lower_i <= (M v)_i + s_i <= upper_i,   soft rows at the cost 0.5 w_i s_i^2
-
-The wheel of daqp exports its C functions; a problem owns one C workspace, set up once for its shape, and a
-compiled loop then only rewrites M and the bounds in place. The layout of the C structures is that of daqp
-0.11; `LeastDistance` checks it on set-up and refuses to go on where it does not hold.
+answer depends on the problem alone. `LeastDistance` is the case H = I, f = 0: daqp's wheel exports its C
+functions, a problem owns one C workspace, set up once for its shape, and a compiled loop then only rewrites
+the matrix and the bounds in place.
 """
 
 from __future__ import annotations
@@ -28,17 +20,14 @@ from typing import Literal
 
 import daqp
 import numpy as np
-import osqp
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
-from scipy import linalg, sparse
 
 from .errors import PushRecoveryError, UnknownNameError
 from .jit import njit
 
-SOLVERS = ("daqp", "osqp")
 SolverName = Literal["daqp", "osqp"]
 
 
@@ -86,11 +75,9 @@ def solve_qp(problem: QuadraticProgram, solver: SolverName = "daqp") -> QpSoluti
     Raises:
         UnknownNameError: the solver's name is not one of `SOLVERS`.
     """
-    if solver == "daqp":
-        return _solve_daqp(problem)
-    if solver == "osqp":
-        return _solve_osqp(problem)
-    raise UnknownNameError("QP solver", solver, SOLVERS)
+    if solver not in SOLVERS:
+        raise UnknownNameError("QP solver", solver, SOLVERS)
+    return SOLVERS[solver](problem)
 
 
 def kkt_residual(problem: QuadraticProgram, solution: QpSolution) -> KktResidual:
@@ -135,6 +122,9 @@ def _solve_daqp(problem: QuadraticProgram) -> QpSolution:
 
 def _solve_osqp(problem: QuadraticProgram) -> QpSolution:
     """OSQP on y = L'x with H = LL' and rows of unit length: conditioning decides how fast it converges."""
+    import osqp
+    from scipy import linalg, sparse
+
     H, f, A = _with_slacks(problem)
     L = np.linalg.cholesky(H)
     whitened = linalg.solve_triangular(L, np.column_stack([f, A.T]), lower=True)
@@ -156,12 +146,14 @@ def _solve_osqp(problem: QuadraticProgram) -> QpSolution:
     return _no_solution(problem, status, int(result.info.iter))
 
 
+SOLVERS = {"daqp": _solve_daqp, "osqp": _solve_osqp}
+
+
 def _no_solution(
     problem: QuadraticProgram, status: Literal["infeasible", "failed"], iterations: int
 ) -> QpSolution:
-    return QpSolution(
-        np.full(problem.f.size, np.nan), np.full(problem.lower.size, np.nan), status, iterations
-    )
+    x, dual = np.full(problem.f.size, np.nan), np.full(problem.lower.size, np.nan)
+    return QpSolution(x, dual, status, iterations)
 
 
 # The arguments of an intrinsic are those of its signature, less the typing context.
@@ -242,9 +234,12 @@ def _address(name: str) -> int:
 
 
 class LeastDistance:
-    """One problem of fixed shape; `handle` is what `solve_least_distance` takes.
+    """One problem of fixed shape for `solve_least_distance`, which takes its `handle`.
 
-    The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`.
+        min 0.5 |v|^2   s.t.   lower_i <= (M v)_i + s_i <= upper_i,   soft rows at the cost 0.5 w_i s_i^2
+
+    The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`. The C structures are
+    laid out as in daqp 0.11; that is checked here, and another layout is refused.
 
     Args:
         M: (m, n), C-contiguous.

@@ -1,46 +1,29 @@
 """Settings of the planner: weights, the variants by name, and presets as JSON files.
 
-All weights and margins of the two-stage planner.
-
-The arms of the planner: what each may use, by name.
-
-Presets: settings of the planner, of single arms and of a robot, as JSON files.
-
     {"format": "push-recovery preset", "format_version": 1, "base": "biped",
-     "planner": {"touchdown_delay": 0.004},           fields of PlannerConfig, for every arm
+     "planner": {"touchdown_delay": 0.004},           fields of PlannerConfig, for every variant
      "biped": {"gains": {"swing_kp": 350.0}},         limits, gait, gains, bounds of the MuJoCo biped
-     "arms": {"two-stage": {"beta_dcm": 900.0,        both for one arm
+     "arms": {"two-stage": {"beta_dcm": 900.0,        both for one variant
                             "biped": {"gait": {"apex": 0.05}}}},
      "found": {...}}                                  for the reader
 
 What a file leaves out is that of its base: a named preset, or "neutral", the defaults of `PlannerConfig`. The
 named presets are files, too, in the folder `presets/` beside this module: all tuned numbers stand there.
-
-A preset for a robot of another size: every number by its unit.
-
-Two robots of which one is the other made larger move alike where lengths go with the CoM's height h, times
-with sqrt(h / g) and forces with the mass m: then accelerations, friction and shares of the weight are the
-same (Froude's similarity; Hof 1996, Scaling gait data to body size). Other lengths are a robot's own, those
-of foot and leg. So is what leaning can do for it: to turn the trunk by 1 rad/s^2 moves the CoM by j / (m h)
-m/s^2, which differs by a factor of ten between robots of one height, and whole-body control prices a
-deviation by what the CoM is spared. And so is how soon a foot can be elsewhere: hips of the torque tau, whose
-leg of length l has the inertia i about them, give the sole tau l / i m/s^2 at most, and a step takes as long
-as the root of its length over that.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from .errors import InvalidValueError, UnknownNameError, is_finite_number
+from .errors import InvalidValueError, UnknownNameError, is_finite_number, is_integer
 from .files import read_file, write_atomically
-from .validation import parse_json
+from .validation import keep_python_numbers, parse_json
 
 CHOICES = {
     "foothold": ("optimal", "capture_point", "linear_mpc"),
@@ -62,9 +45,7 @@ class PlannerConfig:
     alpha_offset: float = 1e6  # alpha_3 [1/m^2]
     adapt_step: bool = True  # False keeps the nominal place
     adapt_duration: bool = True  # False keeps the nominal time
-    foothold: Literal["optimal", "capture_point", "linear_mpc"] = (
-        "optimal"  # eq. 3, the rule of `stage_1/capture_step`, or `baselines/linear_mpc`
-    )
+    foothold: Literal["optimal", "capture_point", "linear_mpc"] = "optimal"  # eq. 3, or a baseline's rule
     duration_margin: float = 0.0  # tau >= exp(omega (t + margin)) [s]
     swing_acceleration: float = 0.0  # T gives the foot time to swing with this peak; 0: any [m/s^2]
     freeze: float = 0.0  # the plan of both stages is held when less than this remains [s]
@@ -92,21 +73,17 @@ class PlannerConfig:
     beta_trunk_angle: float = 1.0  # [1/rad^2]
     cop_margin_x: float = 0.0  # kept from the edge of the sole [m]
     cop_margin_y: float = 0.0  # [m]
-    trunk_gravity: float = (
-        0.0  # gravity torque of the leaning trunk per sin(lean), taken from the torque bound [N m]
-    )
+    trunk_gravity: float = 0.0  # of the leaning trunk per sin(lean), taken from the torque bound [N m]
     beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
     first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
-    jerk_cost: Literal["literal", "repaired"] = (
-        "repaired"  # jerk form: eq. 20 as written, or about the free motion
-    )
+    jerk_cost: Literal["literal", "repaired"] = "repaired"  # jerk form: eq. 20, or about the free motion
 
     # Linear MPC, against |CoP - sole's centre|^2; all are deviations from the nominal gait
     mpc_velocity: float = 0.1  # of the CoM [s^2]
     mpc_jerk: float = 1e-8  # of the CoM [s^6]
     mpc_step: float = 1e-3  # of the footsteps, against the integral over the horizon [s]
 
-    # Trunk law of the arms without momentum regulation
+    # Trunk law of the variants without momentum regulation
     upright_stiffness: float = 20.0  # [1/s^2]
     upright_damping: float = 9.0  # [1/s]
 
@@ -114,6 +91,7 @@ class PlannerConfig:
         for name, valid in CHOICES.items():
             if getattr(self, name) not in valid:
                 raise UnknownNameError(f"PlannerConfig.{name}", getattr(self, name), valid)
+        keep_python_numbers(self)
         for own in fields(self):
             value = getattr(self, own.name)
             if isinstance(own.default, bool) and not isinstance(value, bool):
@@ -121,7 +99,7 @@ class PlannerConfig:
             if isinstance(own.default, float) and not (is_finite_number(value) and value >= 0):
                 raise InvalidValueError(f"PlannerConfig.{own.name} must be finite and >= 0, got {value!r}")
         tail = self.tail_intervals
-        if isinstance(tail, bool) or not isinstance(tail, int) or not 0 <= tail <= MOST_INTERVALS:
+        if not (is_integer(tail) and 0 <= tail <= MOST_INTERVALS):
             raise InvalidValueError(
                 f"PlannerConfig.tail_intervals must be an integer from 0 to {MOST_INTERVALS}, got {tail!r}"
             )
@@ -149,9 +127,13 @@ class PlannerConfig:
                 raise UnknownNameError("field of PlannerConfig", name, valid)
         return replace(self, **changes)
 
+    def numbers(self, names: Iterable[str]) -> dict[str, float]:
+        """Settings among the names, as floats for compiled code; switches are 1 or 0."""
+        return {name: float(getattr(self, name)) for name in names if hasattr(self, name)}
+
 
 class Stages(NamedTuple):
-    """What an arm may adapt, and by which rule."""
+    """Inputs that a variant of the planner may adapt, and its rule of the foothold."""
 
     use_cop: bool
     use_trunk: bool
@@ -160,7 +142,7 @@ class Stages(NamedTuple):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The fields of `PlannerConfig` that make a configuration that of the arm."""
+        """Fields of `PlannerConfig` that turn a configuration into the variant's."""
         values: dict[str, Any] = {"use_cop": self.use_cop, "use_trunk": self.use_trunk}
         if self.fixed_time:
             values["adapt_duration"] = False
@@ -181,7 +163,7 @@ ARMS: dict[str, Stages] = {
     "two-stage-paper": Stages(True, True),
     "two-stage": Stages(True, True),
 }
-PAPER_SUFFIX = "-paper"  # of arms with the paper's Table II
+PAPER_SUFFIX = "-paper"  # of variants with the paper's Table II
 # Not in tables unless asked for: no parts of the planner
 ON_REQUEST = ("passive", "raibert", "herdt", "fixed-time")
 
@@ -196,7 +178,7 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class PresetFile:
-    """What a preset file says; checked where it concerns the planner."""
+    """Content of a preset file; checked where it concerns the planner."""
 
     base: str = "default"
     planner: Values = field(default_factory=dict)  # field of PlannerConfig -> value
@@ -225,7 +207,7 @@ class PresetFile:
             self.config(arm)
 
     def config(self, arm: str = "") -> PlannerConfig:
-        """The planner's settings of an arm; of those without settings of their own for the empty name.
+        """The planner's settings of a variant; the empty name gives those common to all.
 
         Raises:
             UnknownNameError: a field that PlannerConfig does not have.
@@ -241,9 +223,9 @@ class PresetFile:
         return base.replace(**values)
 
     def robot(self, arm: str = "") -> dict[str, dict[str, Any]]:
-        """Section -> field -> value of the robot that an arm walks: the base's, with this file's put in.
+        """Section -> field -> value of the robot that a variant walks: the base's, with this file's put in.
 
-        For the empty name, and for arms that have none of their own, it is the robot common to all.
+        For the empty name, and for variants that have none of their own, it is the robot common to all.
         """
         sections = {} if self.base == NEUTRAL else named_preset(self.base).robot(arm)
         for part in (self.biped, self.arms.get(arm, {}).get("biped", {})):
@@ -259,7 +241,7 @@ class PresetFile:
         return named_preset(self.base).made_for
 
     def has_own_robot(self, arm: str) -> bool:
-        """Whether an arm walks another robot, or another timing of its touchdown, than the common one."""
+        """Whether a variant walks another robot, or another timing of its touchdown, than the common one."""
         delays = self.config(arm).touchdown_delay, self.config().touchdown_delay
         return self.robot(arm) != self.robot() or delays[0] != delays[1]
 
@@ -330,7 +312,7 @@ def _parse(text: str | bytes, name: str) -> PresetFile:
 
 
 def preset_config(preset: str, arm: str = "") -> PlannerConfig:
-    """The planner's settings of a preset, by name or file: of an arm, or what is common to all.
+    """The planner's settings of a preset, by name or file: of a variant, or those common to all.
 
     Raises:
         UnknownNameError: listing the valid names.
@@ -407,7 +389,15 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
 
 @dataclass(frozen=True)
 class Scale:
-    """How many times as large a robot is as the one that a preset was made for."""
+    """Ratios of a robot's quantities to those of the robot that a preset was made for.
+
+    Two robots of which one is the other made larger move alike under Froude's similarity (`model/robot`).
+    Other lengths are a robot's own, those of foot and leg. So is what leaning can do for it: to turn the
+    trunk by 1 rad/s^2 moves the CoM by j / (m h) m/s^2, which differs by a factor of ten between robots of
+    one height, and whole-body control prices a deviation by what the CoM is spared. And so is how soon a foot
+    can be elsewhere: hips of the torque tau, whose leg of length l has the inertia i about them, give the
+    sole tau l / i m/s^2 at most, and a step takes as long as the root of its length over that.
+    """
 
     length: float  # CoM height
     mass: float
@@ -422,11 +412,11 @@ class Scale:
 
     @property
     def time(self) -> float:
-        """Of sqrt(h / g)."""
+        """Ratio of sqrt(h / g)."""
         return self.length**0.5
 
     def factor(self, unit: Unit) -> float:
-        """What a number of a unit is multiplied by."""
+        """The factor of a number of a unit."""
         factor = 1.0
         for name, power in unit:
             factor *= getattr(self, name) ** power
@@ -453,7 +443,7 @@ def scaled_preset(preset: PresetFile, scale: Scale, own: Mapping[str, Mapping[st
 
 
 def _scaled_arm(values: Mapping[str, Any], scale: Scale) -> dict[str, Any]:
-    """What is one arm's own, its robot's part included."""
+    """A variant's own values, its robot's part included."""
     planner = {name: value for name, value in values.items() if name != "biped"}
     robot = {name: _scaled(part, name, scale) for name, part in values.get("biped", {}).items()}
     return {**_scaled(planner, "planner", scale), **({"biped": robot} if robot else {})}

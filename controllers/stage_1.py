@@ -1,8 +1,4 @@
-"""Stage 1: place and time of the next step, from the measured DCM, solved exactly.
-
-Columns of the arrays of stage 1, by name; of a pair (x, y) the first one.
-
-Stage 1 (eq. 3): next foothold, step duration and DCM offset from the measured DCM, solved exactly.
+"""Stage 1 (eq. 3): place and time of the next step, from the measured DCM, solved exactly.
 
 With tau = exp(omega T) and a = (xi - u_0) exp(omega (delay - t)), in the canonical frame (u_0 = 0):
 
@@ -14,39 +10,19 @@ bounds, so what is left is a convex, piecewise quadratic function of tau alone: 
 piecewise linear and changes slope at no more than four breakpoints. The root is found between two of them in
 closed form; there is no iteration and no tolerance.
 
-Stage 1 as a general quadratic program: what `solvers.general_qp` solves as a second opinion, slowly.
+In double support the CoP's transfer from the old foot to the new one, p kappa(t), is taken off the DCM, and
+the foot acts as if it stood at u (1 - c), c = kappa(0) (`model/nominal_gait`): what the next step grows from
+is not b but b + c u. Stage 1 solves for these, which keeps it as linear as before. Aiming at b_nom itself
+would multiply every error of the step's place by exp(omega T) c from step to step, 1.5 with the paper's
+0.55 s + 0.1 s.
 
-With x = (u_x, u_y, tau, b_x, b_y) and the rows of A in this order: u_x + b_x - a_x tau = 0,
-u_y + b_y - a_y tau = 0, bounds of u_x, u_y, tau. Weights are divided by the largest one.
-
-Constants of stage 1 in one array, and by name in compiled code.
-
-How long the swing foot needs to a place, under a bound of its acceleration.
-
-The field's first foothold: the capture point's error moves it one for one, and T stays nominal.
-
-Raibert (1986, chapter 2) places a foot at half of what the body covers in a stance, and moves it by
-k (v - v_des); with k = 1 / omega the sum of place and velocity is the capture point (Pratt et al. 2006), xi.
-On a periodic gait with sway the nominal state at the same moment t stands for the half stance:
-
-    u = u_nom + (xi - xi_nom(t)) / (1 - c),    xi_nom(t) = (u_nom + b_nom) exp(-omega (T + delay - t)),
-
-canonical frame, clipped to the step box; c is 0 but in double support (`planner`). Nothing is predicted: an
-error e grows to e exp(omega (T - t)) until touchdown, and the foot follows it as it grows. Where it can
-follow to the end, b = b_nom.
-
-From observations to stage 1 plans: one compiled pass, the hot path of every policy.
-
-With double support the CoP's transfer from the old foot to the new one, p kappa(t), is taken off the DCM, and
-the foot acts as if it stood at u (1 - c), c = kappa(0): what the next step grows from is not b but b + c u.
-Stage 1 solves for these, which keeps it as linear as before. Aiming at b_nom itself would multiply every
-error of the step's place by exp(omega T) c from step to step, 1.5 with the paper's 0.55 s + 0.1 s.
+From observations (n, 36) to rows (n, ROW_SIZE) it is one compiled pass, the hot path of every policy.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,25 +31,27 @@ from numpy.typing import NDArray
 
 from .errors import InvalidValueError
 from .jit import njit
-from .model.double_support import check_double_support, transfer_mean, transfer_weight
+from .model import observation
 from .model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits, unscaled
-from .model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, check_pelvis, nominal_gait_kernel
-from .model.observation import (
-    COMMAND,
-    DCM,
-    ELAPSED,
-    PREVIOUS_ACTION,
-    PUSH_ESTIMATE,
-    SWING_POSITION,
-    SWING_VELOCITY,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-)
+from .model.nominal_gait import (
+    NOMINAL_DURATION,
+    NOMINAL_STEP,
+    check_double_support,
+    check_pelvis,
+    nominal_gait_kernel,
+    transfer_mean,
+    transfer_weight,
+)  # fmt: skip
 from .model.robot import RobotModel
 from .qp import QuadraticProgram
 from .settings import PlannerConfig
 
-# A packed problem, `StepProblem.pack`
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+Floats = NDArray[np.float64]
+
+# Columns of a packed problem, `StepProblem.pack`; of a pair (x, y) the first one
 GAIN = 0  # pair, a [m]
 STEP_NOMINAL = 2  # pair [m]
 TAU_NOMINAL = 4
@@ -87,14 +65,14 @@ ALPHA_DURATION = 14
 ALPHA_OFFSET = 15
 PROBLEM_SIZE = 16
 
-# Its solution, `solve_step_kernel`
+# Columns of its solution, `solve_step_kernel`
 SOLVED_STEP = 0  # pair, u [m]
 SOLVED_TAU = 2
 SOLVED_OFFSET = 3  # pair, b [m]
 SOLUTION_SIZE = 5
 
-# A plan, `StepPlanner.plan`; the first seven are the gait variables, by the names of `model/gait_box.py`: of
-# stage 1 the CoP is that of the undisturbed step, the trunk acceleration that of the upright law
+# Columns of a row, the plan of one observation. The first seven are the gait variables, by the names of
+# `model/gait_box.py`; stage 1 writes the CoP of the undisturbed step and the upright law's trunk acceleration
 OFFSET = 7  # pair, b of the plan [m]
 NOMINAL = 9  # L, W, T, b_x, b_y of the nominal gait
 NOMINAL_OFFSET = 12  # pair, its b [m]
@@ -103,13 +81,21 @@ REMAINING = 16  # until the new foot carries load [s], >= 0
 HELD = 17  # 1 where the plan is the previous one
 DCM_AHEAD = 18  # pair, measured DCM with what the push will still add [m]
 SHIFT = 20  # pair, p kappa(t): what the CoP's transfer in double support takes off the DCM [m]
-RESULT = 22  # from here on what stage 2 gives, `stage_2/interface.py`: CoP and trunk acceleration, then
+RESULT = 22  # the result of stage 2 from here on, `stage_2/problem.py`: CoP and trunk acceleration, then
 DCM_END = 26  # pair, DCM at touchdown; of stage 1 u_T + b [m]
 STATUS = 28  # of stage 2's solver
 ROW_SIZE = 29
 
-
 KNOTS = 6  # both ends of the range of tau, and up to four places between
+LARGEST = 1e15  # of an observation's entries: far beyond any robot, and no square of a product overflows
+LATEST = 300.0  # of omega times the time since the step began, for exp(omega t)
+SWING_ROUNDS = 3  # a later step lies elsewhere, so the time it needs is found in rounds
+
+# Columns of an observation; of a pair (x, y) the first one
+ELAPSED, _DCM, _COMMAND = observation.ELAPSED, observation.DCM.start, observation.COMMAND.start
+_SWING, _SWING_SPEED = observation.SWING_POSITION.start, observation.SWING_VELOCITY.start
+_ANGLE, _RATE = observation.TRUNK_ANGLE.start, observation.TRUNK_RATE.start
+_PREVIOUS, _PUSH = observation.PREVIOUS_ACTION.start, observation.PUSH_ESTIMATE.start
 
 
 @dataclass(frozen=True)
@@ -129,8 +115,7 @@ class StepProblem:
     alpha_offset: float = 1e6  # [1/m^2]
 
     def __post_init__(self) -> None:
-        values = self.pack()
-        if not np.isfinite(values).all():
+        if not np.isfinite(self.pack()).all():
             raise InvalidValueError(f"every entry of a StepProblem must be finite, got {self}")
         if not all(low <= high for low, high in zip(self.step_low, self.step_high, strict=True)):
             raise InvalidValueError(f"step_low must be <= step_high, got {self.step_low} > {self.step_high}")
@@ -141,13 +126,9 @@ class StepProblem:
                 f"weights must be >= 0, got {self.alpha_step, self.alpha_duration, self.alpha_offset}"
             )
 
-    def pack(self) -> NDArray[np.float64]:
-        """The problem as one vector (16,), see `columns`."""
-        return np.array(
-            [*self.gain, *self.step_nominal, self.tau_nominal, *self.offset_nominal, *self.step_low,
-             *self.step_high, self.tau_low, self.tau_high, self.alpha_step, self.alpha_duration,
-             self.alpha_offset]
-        )  # fmt: skip
+    def pack(self) -> Floats:
+        """The fields as one vector (PROBLEM_SIZE,), in their order."""
+        return np.hstack(astuple(self))
 
 
 @dataclass(frozen=True)
@@ -210,7 +191,7 @@ def _breakpoints(p, knots):  # pragma: no cover
 
 @njit(cache=True)
 def solve_step_kernel(p, out):  # pragma: no cover
-    """Exact solution of a packed problem `p` (16,) into `out` (5,), see `columns`."""
+    """Exact solution of a packed problem `p` (PROBLEM_SIZE,) into `out` (SOLUTION_SIZE,)."""
     knots = np.empty(KNOTS)
     count = _breakpoints(p, knots)
     left, slope_left = knots[0], _half_slope(p, knots[0])
@@ -237,154 +218,63 @@ def solve_step(problem: StepProblem) -> StepPlan:
     """Exact solution of one problem."""
     out = np.empty(SOLUTION_SIZE)
     solve_step_kernel(problem.pack(), out)
-    x = [float(value) for value in out]
-    return StepPlan(
-        (x[SOLVED_STEP], x[SOLVED_STEP + 1]), x[SOLVED_TAU], (x[SOLVED_OFFSET], x[SOLVED_OFFSET + 1])
-    )
+    length, width, tau, offset_x, offset_y = out.tolist()
+    return StepPlan((length, width), tau, (offset_x, offset_y))
 
 
 def step_program(problem: StepProblem) -> QuadraticProgram:
-    """The program of eq. 3 in x = (u_x, u_y, tau, b_x, b_y); the cost is divided by the largest weight."""
+    """Stage 1 as a general quadratic program in x = (u_x, u_y, tau, b_x, b_y), a second opinion.
+
+    The rows of A are u_x + b_x - a_x tau = 0, u_y + b_y - a_y tau = 0 and the bounds of u_x, u_y, tau. The
+    cost is divided by the largest weight.
+    """
     weights = np.array([problem.alpha_step] * 2 + [problem.alpha_duration] + [problem.alpha_offset] * 2)
     nominal = np.array([*problem.step_nominal, problem.tau_nominal, *problem.offset_nominal])
     largest = weights.max()
-    equality = np.array(
-        [
-            [1.0, 0.0, -problem.gain[0], 1.0, 0.0],
-            [0.0, 1.0, -problem.gain[1], 0.0, 1.0],
-        ]
-    )  # columns: u_x, u_y, tau, b_x, b_y
-    rows = np.vstack([equality, np.eye(3, 5)])
+    equality = [[1.0, 0.0, -problem.gain[0], 1.0, 0.0], [0.0, 1.0, -problem.gain[1], 0.0, 1.0]]
     return QuadraticProgram(
         H=np.diag(2.0 * weights / largest),
         f=-2.0 * weights / largest * nominal,
-        A=rows,
+        A=np.vstack([equality, np.eye(3, 5)]),
         lower=np.array([0.0, 0.0, *problem.step_low, problem.tau_low]),
         upper=np.array([0.0, 0.0, *problem.step_high, problem.tau_high]),
         soft_weight=np.zeros(5),
     )
 
 
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
 class StepConstants(NamedTuple):
-    """Scalars of the compiled loop; flags are 1 or 0."""
+    """Scalars of the compiled loop; those of `PlannerConfig` have its names. Switches are 1 or 0."""
 
     omega: float  # [1/s]
     pelvis_width: float  # l_p [m]
+    carry: float  # share of the push estimate that is still to come: 1 - exp(-omega push_carry)
+    trunk_gain: float  # CMP per trunk acceleration that the debt of the trunk counts with [m s^2]
+    transfer: float  # c = kappa(0)
+    adapt: float  # 0 gives the nominal gait
+    capture_point: float  # 1: `_write_capture_step` in the place of eq. 3, also ahead of linear MPC
     alpha_step: float
     alpha_duration: float
     alpha_offset: float
     adapt_step: float
     adapt_duration: float
-    duration_margin: float  # [s]
-    freeze: float  # [s]
-    touchdown_delay: float  # [s]
-    upright_stiffness: float  # [1/s^2]
-    upright_damping: float  # [1/s]
-    carry: float  # share of the push estimate that is still to come: 1 - exp(-omega push_carry)
-    trunk_gain: float  # CMP per trunk acceleration that the debt of the trunk counts with [m s^2]
-    push_threshold: float  # [m]
-    double_support: float  # d [s]
-    period: float  # for which the first inputs are held [s]
-    transfer: float  # c = kappa(0)
-    swing_acceleration: float  # bound of the swing foot's; 0: none [m/s^2]
-    adapt: float  # 0 gives the nominal gait
-    capture_point: float  # 1: the rule of `capture_step` in the place of eq. 3, also ahead of linear MPC
+    duration_margin: float
+    swing_acceleration: float
+    freeze: float
+    touchdown_delay: float
+    double_support: float
+    push_threshold: float
+    first_interval_min: float
+    upright_stiffness: float
+    upright_damping: float
 
 
 CONSTANTS = len(StepConstants._fields)
 
 
-def pack_constants(
-    robot: RobotModel, limits: GaitLimits, config: PlannerConfig, adapt: bool = True
-) -> NDArray[np.float64]:
-    """`StepConstants` as an array (CONSTANTS,).
-
-    Raises:
-        InvalidValueError: a pelvis wider than the step box, or a double support longer than the shortest
-            step.
-    """
-    check_pelvis(robot, limits)
-    check_double_support(config.double_support, limits)
-    return np.array(
-        StepConstants(
-            omega=robot.omega,
-            pelvis_width=robot.pelvis_width,
-            alpha_step=config.alpha_step,
-            alpha_duration=config.alpha_duration,
-            alpha_offset=config.alpha_offset,
-            adapt_step=float(config.adapt_step),
-            adapt_duration=float(config.adapt_duration),
-            duration_margin=config.duration_margin,
-            freeze=config.freeze,
-            touchdown_delay=config.touchdown_delay,
-            upright_stiffness=config.upright_stiffness,
-            upright_damping=config.upright_damping,
-            carry=-math.expm1(-robot.omega * config.push_carry),
-            trunk_gain=robot.cmp_per_trunk_acceleration * config.trunk_debt,
-            push_threshold=config.push_threshold,
-            double_support=config.double_support,
-            period=config.first_interval_min,
-            transfer=transfer_weight(0.0, config.double_support, robot.omega),
-            swing_acceleration=config.swing_acceleration,
-            adapt=float(adapt),
-            capture_point=float(config.foothold != "optimal"),
-        )
-    )
-
-
 @njit(cache=True)
 def constants_of(packed: Any) -> StepConstants:
-    """The constants of `pack_constants` by name."""
+    """The constants of a `StepPlanner` by name."""
     return StepConstants(*to_fixed_tuple(packed, CONSTANTS))
-
-
-_SWING_X, _SWING_SPEED_X = SWING_POSITION.start, SWING_VELOCITY.start
-
-
-@njit(cache=True)
-def swing_time(distance, speed, acceleration):  # pragma: no cover
-    """Time [s] in which a foot with a speed [m/s] towards its target can come to rest there.
-
-    Accelerating and braking with a: (2 sqrt(a d + v^2 / 2) - v) / a. With a = 4 sqrt(3) / 10 of the bound
-    it is the time of the rest-to-rest quintic whose peak acceleration, 10 d / (sqrt(3) t^2), is that bound,
-    and half-way along it, too, to 0.1 %.
-    """
-    a = 0.4 * math.sqrt(3.0) * acceleration
-    return max((2.0 * math.sqrt(a * distance + 0.5 * speed * speed) - speed) / a, 0.0)
-
-
-@njit(cache=True)
-def time_to_place(obs, x, y, acceleration):  # pragma: no cover
-    """`swing_time` [s] of the observed swing foot to (x, y), canonical frame [m]."""
-    dx, dy = x - obs[_SWING_X], y - obs[_SWING_X + 1]
-    distance = math.hypot(dx, dy)
-    speed = (dx * obs[_SWING_SPEED_X] + dy * obs[_SWING_SPEED_X + 1]) / max(distance, 1e-9)
-    return swing_time(distance, speed, acceleration)
-
-
-@njit(cache=True)
-def write_capture_step(obs, c, low, high, nominal, row):  # pragma: no cover
-    """Place [m] and time [s] of the step and its DCM offset [m] into `row`; T is nominal, if not past."""
-    row[DURATION] = max(nominal[NOMINAL_DURATION], obs[ELAPSED] + c.duration_margin)
-    growth = math.exp(c.omega * (row[DURATION] + c.touchdown_delay - obs[ELAPSED]))
-    for axis in range(2):
-        dcm, step = row[DCM_AHEAD + axis] - row[SHIFT + axis], nominal[NOMINAL_STEP + axis]
-        error = dcm - (step + row[NOMINAL_OFFSET + axis]) / growth
-        row[STEP + axis] = min(max(step + error / (1.0 - c.transfer), low[axis]), high[axis])
-        row[OFFSET + axis] = dcm * growth - row[STEP + axis]
-
-
-_DCM, _COMMAND, _ANGLE, _RATE = DCM.start, COMMAND.start, TRUNK_ANGLE.start, TRUNK_RATE.start
-_PREVIOUS, _PUSH, _SWING = PREVIOUS_ACTION.start, PUSH_ESTIMATE.start, SWING_POSITION.start
-LARGEST = 1e15  # of an observation's entries: far beyond any robot, and no square of a product overflows
-LATEST = 300.0  # of omega times the time since the step began, for exp(omega t)
-SWING_ROUNDS = 3  # a later step lies elsewhere, so the time it needs is found in rounds
-
-Floats = NDArray[np.float64]
 
 
 class StepPlanner:
@@ -403,32 +293,88 @@ class StepPlanner:
             InvalidValueError: a pelvis wider than the step box, or a double support longer than the shortest
                 step.
         """
-        self._constants = pack_constants(robot, limits, config, adapt)
-        self._box = limits.box
+        check_pelvis(robot, limits)
+        check_double_support(config.double_support, limits)
+        constants = StepConstants(
+            omega=robot.omega,
+            pelvis_width=robot.pelvis_width,
+            carry=-math.expm1(-robot.omega * config.push_carry),
+            trunk_gain=robot.cmp_per_trunk_acceleration * config.trunk_debt,
+            transfer=transfer_weight(0.0, config.double_support, robot.omega),
+            adapt=float(adapt),
+            capture_point=float(config.foothold != "optimal"),
+            **config.numbers(StepConstants._fields),
+        )
+        self._constants, self._box = np.array(constants), limits.box
         self._latest = LATEST / robot.omega  # [s]
 
     def plan(self, observations: Floats, rows: Floats) -> None:
-        """Write the plans of observations (n, 36) into rows (n, ROW_SIZE); see `columns`.
+        """Write the plans of observations (n, 36) into rows (n, ROW_SIZE).
 
         Raises:
             InvalidValueError: an observation is not finite, or far too large to be a robot's.
         """
-        if not plan_steps(observations, rows, self._constants, self._box):
-            raise InvalidValueError(self._refusal(observations))
-
-    def _refusal(self, observations: Floats) -> str:
-        """Why there is no plan for all of the observations."""
+        if plan_steps(observations, rows, self._constants, self._box):
+            return
         if not np.isfinite(observations).all():
-            return "observation must be finite, got NaN or infinity"
+            raise InvalidValueError("observation must be finite, got NaN or infinity")
         if (largest := np.abs(observations).max()) > LARGEST:
-            return f"observation must lie within +-{LARGEST:g} in every entry, got {largest:g}"
+            raise InvalidValueError(
+                f"observation must lie within +-{LARGEST:g} in every entry, got {largest:g}"
+            )
         elapsed = observations[np.abs(observations[:, ELAPSED]).argmax(), ELAPSED]
-        return f"an observation's elapsed time must lie within +-{self._latest:g} s, got {elapsed:g} s"
+        raise InvalidValueError(
+            f"an observation's elapsed time must lie within +-{self._latest:g} s, got {elapsed:g} s"
+        )
+
+
+@njit(cache=True)
+def swing_time(distance, speed, acceleration):  # pragma: no cover
+    """Time [s] in which a foot with a speed [m/s] towards its target can come to rest there.
+
+    Accelerating and braking with a: (2 sqrt(a d + v^2 / 2) - v) / a. With a = 4 sqrt(3) / 10 of the bound
+    it is the time of the rest-to-rest quintic whose peak acceleration, 10 d / (sqrt(3) t^2), is that bound,
+    and half-way along it, too, to 0.1 %.
+    """
+    a = 0.4 * math.sqrt(3.0) * acceleration
+    return max((2.0 * math.sqrt(a * distance + 0.5 * speed * speed) - speed) / a, 0.0)
+
+
+@njit(cache=True)
+def time_to_place(obs, x, y, acceleration):  # pragma: no cover
+    """`swing_time` [s] of the observed swing foot to (x, y), canonical frame [m]."""
+    dx, dy = x - obs[_SWING], y - obs[_SWING + 1]
+    distance = math.hypot(dx, dy)
+    speed = (dx * obs[_SWING_SPEED] + dy * obs[_SWING_SPEED + 1]) / max(distance, 1e-9)
+    return swing_time(distance, speed, acceleration)
+
+
+@njit(cache=True)
+def _write_capture_step(obs, c, low, high, nominal, row):  # pragma: no cover
+    """Write the field's first foothold: the capture point's error moves it one for one, T stays nominal.
+
+    Raibert (1986, chapter 2) places a foot at half of what the body covers in a stance, and moves it by
+    k (v - v_des); with k = 1 / omega the sum of place and velocity is the capture point (Pratt et al. 2006),
+    xi. On a periodic gait with sway the nominal state at the same moment t stands for the half stance:
+
+        u = u_nom + (xi - xi_nom(t)) / (1 - c),    xi_nom(t) = (u_nom + b_nom) exp(-omega (T + delay - t)),
+
+    clipped to the step box; c is 0 but in double support. Nothing is predicted: an error e grows to
+    e exp(omega (T - t)) until touchdown, and the foot follows it as it grows. Where it can follow to the end,
+    b = b_nom. Place [m], time [s] and DCM offset [m] go into `row`; a T that is past becomes now.
+    """
+    row[DURATION] = max(nominal[NOMINAL_DURATION], obs[ELAPSED] + c.duration_margin)
+    growth = math.exp(c.omega * (row[DURATION] + c.touchdown_delay - obs[ELAPSED]))
+    for axis in range(2):
+        dcm, step = row[DCM_AHEAD + axis] - row[SHIFT + axis], nominal[NOMINAL_STEP + axis]
+        error = dcm - (step + row[NOMINAL_OFFSET + axis]) / growth
+        row[STEP + axis] = min(max(step + error / (1.0 - c.transfer), low[axis]), high[axis])
+        row[OFFSET + axis] = dcm * growth - row[STEP + axis]
 
 
 @njit(cache=True)
 def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
-    """What the DCM still gets from stopping the trunk as fast as the torque can [m].
+    """Shift of the DCM that stopping the trunk as fast as the torque can will still bring [m].
 
     Braking with -a for |rate| / a seconds moves the CMP by -gain a, in all, discounted to now,
     int omega exp(-omega s) gain a ds = gain a (1 - exp(-omega |rate| / a)), away from the lean's motion.
@@ -440,21 +386,8 @@ def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
 
 
 @njit(cache=True)
-def _wait_for_swing(obs, c, reach, tau_high, problem, solution):  # pragma: no cover
-    """Solve again with the T that the swing foot needs for the place found, until it has enough."""
-    for _ in range(SWING_ROUNDS):
-        x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
-        swing = time_to_place(obs, x, y, c.swing_acceleration)
-        needed = math.exp(c.omega * (obs[ELAPSED] + swing))
-        if solution[SOLVED_TAU] >= min(needed, tau_high):
-            return
-        problem[TAU_LOW] = min(needed, tau_high)
-        solve_step_kernel(problem, solution)
-
-
-@njit(cache=True)
 def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cover
-    """The problem of one observation, see `step_problem`; returns its upper bound of tau.
+    """The packed problem of one observation; returns its upper bound of tau.
 
     tau may not lie before the present: tau >= exp(omega (t + margin)), and where even T_max has passed the
     upper bound gives way.
@@ -483,13 +416,22 @@ def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cove
 
 @njit(cache=True)
 def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
-    """Solve stage 1 for one observation: place and time of the step and its offset into `row`."""
+    """Solve stage 1 for one observation: place and time of the step and its offset into `row`.
+
+    Where the swing foot needs longer to the place found, it is solved again with the T that the foot needs.
+    """
     reach = 1.0 - c.transfer
     problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
     tau_high = _write_problem(obs, c, low, high, nominal, row, problem)
     solve_step_kernel(problem, solution)
-    if c.swing_acceleration > 0.0:
-        _wait_for_swing(obs, c, reach, tau_high, problem, solution)
+    for _ in range(SWING_ROUNDS if c.swing_acceleration > 0.0 else 0):
+        x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
+        swing = time_to_place(obs, x, y, c.swing_acceleration)
+        needed = math.exp(c.omega * (obs[ELAPSED] + swing))
+        if solution[SOLVED_TAU] >= min(needed, tau_high):
+            break
+        problem[TAU_LOW] = min(needed, tau_high)
+        solve_step_kernel(problem, solution)
     row[DURATION] = max(math.log(solution[SOLVED_TAU]) / c.omega, low[DURATION])
     for axis in range(2):
         row[STEP + axis] = min(max(solution[SOLVED_STEP + axis] / reach, low[axis]), high[axis])
@@ -497,21 +439,9 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
 
 
 @njit(cache=True)
-def _previous_duration(obs, low, high):  # pragma: no cover
-    """T that the previous action asks for [s]."""
-    return unscaled(obs[_PREVIOUS + DURATION], low[DURATION], high[DURATION])
-
-
-@njit(cache=True)
-def _is_ending(obs, c, low, high):  # pragma: no cover
-    """Whether too little of the previous action's step remains to plan it anew."""
-    return c.freeze > 0.0 and _previous_duration(obs, low, high) - obs[ELAPSED] < c.freeze
-
-
-@njit(cache=True)
 def _hold(obs, c, low, high, row):  # pragma: no cover
     """Take place and time from the previous action."""
-    duration = _previous_duration(obs, low, high)
+    duration = unscaled(obs[_PREVIOUS + DURATION], low[DURATION], high[DURATION])
     growth = math.exp(c.omega * (max(duration, obs[ELAPSED]) + c.touchdown_delay - obs[ELAPSED]))
     for i in range(DURATION + 1):
         row[i] = unscaled(obs[_PREVIOUS + i], low[i], high[i])
@@ -525,7 +455,7 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
     adapt, push = c.adapt > 0.0, math.hypot(obs[_PUSH], obs[_PUSH + 1])
     carry = c.carry if push >= c.push_threshold else 0.0
     shift = transfer_weight(obs[ELAPSED], c.double_support, c.omega)
-    share = transfer_mean(obs[ELAPSED], c.period, c.double_support, c.omega)
+    share = transfer_mean(obs[ELAPSED], c.first_interval_min, c.double_support, c.omega)
     for axis in range(2):
         row[DCM_AHEAD + axis] = obs[_DCM + axis] + carry * obs[_PUSH + axis]
         row[SHIFT + axis] = shift * obs[_SWING + axis] if shift > 0.0 else 0.0
@@ -535,50 +465,44 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
         obs[_COMMAND], obs[_COMMAND + 1], c.pelvis_width, low, high, c.omega, c.touchdown_delay, nominal,
         c.double_support,
     )  # fmt: skip
-    held = adapt and _is_ending(obs, c, low, high)
+    previous = unscaled(obs[_PREVIOUS + DURATION], low[DURATION], high[DURATION])
+    held = adapt and c.freeze > 0.0 and previous - obs[ELAPSED] < c.freeze  # too little of the step remains
     if not adapt:
         row[STEP], row[STEP + 1] = nominal[NOMINAL_STEP], nominal[NOMINAL_STEP + 1]
         row[DURATION] = nominal[NOMINAL_DURATION]
         row[OFFSET], row[OFFSET + 1] = row[NOMINAL_OFFSET], row[NOMINAL_OFFSET + 1]
     elif not held or carry > 0.0:
         if c.capture_point > 0.0:
-            write_capture_step(obs, c, low, high, nominal, row)
+            _write_capture_step(obs, c, low, high, nominal, row)
         else:
             _adapt(obs, c, low, high, nominal, row)
         # a push reopens an ending step for one that will not be held at once
-        held = held and row[DURATION] - obs[ELAPSED] < c.freeze + 0.5 * c.period
+        held = held and row[DURATION] - obs[ELAPSED] < c.freeze + 0.5 * c.first_interval_min
     if held:
         _hold(obs, c, low, high, row)
     row[HELD], row[STATUS] = (1.0 if held else 0.0), 0.0
     row[REMAINING] = max(row[DURATION] - obs[ELAPSED], 0.0) + c.touchdown_delay
     for axis in range(2):
-        row[TARGET + axis] = (
-            row[STEP + axis]
-            + row[NOMINAL_OFFSET + axis]
-            + c.transfer * (nominal[NOMINAL_STEP + axis] - row[STEP + axis])
-        )
+        nominal_end = row[STEP + axis] + row[NOMINAL_OFFSET + axis]
+        row[TARGET + axis] = nominal_end + c.transfer * (nominal[NOMINAL_STEP + axis] - row[STEP + axis])
         row[DCM_END + axis] = row[STEP + axis] + row[OFFSET + axis]
         lean = -c.upright_stiffness * obs[_ANGLE + axis] - c.upright_damping * obs[_RATE + axis]
         row[TRUNK + axis] = min(max(lean, low[TRUNK + axis]), high[TRUNK + axis])
 
 
-@njit(cache=True)
-def all_bounded(observations, latest):  # pragma: no cover
-    """Whether all entries of observations (n, 36) lie within +-LARGEST, elapsed times within +-latest [s]."""
-    bounded = True
+@njit(cache=True, nogil=True)
+def plan_steps(observations, rows, constants, box):  # pragma: no cover
+    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where an entry is out of all bounds.
+
+    Entries lie within +-LARGEST, and the times since the step began within +-LATEST / omega [s].
+    """
+    c, low, high = constants_of(constants), box[0], box[1]
+    bounded, latest = True, LATEST / c.omega
     for i in range(observations.shape[0]):
         bounded = bounded and abs(observations[i, ELAPSED]) <= latest
         for j in range(observations.shape[1]):
             bounded = bounded and abs(observations[i, j]) <= LARGEST  # NaN is not
+    if bounded:
+        for i in range(observations.shape[0]):
+            plan_step(observations[i], c, low, high, rows[i])
     return bounded
-
-
-@njit(cache=True, nogil=True)
-def plan_steps(observations, rows, constants, box):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where one is not `all_bounded`."""
-    c, low, high = constants_of(constants), box[0], box[1]
-    if not all_bounded(observations, LATEST / c.omega):
-        return False
-    for i in range(observations.shape[0]):
-        plan_step(observations[i], c, low, high, rows[i])
-    return True

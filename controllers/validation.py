@@ -1,23 +1,21 @@
-"""Checks of user input: numbers, choices, JSON, and robots that a preset or a policy was made for.
+"""Checks of user input: each returns the clean value or raises an error naming the value and the bound.
 
-Checks of user input: each returns the clean value or raises an error naming the value and the bound.
-
-JSON that users hand in, refused with one kind of error whatever it holds, and what goes into JSON.
-
-What differs between the robot that something was made for and another one.
+Numbers may be Python's or numpy's scalars and become Python's; True and False are no numbers, and neither are
+arrays without a dimension.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
 
-from .errors import InvalidValueError, UnknownNameError, shown
+from .errors import InvalidValueError, UnknownNameError, is_finite_number, is_integer, shown
 
 K = TypeVar("K")
 
@@ -32,7 +30,7 @@ def require_number(
     name: str, value: object, low: float = -math.inf, high: float = math.inf, open_low: bool = False
 ) -> float:
     """A finite float in [low, high] (or (low, high]); raises InvalidValueError naming the bound."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise InvalidValueError(f"{name} must be a number, got {shown(value)}")
     try:
         number = float(value)
@@ -48,7 +46,7 @@ def require_number(
 
 def require_integer(name: str, value: object, low: int = 0, high: int | None = None) -> int:
     """An integer in [low, high], of any size without `high`; raises InvalidValueError naming the bound."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+    if is_integer(value):
         number = int(value)
         if low <= number and (high is None or number <= high):
             return number
@@ -83,14 +81,14 @@ def require_keys(kind: str, data: object, required: set[str], optional: set[str]
 
 
 def parse_json(what: str, text: str | bytes) -> Any:
-    """What a JSON text holds.
+    """The content of a JSON text that a user has handed in.
 
     Args:
-        what: What the text is, for the error: "scenario", "suite file 'x.json'".
+        what: name of the text for the error: "scenario", "suite file 'x.json'".
         text: JSON; bytes are UTF-8.
 
     Raises:
-        InvalidValueError: No JSON, no UTF-8, an integer of more digits than Python reads, or lists
+        InvalidValueError: no JSON, no UTF-8, an integer of more digits than Python reads, or lists
             and objects nested deeper than Python's stack.
     """
     try:
@@ -102,35 +100,35 @@ def parse_json(what: str, text: str | bytes) -> Any:
 
 
 def changed_fields(value: Any) -> dict[str, Any]:
-    """Fields of a dataclass object that differ from their default: name -> value, in order.
-
-    One without a default always counts as changed.
-    """
+    """Fields of a dataclass object that differ from their default, or have none: name -> value, in order."""
     pairs = ((field, getattr(value, field.name)) for field in fields(value))
     return {field.name: own for field, own in pairs if own != field.default}
 
 
-CLOSE = 1e-9  # relative difference of numbers that count as one
+def keep_python_numbers(record: Any) -> None:
+    """Put Python's numbers in the place of numpy's in the fields of a frozen dataclass object.
+
+    A float32 would make all arithmetic with it single precision, and JSON knows Python's numbers only.
+    """
+    for field in fields(record):
+        if isinstance(value := getattr(record, field.name), np.generic):
+            object.__setattr__(record, field.name, value.item())
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """The entries of two records that differ, as "mass 60 there and 33.3 here"; empty where none does.
 
-    Entries that only one of them has are left out.
+    Entries that only one of them has are left out; numbers may differ by 1e-9 of the larger one.
     """
-    found = [
-        f"{name} {_short(value)} there and {_short(here[name])} here"
-        for name, value in there.items()
-        if name in here and not _same(value, here[name])
-    ]
-    return ", ".join(found)
 
-
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, bool) or not isinstance(one, int | float) or not isinstance(other, int | float):
+    def same(one: Any, other: Any) -> bool:
+        if is_finite_number(one) and is_finite_number(other):
+            return math.isclose(one, other, rel_tol=1e-9)
         return bool(one == other)
-    return abs(one - other) <= CLOSE * max(abs(one), abs(other))
 
+    def short(value: Any) -> str:
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
 
-def _short(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    both = [(name, value, here[name]) for name, value in there.items() if name in here]
+    found = [(name, short(one), short(other)) for name, one, other in both if not same(one, other)]
+    return ", ".join(f"{name} {one} there and {other} here" for name, one, other in found)

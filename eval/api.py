@@ -17,12 +17,12 @@ from .rollout.episodes import rollout as run_episode
 from .rollout.names import DEFAULT_ENV, TABLE_ARMS
 from .rollout.outcome import Outcome
 from .rollout.policy_source import acting_in
-from .score.evaluate import Comparison, Evaluation, write_reports
+from .score.evaluate import Comparison, Evaluation
 from .score.evaluate import compare as compare_sources
 from .score.evaluate import evaluate as evaluate_sources
 from .score.frontier import Frontier, FrontierSettings, default_grid
 from .score.frontier import frontier as scan_directions
-from .score.report import evaluation_markdown
+from .score.report import write_evaluation_reports
 from .score.suites import Suite, on_robots, pushes_on
 
 
@@ -64,7 +64,7 @@ def evaluate(
     """
     chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
     evaluation = evaluate_sources(chosen, env, policies, workers, directory, overwrite)
-    write_reports(evaluation, evaluation_markdown(with_ceiling(evaluation, workers, overwrite)))
+    write_evaluation_reports(evaluation, with_ceiling(evaluation, workers, overwrite))
     return evaluation
 
 

@@ -31,7 +31,7 @@ from .hindsight import (
 from .output.progress import Work, about, episode_seconds, progress_bars
 from .output.rows import RowFile
 from .output.statistics import PairedCounts
-from .output.tables import markdown_table
+from .output.tables import Table, markdown_page, write_reports
 from .rollout.environments import make_env
 from .rollout.episodes import action_rule
 from .rollout.names import DEFAULT_ENV
@@ -39,7 +39,7 @@ from .rollout.outcome import Score
 from .rollout.workers import parallel
 from .score.evaluate import FORMAT as ROWS_FORMAT
 from .score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate
-from .score.report import COLUMNS, RECOVERED_NOTE, evaluation_cells, evaluation_title
+from .score.report import rates_table
 from .score.suites import Suite
 from .search import SequenceRule
 
@@ -282,21 +282,20 @@ def _settings(data: object) -> CeilingSettings:
     return CeilingSettings(**require_keys("settings of a ceiling", data, names, set()))
 
 
-REPORT = "report.md"
-SHARE_COLUMNS = ("policy", "recovered", "share of the ceiling", "below it", "p")
 NOTE = (
     f"`{CEILING}`: pushes that a policy recovers from, or for which a search with hindsight found an answer: "
-    "a lower bound on what is possible with these actions.\n"
+    "a lower bound on what is possible with these actions."
 )
 
 
-def ceiling_cells(found: Ceiling) -> list[tuple[str, ...]]:
-    """One row of cells for each policy and the ceiling, in COLUMNS of an evaluation."""
-    return evaluation_cells(replace(found.evaluation, rows=found.rows))
+def ceiling_table(found: Ceiling) -> Table:
+    """Rates of each policy and of the ceiling."""
+    table = rates_table(replace(found.evaluation, rows=found.rows))
+    return replace(table, note=f"{table.note} {NOTE}")
 
 
-def share_cells(found: Ceiling) -> list[tuple[str, ...]]:
-    """How near each policy comes to the ceiling, in SHARE_COLUMNS."""
+def shares_table(found: Ceiling) -> Table:
+    """How near each policy comes to the ceiling."""
     rows, most = found.rows, found.score.recovered
     cells = []
     for name in found.evaluation.rows:
@@ -304,7 +303,8 @@ def share_cells(found: Ceiling) -> list[tuple[str, ...]]:
         recovered = pairs.both + pairs.only_b
         share = f"{recovered / most:.3f}" if most else "-"
         cells.append((name, str(recovered), share, str(pairs.only_a), f"{pairs.p_value:.2g}"))
-    return cells
+    columns = ("policy", "recovered", "share of the ceiling", "below it", "p")
+    return Table("Policies below it", columns, cells, "p: exact McNemar.")
 
 
 def search_lines(found: Ceiling) -> str:
@@ -332,17 +332,8 @@ def search_lines(found: Ceiling) -> str:
 def write_ceiling_reports(found: Ceiling) -> Path:
     """Write report.json, report.md and answers.json beside the searches; returns the path of the report."""
     Answers.of(found).save(found.directory / FILE)
-    write_text(found.directory / "report.json", json.dumps(found.to_dict(), indent=1) + "\n")
-    title = evaluation_title(found.evaluation)
-    table, shares = (
-        markdown_table(COLUMNS, ceiling_cells(found)),
-        markdown_table(SHARE_COLUMNS, share_cells(found)),
-    )
-    path = found.directory / REPORT
-    searches = f"## Searches\n\n{search_lines(found)}"
-    below = f"## Policies below it\n\n{shares}\np: exact McNemar.\n"
-    write_text(path, f"# Ceiling\n\n{title}\n\n{table}\n{RECOVERED_NOTE}{NOTE}\n{searches}\n{below}")
-    return path
+    tables = markdown_page("Ceiling", [ceiling_table(found), shares_table(found)])
+    return write_reports(found.directory, found.to_dict(), f"{tables}\n## Searches\n\n{search_lines(found)}")
 
 
 REPLAYED = "ceiling-replayed"  # folder of the rows, below the directory of the evaluation

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
-from push_recovery.eval.reproduction import style
+from push_recovery.eval.record import style
 
 COLOURS = {"controllers": "#cfe3f5", "envs": "#d9efd3", "eval": "#fbe3c8", "training": "#e6dbf2"}
 INK = "#333333"

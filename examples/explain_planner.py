@@ -16,12 +16,11 @@ from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.qp import solve_qp
 from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.stage_1 import StepPlan, StepProblem, solve_step, stopping_debt, swing_time
-from push_recovery.controllers.stage_2.problem import explicit_problem
 from push_recovery.controllers.stage_2.single_support import CopPlanner
 from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.robots.biped import biped_model
-from push_recovery.eval.reproduction import style
-from push_recovery.eval.reproduction.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
+from push_recovery.eval.record import style
+from push_recovery.eval.record.style import COM_COLOUR, COP_COLOUR, DCM_COLOUR, WIDTH, new_figure
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
@@ -146,8 +145,7 @@ def horizon() -> Any:
     config = preset_config("default")
     planner = CopPlanner(ROBOT, LIMITS, config)
     remaining, dcm, target = LIMITS.duration_min, 0.29, LIMITS.length_max + NOMINAL.offset_x
-    bounds = planner.bounds(0, 0.0)
-    problem = explicit_problem(ROBOT, config, remaining, dcm, 0.0, 0.0, target, 0.0, *bounds)
+    problem = planner.program(np.array([remaining, dcm, 0, 0, 0, 0, 0, target, 0, 0, 0]), 0)
     x = solve_qp(problem.qp, "daqp").x
     cops, trunk = x[: problem.cops], x[problem.cops :]
     edges = np.concatenate([[0.0], np.cumsum(problem.durations)])
@@ -166,10 +164,10 @@ def horizon() -> Any:
     rows[0].set(ylabel="DCM [m]", ylim=(0.2, 0.9))
     rows[0].legend(loc="upper right")
     rows[1].stairs(cops, edges[: problem.cops + 1], baseline=None, color=COP_COLOUR, lw=2)
-    rows[1].axhline(bounds[0], color=GREY, ls=":")
+    rows[1].axhline(problem.qp.upper[0], color=GREY, ls=":")
     rows[1].set(ylabel="CoP [m]", ylim=(-0.02, 0.13))
     rows[2].stairs(trunk, edges, baseline=None, color=EARLY, lw=2)
-    for bound in bounds[1:]:
+    for bound in (problem.qp.lower[problem.cops], problem.qp.upper[problem.cops]):
         rows[2].axhline(bound, color=GREY, ls=":")
     rows[2].set(ylabel="trunk\n[rad/s²]", ylim=(-23, 23))
     angle, rate, lean = 0.0, 0.0, [0.0]

@@ -20,7 +20,7 @@ from push_recovery.envs.biped.posture import leg_geometry
 from push_recovery.envs.biped.view import set_posture
 from push_recovery.envs.rendering import Canvas
 from push_recovery.envs.robots.biped import biped, biped_model
-from push_recovery.eval.reproduction.style import (
+from push_recovery.eval.record.style import (
     COM_COLOUR,
     COP_COLOUR,
     PUSH_COLOUR,

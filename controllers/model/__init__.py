@@ -1,1 +1,1 @@
-"""What is known without looking: the robot, its gait box, its nominal gait and what can be captured."""
+"""The robot, its gait box, its observation, its nominal gait, and the limits of recovery."""

@@ -1,4 +1,4 @@
-"""What can be recovered from at all: closed-form limits of the DCM offset, and of a push.
+"""Limits of recovery in closed form: of the DCM offset, and of a push.
 
 Let c be the largest and d the smallest lateral DCM (towards the swing side) at the start of a step from which
 the widest and narrowest steps at T_min still alternate for ever, and lambda = exp(omega T_min):
@@ -53,7 +53,7 @@ class OffsetBounds:
 
 
 class CaptureConstants(NamedTuple):
-    """What the compiled bounds need of a robot and its step box."""
+    """Scalars of a robot and its step box for the compiled bounds."""
 
     omega: float  # [1/s]
     length_min: float  # [m]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError, is_finite_number, shown
 from ..jit import njit
-from ..validation import require_kind
+from ..validation import keep_python_numbers, require_kind
 from .robot import RobotModel
 
 GAIT_NAMES = ("step_length", "step_width", "step_duration", "cop_x", "cop_y", "trunk_pitch_acceleration",
@@ -49,6 +49,7 @@ class GaitLimits:
     trunk_roll: bool = True  # whether it can be accelerated aside
 
     def __post_init__(self) -> None:
+        keep_python_numbers(self)
         for field in fields(self):
             if isinstance(field.default, bool):
                 require_kind(f"GaitLimits.{field.name}", getattr(self, field.name), bool)

@@ -1,9 +1,8 @@
-"""The canonical frame, and the layout of the gait observation in it.
+"""The canonical frame, and the layout of the gait observation in it: all that the planner needs.
 
-The canonical frame: origin at the centre of the stance sole, x forwards, y towards the swing side.
-
-In it left and right stance are one problem. With psi the heading and s the sign of its y, -1 on the left foot
-(whose swing side is the right one) and 1 on the right foot, a horizontal vector of the world v reads
+The canonical frame has its origin at the centre of the stance sole, x forwards and y towards the swing side,
+so that left and right stance are one problem. With psi the heading and s the sign of its y, -1 on the left
+foot (whose swing side is the right one) and 1 on the right foot, a horizontal vector of the world v reads
 
     v_x' = cos(psi) v_x + sin(psi) v_y,    v_y' = s (cos(psi) v_y - sin(psi) v_x),
 
@@ -14,11 +13,9 @@ and back, with w = s v_y',
 A sign of 1 on either foot gives the frame of the heading, whose y points to the left. Angles and rates about
 the vertical axis, and leans towards y, take the sign s alone.
 
-Layout of the gait observation: all that the planner needs, in the canonical frame.
-
-One flat vector serves the planner and the networks, for the pendulum and for the biped. Positions [m] are
-relative to the centre of the stance sole, x along the heading, y towards the swing side; velocities [m/s]
-are of the world, in the same axes. Lean angles [rad] are positive towards +x (pitch) and +y (roll).
+The observation is one flat vector for the planner and the networks, for the pendulum and for the biped.
+Positions [m] are relative to the centre of the stance sole; velocities [m/s] are of the world, in the same
+axes. Lean angles [rad] are positive towards +x (pitch) and +y (roll).
 """
 
 from __future__ import annotations
@@ -104,7 +101,7 @@ PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
 # delta = (xi - (exp(omega dt) xi_before - (exp(omega dt) - 1) cmp)) / (exp(omega dt) - 1)  [m]
 PUSH_ESTIMATE = slice(34, 36)
 
-# Columns of DCM, CoP and CMP in the world [m], which `info` tells; of a pair (x, y) the first one
+# Columns of DCM, CoP and CMP in the world [m], for `info`; of a pair (x, y) the first one
 WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4
 WORLD_SIZE = 6
 

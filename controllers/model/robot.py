@@ -1,15 +1,4 @@
-"""The robot as the planner knows it: pendulum constants, roles of its joints, and its size beside others.
-
-Physical constants of the linear inverted pendulum with flywheel.
-
-Which parts of a robot's model play which role in walking, by their names.
-
-Robots of other sizes: what a push of one is to another.
-
-Two robots of which one is the other made larger move alike where lengths go with the CoM's height h, times
-with sqrt(h / g) and forces with the mass m: then accelerations, friction and shares of the weight are the
-same (Froude's similarity; Hof 1996, Scaling gait data to body size).
-"""
+"""The robot as the planner knows it: pendulum constants, roles of its joints, and its size beside others."""
 
 from __future__ import annotations
 
@@ -18,7 +7,7 @@ from dataclasses import dataclass, fields
 from itertools import chain
 
 from ..errors import InvalidValueError, is_finite_number, shown
-from ..validation import require_kind
+from ..validation import keep_python_numbers, require_kind
 
 GRAVITY = 9.81  # [m/s^2]
 SMALLEST, LARGEST = 1e-4, 1e6  # of any constant of a robot, in its unit
@@ -33,7 +22,7 @@ def natural_frequency(com_height: float) -> float:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """What the planner knows of a robot; the defaults are the paper's Table II.
+    """Pendulum with flywheel, the planner's model of a robot; the defaults are the paper's Table II.
 
     The paper leaves the foot's size and the pelvis width open; 0.20 x 0.10 m and 0.20 m are plausible and
     its claims hold with them. Where the waist lacks an axis there is no flywheel about it; inertia, torque
@@ -52,6 +41,7 @@ class RobotModel:
     trunk_roll: bool = True  # whether it can swing it aside
 
     def __post_init__(self) -> None:
+        keep_python_numbers(self)
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(field.default, bool):
@@ -101,10 +91,7 @@ class BodyPlan:
     soles: Pair  # sites in the centres of the soles, x forward, z up
     loads: Pair  # sensors of the normal force under each sole [N]
     sole_boxes: Pair  # geoms that touch the floor, boxes as large as the soles
-    waist: tuple[str | None, str | None] = (
-        None,
-        None,
-    )  # joints about y (pitch) and x (roll), or None
+    waist: tuple[str | None, str | None] = (None, None)  # joints about y (pitch) and x (roll), if any
     bend: tuple[float, ...] = (0.0,) * LEG_JOINTS  # left leg's angles, near which postures are sought [rad]
     held: tuple[tuple[str, float], ...] = ()  # other joints and the angles that they keep [rad]
 
@@ -130,46 +117,51 @@ REFERENCE = RobotModel()  # whose pushes all suites, profiles and training setti
 
 @dataclass(frozen=True)
 class Similarity:
-    """How many times as large each quantity of a robot is as that of another one."""
+    """Ratios of a robot's quantities to another one's: what a push of one is to the other.
+
+    Two robots of which one is the other made larger move alike where lengths go with the CoM's height h,
+    times with sqrt(h / g) and forces with the mass m: then accelerations, friction and shares of the weight
+    are the same (Froude's similarity; Hof 1996, Scaling gait data to body size).
+    """
 
     mass: float = 1.0
     length: float = 1.0
 
     @classmethod
     def of(cls, robot: RobotModel, other: RobotModel = REFERENCE) -> Similarity:
-        """Of a robot to another one, by their masses and CoM heights."""
+        """The ratios of a robot to another one, by their masses and CoM heights."""
         return cls(robot.mass / other.mass, robot.com_height / other.com_height)
 
     @property
     def time(self) -> float:
-        """Of sqrt(h / g), and so of a velocity in m/s."""
+        """Ratio of sqrt(h / g), and so of a velocity in m/s."""
         return self.length**0.5
 
     velocity = time
 
     @property
     def impulse(self) -> float:
-        """Of N s; a force goes with the mass."""
+        """Ratio of a number in N s; a force goes with the mass."""
         return self.mass * self.time
 
     @property
     def torque(self) -> float:
-        """Of N m."""
+        """Ratio of a number in N m."""
         return self.mass * self.length
 
     @property
     def damping(self) -> float:
-        """Of N m s/rad."""
+        """Ratio of a number in N m s/rad."""
         return self.torque * self.time
 
     @property
     def inertia(self) -> float:
-        """Of kg m^2."""
+        """Ratio of a number in kg m^2."""
         return self.mass * self.length**2
 
     @property
     def power(self) -> float:
-        """Of W."""
+        """Ratio of a number in W."""
         return self.mass * self.velocity
 
 

@@ -40,7 +40,7 @@ from .robot import RobotModel
 
 Array = NDArray[np.float64]
 
-STEPS = 10  # that a trajectory has unless told otherwise
+STEPS = 10  # of a trajectory by default
 PENALTY = 1e4  # cost of a metre that the first DCM is moved by, over that of a push that shifts it by a metre
 TOLERANCE = 1e-6  # a first DCM moved by less is not moved [m]
 
@@ -217,7 +217,7 @@ def _axis_rows(problem: TrajectoryProblem, grid: _Grid, axis: int) -> tuple[Any,
     """Equalities of one axis: matrix (rows, variables), column of J (rows, 1), right side (rows,).
 
     Variables: xi (N + 1), theta (N + 1), theta' (N + 1), z (N), a (N), u (steps), and how far the first DCM
-    is moved up and down (2), which keeps the program feasible: HiGHS does not always tell that it is not.
+    is moved up and down (2), which keeps the program feasible: HiGHS does not always report that it is not.
     Rows: DCM (N), theta (N), theta' (N), first DCM (1), last DCM (1).
     """
     robot = problem.robot

@@ -1,23 +1,12 @@
-"""What everything that acts has in common, and the random policy.
-
-What everything that acts has in common, and how a policy that knows less of it is called.
-
-Uniform actions, the floor that any policy must beat.
-"""
+"""The interface of everything that acts, and how a policy that knows less of it is called."""
 
 from __future__ import annotations
 
 import inspect
-import zlib
 from collections.abc import Callable
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from ..errors import InvalidValueError, shown
-from ..model.gait_box import GAIT_SIZE
-from ..model.observation import OBSERVATION_SIZE, as_batch
 
 OPTIONAL = ("state", "episode_start", "deterministic")  # of `predict`, beside the observation
 
@@ -92,7 +81,7 @@ class PlainPolicy:
 
     @property
     def statuses(self) -> Any:
-        """What the solver of the policy's stage 2 said; nothing for a policy without one."""
+        """Statuses of stage 2's solver, see `TwoStagePolicy.statuses`; empty for a policy without one."""
         return getattr(self.policy, "statuses", ())
 
 
@@ -117,7 +106,7 @@ def _method(policy: Any) -> Callable[..., Any]:
 
 
 def _taken(function: Callable[..., Any], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of the names that a function takes as keywords."""
+    """Names, of those given, that a function takes as keywords."""
     try:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # some functions written in C have no signature
@@ -127,34 +116,3 @@ def _taken(function: Callable[..., Any], names: tuple[str, ...]) -> tuple[str, .
     positional = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.VAR_POSITIONAL
     given = {parameter.name for parameter in parameters if parameter.kind not in positional}
     return tuple(name for name in names if name in given)
-
-
-Actions = NDArray[np.float32]
-
-
-class RandomPolicy:
-    """Uniform actions, drawn from a hash of the observation so that equal episodes get equal actions."""
-
-    batchable = memoryless = True
-
-    def __init__(
-        self, name: str = "random", observation_size: int = OBSERVATION_SIZE, action_size: int = GAIT_SIZE
-    ):
-        self.name, self.observation_size, self.action_size = name, observation_size, action_size
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """Actions (action_size,) or (n, action_size), float32 in [-1, 1], and the state, unchanged."""
-        batch, single = as_batch(observation, self.observation_size)
-        if not np.isfinite(batch).all():
-            raise InvalidValueError("observation must be finite, got NaN or infinity")
-        actions = np.empty((len(batch), self.action_size), dtype=np.float32)
-        for obs, action in zip(batch, actions, strict=True):
-            rng = np.random.default_rng(zlib.crc32(obs.tobytes()))
-            action[:] = rng.uniform(-1.0, 1.0, self.action_size)
-        return (actions[0] if single else actions), state

@@ -1,13 +1,7 @@
-"""Learned policies: what they were made for, their files, and how they act.
+"""Learned policies run by numpy, a network alone or its residual on a planner, and their files.
 
-What a learned policy was made for, and what a residual corrects.
-
-Learned policies on disk: NAME.safetensors holds the weights, NAME.json says what they are.
-
-Neither can run code. The JSON carries the SHA-256 of the weights, so that two halves of different policies
-are never taken for one.
-
-A learned policy run by numpy: a network alone, or a network's residual on a planner.
+NAME.safetensors holds the weights, NAME.json the description. Neither can run code. The JSON carries the
+SHA-256 of the weights, so that two halves of different policies are never taken for one.
 """
 
 from __future__ import annotations
@@ -23,13 +17,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidValueError
+from ..errors import InvalidValueError, is_integer
 from ..files import read_file, write_atomically
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import as_doubles
 from ..model.robot import RobotModel
 from ..settings import PlannerConfig
-from ..validation import differences, parse_json
+from ..validation import differences, keep_python_numbers, parse_json
 from .interface import Policy
 from .mlp import OBSERVATION, Mlp, NetworkInputs, Normalisation, check_inputs, input_size
 from .residual import Below, ResidualRule, check_gate, check_residual_scale
@@ -38,7 +32,7 @@ from .two_stage import TwoStagePolicy, make_policy
 
 @dataclass(frozen=True)
 class ResidualBase:
-    """What a residual policy corrects."""
+    """The policy that a residual corrects, and how much."""
 
     policy: str  # name for make_policy
     preset: str  # planner preset
@@ -57,16 +51,14 @@ class ResidualBase:
     def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
         """The policy below, with the weights that it had in training."""
         policy = make_policy(self.policy, robot, limits, self.preset)
-        if isinstance(policy, TwoStagePolicy) and self.config is not None:
-            return TwoStagePolicy(
-                robot, limits, self.config, adapt=self.policy != "passive", name=self.policy
-            )
-        return policy
+        if self.config is None or not isinstance(policy, TwoStagePolicy):
+            return policy
+        return TwoStagePolicy(robot, limits, self.config, adapt=self.policy != "passive", name=self.policy)
 
 
 @dataclass(frozen=True)
 class PolicyDescription:
-    """What a policy was made for; stored beside its weights."""
+    """The robot and the environment that a policy was made for; stored beside its weights."""
 
     env_id: str
     robot: RobotModel
@@ -78,16 +70,17 @@ class PolicyDescription:
     def __post_init__(self) -> None:
         if not isinstance(self.env_id, str):
             raise InvalidValueError(f"env_id must be a name, got {self.env_id!r}")
-        if isinstance(self.hold, bool) or not isinstance(self.hold, int) or self.hold < 1:
+        if not is_integer(self.hold) or self.hold < 1:
             raise InvalidValueError(
                 f"hold must be a whole number of planning periods >= 1, got {self.hold!r}"
             )
+        keep_python_numbers(self)
         object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual is not None))
 
 
 FORMAT = "push-recovery policy"
 FORMAT_VERSION = 3
-# What the files of earlier versions mean by keys that they lack
+# Values of the keys that the files of earlier versions lack
 EARLIER = {1: {"inputs": [OBSERVATION], "output": "linear"}, 2: {"output": "linear"}, FORMAT_VERSION: {}}
 KEYS = ("activation", "action_size", "env_id", "format", "format_version", "hidden_sizes", "hold", "inputs",
         "limits", "observation_clip", "observation_epsilon", "observation_mean", "observation_size",
@@ -113,11 +106,11 @@ def write_policy(
     """Write a policy; returns the path of its weights.
 
     Args:
-        network: Normalised observation -> action mean.
-        normalisation: Of the observation.
-        about: What the policy was made for.
-        path: Either file of the pair, or their common stem.
-        training: How it came about (steps, seed, ...), kept as a note.
+        network: normalised observation -> action mean.
+        normalisation: of the observation.
+        about: robot and environment that the policy was made for.
+        path: either file of the pair, or their common stem.
+        training: steps, seed and so on, kept as a note.
     """
     from safetensors.numpy import save
 
@@ -125,17 +118,7 @@ def write_policy(
     tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
     weights = save(tensors)
-    description = _description(network, normalisation, about)
-    description |= {"weights_sha256": hashlib.sha256(weights).hexdigest(), "training": training or {}}
-    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
-    write_atomically(weights_path, weights)
-    write_atomically(description_path, text)
-    return weights_path
-
-
-def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescription) -> dict[str, Any]:
-    """What the file beside the weights says of them, all but their digest and how they came about."""
-    return {
+    description = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "env_id": about.env_id,
@@ -153,17 +136,23 @@ def _description(network: Mlp, normalisation: Normalisation, about: PolicyDescri
         "residual": None if about.residual is None else asdict(about.residual),
         "robot": asdict(about.robot),
         "limits": asdict(about.limits),
+        "weights_sha256": hashlib.sha256(weights).hexdigest(),
+        "training": training or {},
     }
+    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
+    write_atomically(weights_path, weights)
+    write_atomically(description_path, text)
+    return weights_path
 
 
 def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription]:
-    """Read what `write_policy` wrote.
+    """Read the files of `write_policy`.
 
     Args:
-        path: Either file of the pair, or their common stem.
+        path: either file of the pair, or their common stem.
 
     Raises:
-        InvalidValueError: A file is missing, damaged, of another version, or the two do not belong together.
+        InvalidValueError: a file is missing, damaged, of another version, or the two do not belong together.
     """
     weights_path, description_path = policy_paths(path)
     about = _read_description(description_path)
@@ -189,12 +178,15 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
     return network, normalisation, description
 
 
-def _read_description(path: Path) -> dict[str, Any]:
+def _read(kind: str, path: Path) -> bytes:
     try:
-        text = read_file(path)
+        return read_file(path)
     except OSError as error:
-        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
-    about = parse_json(f"the policy description {path}", text)
+        raise InvalidValueError(f"can't read the policy {kind} {path}: {error.strerror}") from error
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    about = parse_json(f"the policy description {path}", _read("description", path))
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise InvalidValueError(f"{path} is not a policy description (its format must be {FORMAT!r})")
     version = about.get("format_version")
@@ -214,10 +206,7 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    try:
-        content = read_file(path)
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy weights {path}: {error.strerror}") from error
+    content = _read("weights", path)
     if hashlib.sha256(content).hexdigest() != about["weights_sha256"]:
         raise InvalidValueError(
             f"the weights {path} are not those of their JSON (SHA-256 differs): copy both anew"
@@ -228,7 +217,7 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         sizes = [inputs, *about["hidden_sizes"], about["action_size"]]
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise InvalidValueError(f"the policy weights {path} are damaged: {error}") from error
-    if not all(isinstance(size, int) and not isinstance(size, bool) and size > 0 for size in sizes):
+    if not all(is_integer(size) and size > 0 for size in sizes):
         raise InvalidValueError(f"the sizes of a policy must be whole numbers > 0, got {sizes}")
     expected: dict[str, tuple[int, ...]] = {}
     for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
@@ -249,7 +238,7 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
 
 
 def read_residual(values: Any) -> ResidualBase:
-    """What a residual corrects, from the dict of its fields.
+    """A `ResidualBase` from the dict of its fields.
 
     Raises:
         InvalidValueError: other keys, or impossible values.
@@ -274,14 +263,14 @@ PolicyState = tuple[NDArray[Any], ...] | None
 
 
 class LearnedPolicy(ABC):
-    """Whatever learned, with the signature of Stable-Baselines3's predict: its action, held and corrected.
+    """A learned policy with the signature of Stable-Baselines3's predict: its action, held and corrected.
 
     With `hold` k > 1 the learned action is renewed every k calls while the planner below replans in each; the
     count travels in `state`, which the caller hands back, and starts anew where `episode_start` is True.
 
     Args:
-        description: What the policy was made for.
-        base: The policy that a residual corrects; by default made from the description.
+        description: robot and environment that the policy was made for.
+        base: the policy that a residual corrects; by default made from the description.
     """
 
     def __init__(self, description: PolicyDescription, base: Policy | None = None):
@@ -289,12 +278,12 @@ class LearnedPolicy(ABC):
         if residual is not None and self.action_size != GAIT_SIZE:
             raise InvalidValueError(f"a gait residual has {GAIT_SIZE} actions, not {self.action_size}")
         self.description = description
-        if residual is not None and base is None:
-            base = residual.make(description.robot, description.limits)
         self.rule: ResidualRule | None = None  # by which a residual is added
-        if residual is not None and base is not None:
+        if residual is not None:
+            made_for = description.robot, description.limits
+            base = residual.make(*made_for) if base is None else base
             scale = np.asarray(residual.scale, dtype=np.float32)
-            self.rule = ResidualRule(base, description.robot, description.limits, scale, residual.gate)
+            self.rule = ResidualRule(base, *made_for, scale, residual.gate)
 
     @property
     @abstractmethod
@@ -321,24 +310,23 @@ class LearnedPolicy(ABC):
 
         Args:
             observation: (observation_size,) or (n, observation_size).
-            state: What the last call returned; None where a run begins.
-            episode_start: Where an episode begins, one flag or (n,).
-            deterministic: The mean action is returned either way.
+            state: of the last call; None where a run begins.
+            episode_start: where an episode begins, one flag or (n,).
+            deterministic: the mean action is returned either way.
 
         Raises:
-            InvalidValueError: The observation has another shape, or is no array of finite real numbers.
+            InvalidValueError: the observation has another shape, or is no array of finite real numbers.
         """
-        rows, single = self._rows(observation)
-        below = None if self.rule is None else self.rule.below(rows)
+        rows, below, single = self._look(observation)
         action, state = self._held(rows, below, state, episode_start)
         if self.rule is not None and below is not None:
             action = self.rule.total(below, action).total
         return (action[0] if single else action), state
 
     def learned_action(self, observation: ArrayLike) -> NDArray[np.float32]:
-        """The network's own output clipped to [-1, 1], without base or hold: what SB3's predict returns."""
-        rows, single = self._rows(observation)
-        learned = self._learned(rows, None if self.rule is None else self.rule.below(rows))
+        """The network's own output clipped to [-1, 1], without base or hold, as SB3's predict returns it."""
+        rows, below, single = self._look(observation)
+        learned = self._learned(rows, below)
         return learned[0] if single else learned
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
@@ -353,7 +341,8 @@ class LearnedPolicy(ABC):
                     f"{differences(asdict(mine), asdict(theirs))}"
                 )
 
-    def _rows(self, observation: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    def _look(self, observation: ArrayLike) -> tuple[NDArray[np.float64], Below | None, bool]:
+        """Observations as rows, the start of a residual there, and whether it was a single one."""
         values = as_doubles(observation)
         if values.ndim not in {1, 2} or values.shape[-1] != self.observation_size:
             raise InvalidValueError(
@@ -362,7 +351,8 @@ class LearnedPolicy(ABC):
             )
         if not np.all(np.isfinite(values)):
             raise InvalidValueError(f"the observation is not finite: {values}")
-        return np.atleast_2d(values), values.ndim == 1
+        rows = np.atleast_2d(values)
+        return rows, None if self.rule is None else self.rule.below(rows), values.ndim == 1
 
     def _held(
         self,
@@ -396,10 +386,10 @@ class NetworkPolicy(LearnedPolicy):
     """A learned policy whose network numpy runs.
 
     Args:
-        network: Normalised observation -> action mean.
-        normalisation: Of the observation.
-        description: What the policy was made for.
-        base: The policy that a residual corrects; by default made from the description.
+        network: normalised observation -> action mean.
+        normalisation: of the observation.
+        description: robot and environment that the policy was made for.
+        base: the policy that a residual corrects; by default made from the description.
     """
 
     batchable = True
@@ -415,8 +405,7 @@ class NetworkPolicy(LearnedPolicy):
             raise InvalidValueError(
                 f"the network takes {network.sizes[0]} inputs, the normalisation {normalisation.mean.size}"
             )
-        self.network = network
-        self.normalisation = normalisation
+        self.network, self.normalisation = network, normalisation
         super().__init__(description, base)
         self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
 
@@ -431,9 +420,9 @@ class NetworkPolicy(LearnedPolicy):
         return self.network.sizes[-1]
 
     def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
-        """What the network sees of one observation or a batch, (n, inputs), before the normalisation."""
-        rows, _ = self._rows(observation)
-        return self._inputs.rows(rows, None if self.rule is None else self.rule.below(rows))
+        """The network's view of one observation or a batch, (n, inputs), before the normalisation."""
+        rows, below, _ = self._look(observation)
+        return self._inputs.rows(rows, below)
 
     def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
         """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""

@@ -1,6 +1,15 @@
 """Linear model predictive control with automatic footstep placement (Herdt et al.), steps of a fixed time.
 
-What the pendulum does over the rest of this step and two more, linear in jerks and footsteps.
+Herdt, Diedam, Wieber, Dimitrov, Mombaur, Diehl (Advanced Robotics 24, 2010): jerks of the CoM and the next
+two footsteps from one quadratic program with the CoP in the feet and the feet in the step box. Here they are
+deviations from the nominal gait at the same moment, so that the nominal gait is kept where it can be:
+
+    min  sum_k d_k (|z_k - p_k|^2 + w_velocity |c'_k|^2) + w_jerk sum_i d_i |c'''_i|^2
+         + w_step (|u_1|^2 + |u_2|^2)
+    s.t. |z_k - p_k| <= sole - margin,    u_min <= u_nom + u_i <= u_max
+
+over the nodes k and intervals i of the horizon, d seconds each, p_k the foot of a node's step. All feet point
+along the heading, so the axes do not couple and each is one program.
 
 Along one axis, with c = x, v = x' / omega, a = x'' / omega^2, j = x''' / omega^3 [m] and s = omega d for an
 interval of d seconds, the cart-table model with a constant jerk is exactly (Wieber 2006, eq. 5)
@@ -10,19 +19,6 @@ interval of d seconds, the cart-table model with a constant jerk is exactly (Wie
 Each step has SAMPLES equal intervals. The new foot takes over at once, so a is free anew at each touchdown,
 as it is now: a robot can put its CoP anywhere in the sole at any time. A quantity is a row of coefficients of
 the columns below; the matrices are the same for both axes.
-
-Linear model predictive control with automatic footstep placement, steps of a fixed time.
-
-Herdt, Diedam, Wieber, Dimitrov, Mombaur, Diehl (Advanced Robotics 24, 2010): jerks of the CoM and the next
-two footsteps from one quadratic program with the CoP in the feet and the feet in the step box. Here they are
-deviations from the nominal gait at the same moment, so that the nominal gait is kept where it can be:
-
-    min  sum_k d_k (|z_k - p_k|^2 + w_velocity |c'_k|^2) + w_jerk sum_i d_i |c'''_i|^2
-         + w_step (|u_1|^2 + |u_2|^2)
-    s.t. |z_k - p_k| <= sole - margin,    u_min <= u_nom + u_i <= u_max
-
-over the nodes k and intervals i of `horizon`, d seconds each, p_k the foot of a node's step. All feet point
-along the heading, so the axes do not couple and each is one program.
 """
 
 from __future__ import annotations
@@ -42,8 +38,7 @@ from ..model.robot import RobotModel
 from ..qp import QuadraticProgram, solve_qp
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, DCM_END, HELD, NOMINAL, NOMINAL_OFFSET, OFFSET, REMAINING, STATUS, TARGET
-from ..stage_2.problem import STATUS as STATUSES
-from ..stage_2.problem import cop_bounds
+from ..stage_2.problem import SOLVED, cop_bounds
 
 STEPS = 3  # this one, and the two whose feet are placed
 SAMPLES = 4  # intervals of a step
@@ -95,11 +90,10 @@ def predict(remaining, period, omega, cop, rate, spans):  # pragma: no cover
 
 
 Floats = NDArray[np.float64]
-SOLVED = STATUSES.index("solved")
 
 
 class Horizon(NamedTuple):
-    """What both axes' programs have in common."""
+    """Cost and rows that the programs of both axes have in common."""
 
     H: Floats  # (UNKNOWNS, UNKNOWNS) cost
     F: Floats  # (UNKNOWNS, 2) linear cost by c and v now
@@ -108,7 +102,7 @@ class Horizon(NamedTuple):
 
 
 class LinearMpc:
-    """Place of the next step and CoP of observations whose rows `capture_step` has filled in.
+    """Place of the next step and CoP of observations whose rows stage 1 has filled in by the capture point.
 
     Raises:
         InvalidValueError: margins that leave no sole, or double support, which it does not plan.

@@ -1,11 +1,4 @@
-"""A small network in numpy, and the blocks of numbers that it sees.
-
-A small network: normalised observation -> hidden layers (tanh or relu) -> output, in float32.
-
-The sums run in one fixed order, so that a row's output has the same bits alone and in any batch.
-
-What a network sees: blocks of numbers by name, all of them functions of the observation.
-"""
+"""A small network in numpy, and the blocks of numbers that it sees, all functions of the observation."""
 
 from __future__ import annotations
 
@@ -59,6 +52,8 @@ class Normalisation:
 @dataclass(frozen=True)
 class Mlp:
     """Layers y = W x + b, W (outputs, inputs) float32, an activation between them, `output` after the last.
+
+    The sums run in one fixed order, so that a row's output has the same bits alone and in any batch.
 
     Raises:
         InvalidValueError: shapes that do not follow from each other, or a value that is not finite.
@@ -134,8 +129,7 @@ def _tanh(values):  # pragma: no cover - compiled
 
 OBSERVATION, BASE, GATE, MARGIN = "observation", "base", "gate", "margin"
 INPUTS = (OBSERVATION, BASE, GATE, MARGIN)
-OF_RESIDUAL = (BASE, GATE)  # that only a residual has
-MARGIN_RANGE = 0.5  # beyond which a margin tells nothing more [m]
+MARGIN_RANGE = 0.5  # beyond which a larger margin makes no difference [m]
 
 _DCM, _ANGLE, _RATE = DCM.start, TRUNK_ANGLE.start, TRUNK_RATE.start
 
@@ -155,7 +149,7 @@ def check_inputs(names: Sequence[str], residual: bool) -> tuple[str, ...]:
         raise InvalidValueError(
             f"the inputs of a network are '{OBSERVATION}' and then others, each once, got {list(blocks)}"
         )
-    if not residual and (foreign := [name for name in blocks if name in OF_RESIDUAL]):
+    if not residual and (foreign := [name for name in blocks if name in (BASE, GATE)]):
         raise InvalidValueError(f"only a residual has the input {foreign[0]!r}")
     return blocks
 

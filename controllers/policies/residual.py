@@ -1,11 +1,4 @@
-"""Learned corrections of a gait action: scale, gate, and the one rule that adds them.
-
-The residual on a gait action: its scale and the one place where base and residual are added.
-
-When a learned residual may act: only while the DCM is away from the nominal gait.
-
-The one rule by which a learned correction is added to what a policy does.
-"""
+"""Learned corrections of a gait action: their scale, their gate, and the one rule that adds them."""
 
 from __future__ import annotations
 
@@ -169,15 +162,15 @@ Actions = NDArray[np.float32]
 
 
 class Correction(NamedTuple):
-    """What became of n corrected actions, in action units."""
+    """Corrected actions of n robots, in action units."""
 
     total: Actions  # (n, 7) base + shift, clipped to [-1, 1]; the base's own bits where the shift is 0
-    base: Actions  # (n, 7) what the policy below would do
+    base: Actions  # (n, 7) of the policy below
     shift: Actions  # (n, 7) scale x g x learned action
 
 
 class Below(NamedTuple):
-    """What n corrections start from."""
+    """Actions of the policy below and openings of the gate for n robots, which corrections start from."""
 
     base: Actions  # (n, 7) of the policy below
     opening: Actions  # (n, 1) of the gate, in [0, 1]
@@ -187,7 +180,7 @@ class ResidualRule:
     """total = clip(base + scale x g x a, -1, 1), with g the gate's opening, 1 without a gate.
 
     Args:
-        policy: What acts below; a gate takes its touchdown delay.
+        policy: The policy below; a gate takes its touchdown delay.
         robot: Physical constants.
         limits: Gait box, which the gate's nominal gait follows from.
         scale: (7,) in action units, see `check_residual_scale`.
@@ -201,8 +194,8 @@ class ResidualRule:
         self, policy: Policy, robot: RobotModel, limits: GaitLimits, scale: Actions, gate: ArrayLike | None
     ):
         self.policy, self.scale = policy, scale
-        self.gate = None if gate is None else check_gate(gate)
-        self._gate = make_gate(policy, robot, limits, self.gate)
+        self._gate = make_gate(policy, robot, limits, gate)
+        self.gate = None if self._gate is None else self._gate.band
 
     def opening(self, observations: NDArray[np.float64]) -> Actions:
         """Openings g (n, 1) in [0, 1] at observations (n, 36)."""
@@ -211,17 +204,15 @@ class ResidualRule:
         return self._gate(observations)
 
     def correct(self, observations: NDArray[np.float64], base: ArrayLike, learned: Actions) -> Correction:
-        """What learned actions (n, 7) in [-1, 1] make of the base's (n, 7) at observations (n, 36)."""
-        return self.add(Below(np.asarray(base, np.float32), self.opening(observations)), learned)
+        """Correct the base's actions (n, 7) at observations (n, 36) by learned ones (n, 7) in [-1, 1]."""
+        return self._add(Below(np.asarray(base, np.float32), self.opening(observations)), learned)
 
-    def add(self, below: Below, learned: Actions) -> Correction:
-        """What learned actions (n, 7) in [-1, 1] make of what is below."""
+    def _add(self, below: Below, learned: Actions) -> Correction:
         opened: Actions = below.opening * learned
-        shift: Actions = self.scale * opened
-        return Correction(compose(below.base, opened, self.scale), below.base, shift)
+        return Correction(compose(below.base, opened, self.scale), below.base, self.scale * opened)
 
     def below(self, observations: NDArray[np.float64]) -> Below:
-        """What the policy below does for n robots in one call, without a memory, and the gate's openings.
+        """Ask the policy below for n robots in one call, without a memory, and the gate for its openings.
 
         Raises:
             InvalidValueError: the policy has a memory.
@@ -234,7 +225,7 @@ class ResidualRule:
         return Below(np.asarray(base, np.float32), self.opening(observations))
 
     def act(self, observations: NDArray[np.float64], learned: Actions) -> Correction:
-        """`correct` what the policy below does for n robots.
+        """Correct the actions of the policy below for n robots; a base beyond [-1, 1] is clipped.
 
         Raises:
             InvalidValueError: the policy has a memory.
@@ -242,6 +233,6 @@ class ResidualRule:
         return self.total(self.below(observations), learned)
 
     def total(self, below: Below, learned: Actions) -> Correction:
-        """`add`, the sum within [-1, 1] where nothing is corrected, too."""
-        correction = self.add(below, learned)
+        """Correct by learned actions (n, 7) in [-1, 1]; also where nothing is added, the sum is clipped."""
+        correction = self._add(below, learned)
         return correction._replace(total=np.clip(correction.total, np.float32(-1.0), np.float32(1.0)))

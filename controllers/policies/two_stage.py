@@ -1,43 +1,37 @@
-"""The two-stage planner as a policy, its plans, and the analytic policies by name.
+"""The two-stage planner as a policy, observation -> stage 1 -> stage 2 -> action, and all analytic policies.
 
-What the two-stage planner decided for one observation.
-
-The two-stage planner as a policy: observation -> stage 1 -> stage 2 -> action, one way for every arm.
-
-The analytic policies by name: the two-stage planner, its ablated arms, the paper's and the baselines.
+The variants of the planner, the paper's and the field's baselines are this one policy under other settings.
 """
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError, UnknownNameError
-from ..jit import RangeThreads, announce_compilation
-from ..model.double_support import scale_actions
+from ..jit import RangeThreads, announce_compilation, njit
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK, GaitLimits
-from ..model.nominal_gait import NOMINAL_SIZE, NominalGait
+from ..model.nominal_gait import NOMINAL_SIZE, NominalGait, scale_action
 from ..model.observation import OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
 from ..settings import ARMS, PAPER_SUFFIX, PlannerConfig, load_preset, named_preset, preset_config
-from ..stage_1 import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, ROW_SIZE, TARGET, StepPlanner
-from ..stage_1 import STATUS as STATUS_COLUMN
-from ..stage_2.problem import STATUS, Regulator
-from ..stage_2.regulator import make_regulator
+from ..stage_1 import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, ROW_SIZE, STATUS, TARGET, StepPlanner
+from ..stage_2.problem import STATUS as STATUS_NAMES
+from ..stage_2.problem import NoStage2, OneAxisTrunk, Regulator
+from ..stage_2.single_support import CopPlanner
 from ..validation import require_kind
-from .interface import RandomPolicy
-from .linear_mpc import LinearMpc
 
+Actions = NDArray[np.float32]
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a policy decided for one observation, canonical frame."""
+    """Decision of the planner for one observation, canonical frame."""
 
     gait: Floats  # (7,), units of GAIT_NAMES
     offset: Floats  # DCM offset b that stage 1 expects, (2,) [m]
@@ -46,7 +40,21 @@ class Plan:
     dcm_end: Floats  # DCM that stage 2 expects at touchdown, (2,) [m]; u_T + b without stage 2
     remaining: float  # until the new foot carries load [s]
     held: bool  # the step plan is the previous one
-    status: str  # of stage 2's solver, or of the arm
+    status: str  # of stage 2's solver, or the policy's name without a stage 2
+
+    @classmethod
+    def of_row(cls, row: Floats, status: str) -> Plan:
+        """The plan in a row (ROW_SIZE,) that both stages have written."""
+        return cls(
+            gait=row[:GAIT_SIZE],
+            offset=row[OFFSET : OFFSET + 2],
+            nominal=NominalGait(*row[NOMINAL : NOMINAL + NOMINAL_SIZE].tolist()),
+            dcm_target=row[TARGET : TARGET + 2],
+            dcm_end=row[DCM_END : DCM_END + 2],
+            remaining=float(row[REMAINING]),
+            held=bool(row[HELD]),
+            status=status,
+        )
 
     @property
     def step(self) -> Floats:
@@ -69,23 +77,57 @@ class Plan:
         return self.gait[TRUNK : TRUNK + 2]
 
 
-def plan_of_row(row: Floats, status: str) -> Plan:
-    """The plan in a row (ROW_SIZE,) that both stages have written."""
-    return Plan(
-        gait=row[:GAIT_SIZE],
-        offset=row[OFFSET : OFFSET + 2],
-        nominal=NominalGait(*(float(value) for value in row[NOMINAL : NOMINAL + NOMINAL_SIZE])),
-        dcm_target=row[TARGET : TARGET + 2],
-        dcm_end=row[DCM_END : DCM_END + 2],
-        remaining=float(row[REMAINING]),
-        held=bool(row[HELD]),
-        status=status,
-    )
+def make_regulator(
+    robot: RobotModel, limits: GaitLimits, config: PlannerConfig, threads: int = 1
+) -> Regulator:
+    """Stage 2 of a configuration; the default form may be called on `threads` threads.
 
+    About an axis that the waist lacks no trunk acceleration is planned.
 
-Actions = NDArray[np.float32]
+    Raises:
+        InvalidValueError: the paper's form is asked for double support, which it has no bounds for.
+    """
+    if config.foothold == "linear_mpc":
+        from .linear_mpc import LinearMpc
+
+        return LinearMpc(robot, limits, config)
+    both = config.double_support > 0
+    if not any(limits.trunk_accelerations):
+        config = config.replace(use_trunk=False)
+    if both and config.form == "jerk" and (config.use_cop or config.use_trunk):
+        raise InvalidValueError(
+            f"stage 2 plans double support ({config.double_support} s) in form 'zoh' only, got form 'jerk'; "
+            "set double_support to 0 or choose form 'zoh'"
+        )
+
+    def single_support(use_trunk: bool) -> Regulator:
+        own = config.replace(use_trunk=use_trunk)
+        if not (own.use_cop or use_trunk):
+            return NoStage2()
+        if own.form == "zoh":
+            return CopPlanner(robot, limits, own, 1 if both else threads)
+        from ..stage_2.paper_form import JerkCopPlanner
+
+        return JerkCopPlanner(robot, limits, own)
+
+    single = single_support(config.use_trunk)
+    if config.use_trunk and not all(limits.trunk_accelerations):
+        single = OneAxisTrunk(single, single_support(False), limits.trunk_accelerations.index(0.0))
+    if not (both and single.decides):
+        return single
+    from ..stage_2.double_support import DoubleSupportPlanner, WithDoubleSupport
+
+    return WithDoubleSupport(DoubleSupportPlanner(robot, limits, config), single)
+
 
 ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
+
+
+@njit(cache=True, nogil=True)
+def scale_actions(gaits, observations, box, double_support, actions):  # pragma: no cover
+    """`scale_action` of every row, whose first seven columns are gait variables, into actions (n, 7)."""
+    for i in range(gaits.shape[0]):
+        scale_action(gaits[i], observations[i], box[0], box[1], double_support, actions[i])
 
 
 class TwoStagePolicy:
@@ -129,17 +171,15 @@ class TwoStagePolicy:
         self.name = name
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
-        mpc = self.config.foothold == "linear_mpc"
-        make = LinearMpc if mpc else partial(make_regulator, threads=threads)
-        self._stage_2: Regulator = make(self.robot, self.limits, self.config)
+        self._stage_2 = make_regulator(self.robot, self.limits, self.config, self._threads.threads)
         self._bounds = self.limits.box, self.config.double_support
         self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 
     @property
     def statuses(self) -> tuple[str, ...]:
-        """Of stage 2's solver for each observation of the last call, for reports; empty without a stage 2."""
+        """Statuses of stage 2's solver for each observation of the last call; empty without a stage 2."""
         rows = self._rows if self._stage_2.decides else self._rows[:0]
-        return tuple(STATUS[int(index)] for index in rows[:, STATUS_COLUMN].tolist())
+        return tuple(STATUS_NAMES[int(index)] for index in rows[:, STATUS].tolist())
 
     def predict(
         self,
@@ -166,7 +206,7 @@ class TwoStagePolicy:
         if not single:
             raise InvalidValueError(f"plan takes one observation ({OBSERVATION_SIZE},), got {batch.shape}")
         _, rows = self._decide(batch)
-        return plan_of_row(rows[0], next(iter(self.statuses), self.name))
+        return Plan.of_row(rows[0], next(iter(self.statuses), self.name))
 
     def _decide(self, batch: Floats) -> tuple[Actions, Floats]:
         """Actions (n, 7) of observations (n, 36), and the rows (n, ROW_SIZE) that both stages have written.
@@ -184,19 +224,46 @@ class TwoStagePolicy:
         return actions, rows
 
     def _share(self, batch: Floats, actions: Actions, rows: Floats) -> None:
-        """The way of `_act`, its observations shared by threads."""
+        """`_act`, the observations shared by threads."""
 
         def job(worker: int, first: int, end: int) -> None:
-            part = slice(first, end)
-            self._act(batch[part], actions[part], rows[part], worker)
+            self._act(batch[first:end], actions[first:end], rows[first:end], worker)
 
         self._threads.run(job, len(batch), ROWS_A_THREAD)
 
     def _act(self, batch: Floats, actions: Actions, rows: Floats, worker: int) -> None:
-        """The way from observations to actions."""
+        """Plan observations (n, 36) into rows (n, ROW_SIZE) and actions (n, 7)."""
         self._stage_1.plan(batch, rows)
         self._stage_2.regulate(batch, rows, worker)
         scale_actions(rows, batch, *self._bounds, actions)
+
+
+class RandomPolicy:
+    """Uniform actions, drawn from a hash of the observation so that equal episodes get equal actions."""
+
+    batchable = memoryless = True
+
+    def __init__(
+        self, name: str = "random", observation_size: int = OBSERVATION_SIZE, action_size: int = GAIT_SIZE
+    ):
+        self.name, self.observation_size, self.action_size = name, observation_size, action_size
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """Actions (action_size,) or (n, action_size), float32 in [-1, 1], and the state, unchanged."""
+        batch, single = as_batch(observation, self.observation_size)
+        if not np.isfinite(batch).all():
+            raise InvalidValueError("observation must be finite, got NaN or infinity")
+        actions = np.empty((len(batch), self.action_size), dtype=np.float32)
+        for obs, action in zip(batch, actions, strict=True):
+            rng = np.random.default_rng(zlib.crc32(obs.tobytes()))
+            action[:] = rng.uniform(-1.0, 1.0, self.action_size)
+        return (actions[0] if single else actions), state
 
 
 POLICY_NAMES = (*ARMS, "random")
@@ -210,8 +277,8 @@ def make_policy(
 ) -> TwoStagePolicy | RandomPolicy:
     """Build an analytic policy by name.
 
-    The arms differ in what they may use. Their weights are the preset's, except for arms with gains of their
-    own (`arms` of a preset), and the two `-paper` arms, which put the paper's Table II into it.
+    The variants differ in what they may use. Their weights are the preset's, except for variants with gains
+    of their own (`arms` of a preset), and the two `-paper` ones, which put the paper's Table II into it.
 
     Args:
         name: one of POLICY_NAMES.

@@ -1,8 +1,13 @@
 """Stage 2 while both feet stand: one convex program over both axes, which the hull of the soles couples.
 
-Stage 2 in double support written out densely, both axes in one program: OSQP's, and the tests' oracle.
+Costs, trunk and tail are those of `single_support`; new are the CoP's bounds in double support, the hull of
+both soles (`model/nominal_gait`), its reference, the transfer from foot to foot, and the grid:
 
-The compiled loop of stage 2 in double support: assembly of the joint program, and its solution by DAQP.
+    control period | rest of double support | what is left over | whole sampling intervals | braking tail
+
+The CoP of an interval in double support is referred to the mean of the transfer in it that moves the DCM
+alike. The first interval is what the CoP will be held for, and a node stands at the end of double support:
+with a uniform grid, solved anew every cycle, the gait would walk backwards.
 
 Both axes have the same cost matrix H = L L', so that one factor serves both:
 
@@ -11,17 +16,6 @@ Both axes have the same cost matrix H = L L', so that one factor serves both:
                    n_x Z n_y Z ]
 
 with S the trunk angle at the nodes and Z the rows of M_0 that belong to the CoPs in double support.
-
-Stage 2 while both feet stand: one convex program over both axes, which the hull of the soles couples.
-
-Costs, trunk and tail are those of `planner`; new are the CoP's bounds in double support, the hull of both
-soles (`double_support`), its reference, the transfer from foot to foot, and the grid:
-
-    control period | rest of double support | what is left over | whole sampling intervals | braking tail
-
-The CoP of an interval in double support is referred to the mean of the transfer in it that moves the DCM
-alike. The first interval is what the CoP will be held for, and a node stands at the end of double support:
-with a uniform grid, solved anew every cycle, the gait would walk backwards.
 """
 
 from __future__ import annotations
@@ -35,114 +29,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError
 from ..jit import njit
-from ..model.double_support import INSTANT, box_around, nearest_in_hull, strip, transfer_mean
 from ..model.gait_box import GaitLimits
+from ..model.nominal_gait import INSTANT, box_around, nearest_in_hull, strip, transfer_mean
+from ..model.observation import ELAPSED, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
 from ..qp import LeastDistance, QuadraticProgram, solve_least_distance, solve_qp
 from ..settings import PlannerConfig
-from .problem import (
-    RESULT_COP,
-    RESULT_DCM_END,
-    RESULT_SIZE,
-    RESULT_STATUS,
-    RESULT_TRUNK,
-    SHORTEST,
-    STATUS,
-    CopPlan,
-    ExplicitProblem,
-    cop_bounds,
-    grid,
-    plan_of,
-    require_positive,
-    write_out,
-)
-from .single_support import CLIPPED, LONGEST_MARGIN, acceleration_interval
-
-
-@dataclass(frozen=True)
-class JointProblem:
-    """Inputs (x axis; y axis), each as in `ExplicitProblem`; the strips of the hull are the last rows."""
-
-    qp: QuadraticProgram
-    axes: tuple[ExplicitProblem, ExplicitProblem]  # without the strips
-    double: int  # intervals in double support
-
-    def split(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The inputs of each axis."""
-        n = self.axes[0].qp.f.size
-        return x[:n], x[n:]
-
-
-def joint_grid(config: PlannerConfig, remaining: float, elapsed: float) -> tuple[NDArray[np.float64], int]:
-    """Durations of the intervals until touchdown [s], and how many of them are in double support.
-
-    One control period, the rest of double support, then the grid of single support.
-    """
-    left = config.double_support - elapsed
-    rest = left - config.first_interval_min
-    double = [config.first_interval_min, rest] if rest > SHORTEST else [left]
-    single = grid(config, max(remaining - left, SHORTEST))
-    return np.concatenate([double, single]), len(double)
-
-
-def joint_problem(
-    robot: RobotModel, config: PlannerConfig, remaining: float, elapsed: float, state: NDArray[np.float64],
-    other: NDArray[np.float64], cop_max: NDArray[np.float64], accelerations: NDArray[np.float64],
-) -> JointProblem:  # fmt: skip
-    """Build the program.
-
-    Args:
-        robot: physical constants.
-        config: weights.
-        remaining: until touchdown [s].
-        elapsed: since the step began [s].
-        state: (4, 2) DCM [m], lean [rad], its rate [rad/s], DCM wanted at touchdown [m].
-        other: (2,) where the other foot stands, p [m].
-        cop_max: (2,) half size of a sole less the margin [m].
-        accelerations: (2, 2) lower and upper bounds of the trunk acceleration by axis [rad/s^2].
-    """
-    until, double = joint_grid(config, remaining, elapsed)
-    starts = elapsed + np.concatenate([[0.0], np.cumsum(until)[:-1]])
-    shares = np.array(
-        [
-            transfer_mean(s, h, config.double_support, robot.omega) if k < double else 0.0
-            for k, (s, h) in enumerate(zip(starts, until, strict=True))
-        ]
-    )
-    axes = []
-    for i in range(2):
-        low, high = np.full(until.size, -cop_max[i]), np.full(until.size, cop_max[i])
-        low[:double], high[:double] = box_around(-cop_max[i], cop_max[i], other[i])
-        values = (float(state[0, i]), float(state[1, i]), float(state[2, i]), float(state[3, i]))
-        axes.append(
-            write_out(robot, config, until, double + 1, values, shares * other[i], low, high,
-                      accelerations[0, i], accelerations[1, i])
-        )  # fmt: skip
-    return JointProblem(
-        _joined(axes[0], axes[1], double, strip(*other, *cop_max)), (axes[0], axes[1]), double
-    )
-
-
-def _joined(
-    x: ExplicitProblem, y: ExplicitProblem, double: int, band: tuple[float, float, float]
-) -> QuadraticProgram:
-    """Both programs side by side, with |n . z_k| <= half width for the CoPs in double support."""
-    n, m = x.qp.f.size, x.qp.lower.size
-    strips = min(double, x.cops)
-    H, A = np.zeros((2 * n, 2 * n)), np.zeros((2 * m + strips, 2 * n))
-    H[:n, :n], H[n:, n:], A[:m, :n], A[m : 2 * m, n:] = x.qp.H, y.qp.H, x.qp.A, y.qp.A
-    for k in range(strips):
-        A[2 * m + k, k], A[2 * m + k, n + k] = band[0], band[1]
-    edge = np.full(strips, band[2])
-    return QuadraticProgram(
-        H,
-        np.concatenate([x.qp.f, y.qp.f]),
-        A,
-        np.concatenate([x.qp.lower, y.qp.lower, -edge]),
-        np.concatenate([x.qp.upper, y.qp.upper, edge]),
-        np.concatenate([x.qp.soft_weight, y.qp.soft_weight, np.zeros(strips)]),
-    )
-
+from ..stage_1 import DCM_AHEAD, REMAINING, RESULT, TARGET
+from . import problem
+from .problem import Constants, ExplicitProblem, acceleration_interval, constants_of
 
 # Columns of an input row, `DoubleSupportPlanner.plan_batch`; of a pair (x, y) the first one
 UNTIL = 0  # touchdown [s]
@@ -154,50 +49,61 @@ LEAN_RATE = 8  # pair [rad/s]
 DCM_TARGET = 10  # pair [m]
 INPUTS = 12
 
+Floats = NDArray[np.float64]
 
-class Constants(NamedTuple):
-    """Scalars of the compiled loop."""
 
-    omega: float
-    gain: float  # j / (m g) [m s^2]
-    cop_x: float  # half size of a sole less the margin [m]
-    cop_y: float
-    pitch: float  # largest trunk acceleration [rad/s^2]; 0 about an axis that the waist lacks
-    roll: float
-    torque: float  # tau_max / j [rad/s^2]
-    gravity: float  # gravity torque per sin(lean) / j [rad/s^2]
-    angle: float  # [rad]
-    double_support: float  # [s]
-    period: float  # first interval [s]
-    dt: float
-    tail: int
-    tail_dt: float
-    debt: bool
-    beta_cop: float
-    beta_trunk: float
-    beta_rate: float
-    beta_angle: float
-    beta_dcm: float
-    use_cop: bool
-    use_trunk: bool
+@dataclass(frozen=True)
+class JointProblem:
+    """Inputs (x axis; y axis), each as in `ExplicitProblem`; the strips of the hull are the last rows."""
+
+    qp: QuadraticProgram
+    axes: tuple[ExplicitProblem, ExplicitProblem]  # without the strips
+
+    @classmethod
+    def of(
+        cls,
+        x: ExplicitProblem,
+        y: ExplicitProblem,
+        double: int,
+        band: tuple[float, float, float],
+    ) -> JointProblem:
+        """Both programs side by side, with |n . z_k| <= half width for the CoPs in double support."""
+        n, m = x.qp.f.size, x.qp.lower.size
+        strips = min(double, x.cops)
+        H, A = np.zeros((2 * n, 2 * n)), np.zeros((2 * m + strips, 2 * n))
+        H[:n, :n], H[n:, n:], A[:m, :n], A[m : 2 * m, n:] = x.qp.H, y.qp.H, x.qp.A, y.qp.A
+        for k in range(strips):
+            A[2 * m + k, k], A[2 * m + k, n + k] = band[0], band[1]
+        edge = np.full(strips, band[2])
+        lower, upper = (
+            np.concatenate(rows) for rows in ((x.qp.lower, y.qp.lower, -edge), (x.qp.upper, y.qp.upper, edge))
+        )
+        soft = np.concatenate([x.qp.soft_weight, y.qp.soft_weight, np.zeros(strips)])
+        qp = QuadraticProgram(H, np.concatenate([x.qp.f, y.qp.f]), A, lower, upper, soft)
+        return cls(qp, (x, y))
+
+    def split(self, x: Floats) -> tuple[Floats, Floats]:
+        """The inputs of each axis."""
+        n = self.axes[0].qp.f.size
+        return x[:n], x[n:]
 
 
 class Memory(NamedTuple):
     """Scratch of the compiled loop; rewritten by every plan."""
 
     handles: NDArray[np.int64]  # (2, N + 1, 6) by intervals in double and in single support
-    matrix: NDArray[np.float64]  # M, packed
-    lower: NDArray[np.float64]  # (rows,)
-    upper: NDArray[np.float64]
-    solution: NDArray[np.float64]  # (inputs,)
-    optimum: NDArray[np.float64]  # (rows,): A u, first of the unconstrained optimum
-    block: NDArray[np.float64]  # M_0, packed
-    factor: NDArray[np.float64]  # L, one axis
-    durations: NDArray[np.float64]  # (intervals,)
-    ends: NDArray[np.float64]  # (intervals,) after now [s]
-    weights: NDArray[np.float64]  # (inputs of an axis,): DCM at touchdown = free - weights . u
-    own: NDArray[np.float64]  # (inputs of an axis,): weight of each input
-    shares: NDArray[np.float64]  # (intervals,): CoP reference over p
+    matrix: Floats  # M, packed
+    lower: Floats  # (rows,)
+    upper: Floats
+    solution: Floats  # (inputs,)
+    optimum: Floats  # (rows,): A u, first of the unconstrained optimum
+    block: Floats  # M_0, packed
+    factor: Floats  # L, one axis
+    durations: Floats  # (intervals,)
+    ends: Floats  # (intervals,) after now [s]
+    weights: Floats  # (inputs of an axis,): DCM at touchdown = free - weights . u
+    own: Floats  # (inputs of an axis,): weight of each input
+    shares: Floats  # (intervals,): CoP reference over p
 
 
 class Grid(NamedTuple):
@@ -215,14 +121,15 @@ class Grid(NamedTuple):
 def _intervals(remaining: float, elapsed: float, c: Constants) -> tuple[int, int]:
     """How many intervals lie in double and in single support."""
     left = c.double_support - elapsed
-    double = 2 if left - c.period > SHORTEST else 1
-    single = max(remaining - left, SHORTEST)
-    return double, int(max(math.floor((single - c.period) / c.dt + 1e-9), 0.0)) + 1
+    double = 2 if left - c.first_interval_min > problem.SHORTEST else 1
+    single = max(remaining - left, problem.SHORTEST)
+    return double, int(max(math.floor((single - c.first_interval_min) / c.sampling_time + 1e-9), 0.0)) + 1
 
 
 @njit(cache=True)
-def missing_solver(rows: Any, c: Constants, w: Memory) -> tuple[int, int]:
+def missing_solver(rows: Any, numbers: Any, w: Memory) -> tuple[int, int]:
     """Intervals in double and in single support of the first row without a solver; zeros if there is none."""
+    c = constants_of(numbers)
     for i in range(rows.shape[0]):
         double, single = _intervals(rows[i, UNTIL], rows[i, SINCE], c)
         if w.handles[double - 1, single, 0] == 0:
@@ -231,14 +138,16 @@ def missing_solver(rows: Any, c: Constants, w: Memory) -> tuple[int, int]:
 
 
 @njit(cache=True)
-def plan_joint_rows(rows: Any, out: Any, c: Constants, memory: Memory) -> None:
+def plan_joint_rows(rows: Any, out: Any, numbers: Any, memory: Memory) -> None:
     """Plan every row of (n, 12) into (n, 7); see `DoubleSupportPlanner.plan_batch`."""
+    c = constants_of(numbers)
     for i in range(rows.shape[0]):
         _plan(rows[i], out[i], c, memory)
 
 
 @njit(cache=True)
 def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
+    """Plan one row."""
     remaining, elapsed = row[UNTIL], row[SINCE]
     double, single = _intervals(remaining, elapsed, c)
     g = _lay_grid(remaining, elapsed, double, single, c, w)
@@ -254,7 +163,7 @@ def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
         w.optimum[i] = value
         w.lower[i], w.upper[i] = -half - value, half - value
         inside = inside and abs(value) <= half
-    out[RESULT_STATUS] = 0.0
+    out[problem.RESULT_STATUS] = problem.SOLVED
     if not inside:
         _write_matrix(g, strips, normal_x, normal_y, c, w)
         if solve_least_distance(w.handles[double - 1, single]) > 0:
@@ -263,7 +172,7 @@ def _plan(row: Any, out: Any, c: Constants, w: Memory) -> None:
                 for j in range(n):
                     w.optimum[i] += M[i * n + j] * v[j]
         else:
-            out[RESULT_STATUS] = CLIPPED
+            out[problem.RESULT_STATUS] = problem.CLIPPED
     _write_plan(row, out, g, c, w)
 
 
@@ -272,31 +181,31 @@ def _lay_grid(remaining: float, elapsed: float, double: int, single: int, c: Con
     """Durations, references, terminal weights and own weights of the inputs."""
     left = c.double_support - elapsed
     until = double + single
-    rest = max(remaining - left, SHORTEST)
+    rest = max(remaining - left, problem.SHORTEST)
     horizon = left + rest
     time = 0.0
-    for k in range(until + c.tail):
-        h = c.dt if k < until else c.tail_dt
+    for k in range(until + int(c.tail_intervals)):
+        h = c.sampling_time if k < until else c.tail_sampling_time
         if k < double:
-            h = left if double == 1 else c.period if k == 0 else left - c.period
+            h = left if double == 1 else c.first_interval_min if k == 0 else left - c.first_interval_min
             w.shares[k] = transfer_mean(elapsed + time, h, c.double_support, c.omega)
         else:
             w.shares[k] = 0.0
         if k == double:
-            h = rest - (single - 1) * c.dt
+            h = rest - (single - 1) * c.sampling_time
         time += h
         w.durations[k], w.ends[k] = h, time
-    total, cops = until + c.tail, until if c.use_cop else 0
+    total, cops = until + int(c.tail_intervals), until if c.use_cop else 0
     n = cops + (total if c.use_trunk else 0)
     for k in range(total):
-        share = w.durations[k] / c.dt if k <= double else 1.0
+        share = w.durations[k] / c.sampling_time if k <= double else 1.0
         effect = math.exp(c.omega * (horizon - w.ends[k])) * math.expm1(c.omega * w.durations[k])
-        if k >= until and not c.debt:
+        if k >= until and not c.trunk_debt:
             effect = 0.0
         if k < cops:
             w.weights[k], w.own[k] = effect, c.beta_cop * share
         if c.use_trunk:
-            w.weights[cops + k], w.own[cops + k] = c.gain * effect, c.beta_trunk * share
+            w.weights[cops + k], w.own[cops + k] = c.cmp_per_acceleration * effect, c.beta_trunk * share
     return Grid(double, until, total, cops, n, n + (total if c.use_trunk else 0))
 
 
@@ -318,8 +227,8 @@ def _factorise(g: Grid, c: Constants, w: Memory) -> None:
         for j in range(i + 1):
             total = 0.0
             for node in range(i, g.all):
-                total += c.beta_angle * _lean(w, node, i) * _lean(w, node, j)
-            total += c.beta_rate * (g.all - i) * w.durations[i] * w.durations[j]
+                total += c.beta_trunk_angle * _lean(w, node, i) * _lean(w, node, j)
+            total += c.beta_trunk_rate * (g.all - i) * w.durations[i] * w.durations[j]
             L[g.cops + i, g.cops + j] += total
     for i in range(n):
         for j in range(i + 1):
@@ -355,7 +264,8 @@ def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
     for i in range(n - g.cops):
         for node in range(i, g.all):
             lean = angle + w.ends[node] * rate
-            y[g.cops + i] -= c.beta_angle * _lean(w, node, i) * lean + c.beta_rate * w.durations[i] * rate
+            own = c.beta_trunk_angle * _lean(w, node, i) * lean
+            y[g.cops + i] -= own + c.beta_trunk_rate * w.durations[i] * rate
     for i in range(n):
         for k in range(i):
             y[i] -= L[i, k] * y[k]
@@ -368,20 +278,14 @@ def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
         y[n + node] = angle + w.ends[node] * rate
         for j in range(node + 1):
             y[n + node] += _lean(w, node, j) * y[g.cops + j]
-    return _bound(axis, other, angle, y, g, c, w)
+    return _write_bounds(axis, other, angle, y, g, c, w)
 
 
 @njit(cache=True)
-def _accelerations(axis: int, angle: float, c: Constants) -> tuple[float, float]:
-    """Bounds of the trunk acceleration at a lean [rad/s^2]."""
-    return acceleration_interval(angle, c.gravity, c.torque, c.pitch if axis == 0 else c.roll)
-
-
-@njit(cache=True)
-def _bound(axis: int, other: float, angle: float, y: Any, g: Grid, c: Constants, w: Memory) -> bool:
+def _write_bounds(axis: int, other: float, angle: float, y: Any, g: Grid, c: Constants, w: Memory) -> bool:
     """Bounds of M v about the optimum y; True where it keeps them."""
     at, half, inside = axis * g.rows, c.cop_x if axis == 0 else c.cop_y, True
-    low, high = _accelerations(axis, angle, c)
+    low, high = acceleration_interval(angle, c.gravity, c.torque, c.pitch if axis == 0 else c.roll)
     for i in range(g.rows):
         lower, upper = -c.angle, c.angle
         if i < g.cops:
@@ -428,17 +332,18 @@ def _write_plan(row: Any, out: Any, g: Grid, c: Constants, w: Memory) -> None:
     cop_x, cop_y = w.shares[0] * row[OTHER_FOOT], w.shares[0] * row[OTHER_FOOT + 1]
     if c.use_cop:
         cop_x, cop_y = w.optimum[0], w.optimum[g.rows]
-    out[RESULT_COP], out[RESULT_COP + 1] = nearest_in_hull(
+    out[problem.RESULT_COP], out[problem.RESULT_COP + 1] = nearest_in_hull(
         cop_x, cop_y, row[OTHER_FOOT], row[OTHER_FOOT + 1], c.cop_x, c.cop_y
     )
     for axis in range(2):
-        out[RESULT_TRUNK + axis] = 0.0
+        out[problem.RESULT_TRUNK + axis] = 0.0
         if c.use_trunk:
-            low, high = _accelerations(axis, row[LEAN + axis], c)
-            out[RESULT_TRUNK + axis] = min(max(w.optimum[axis * g.rows + g.cops], low), high)
-        out[RESULT_DCM_END + axis] = _free(axis, row, g, c, w)
+            most = c.pitch if axis == 0 else c.roll
+            low, high = acceleration_interval(row[LEAN + axis], c.gravity, c.torque, most)
+            out[problem.RESULT_TRUNK + axis] = min(max(w.optimum[axis * g.rows + g.cops], low), high)
+        out[problem.RESULT_DCM_END + axis] = _free(axis, row, g, c, w)
         for i in range(g.inputs):
-            out[RESULT_DCM_END + axis] -= w.weights[i] * w.optimum[axis * g.rows + i]
+            out[problem.RESULT_DCM_END + axis] -= w.weights[i] * w.optimum[axis * g.rows + i]
 
 
 class DoubleSupportPlanner:
@@ -454,19 +359,9 @@ class DoubleSupportPlanner:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
         self.robot, self.limits, self.config = robot, limits, config
-        self.cop_max = np.array(cop_bounds(limits, config))
-        require_positive(config, "beta_cop", "beta_trunk", "beta_trunk_limit")
-        self.longest = limits.duration_max + LONGEST_MARGIN
-        self.constants = Constants(
-            robot.omega, robot.cmp_per_trunk_acceleration, float(self.cop_max[0]), float(self.cop_max[1]),
-            *limits.trunk_accelerations, robot.trunk_torque_max / robot.trunk_inertia,
-            config.trunk_gravity / robot.trunk_inertia, robot.trunk_angle_max, config.double_support,
-            config.first_interval_min, config.sampling_time, config.tail_intervals,
-            config.tail_sampling_time, config.trunk_debt, config.beta_cop, config.beta_trunk,
-            config.beta_trunk_rate, config.beta_trunk_angle, config.beta_dcm, config.use_cop,
-            config.use_trunk,
-        )  # fmt: skip
-        self._problems: dict[tuple[int, int], LeastDistance] = {}
+        self.longest = limits.duration_max + problem.LONGEST_MARGIN
+        self._numbers = problem.pack_constants(robot, limits, config, limits.trunk_accelerations)
+        self._solvers: dict[tuple[int, int], LeastDistance] = {}
         self.memory = self._allocate(math.ceil(self.longest / config.sampling_time) + 1)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -475,13 +370,9 @@ class DoubleSupportPlanner:
     def _allocate(self, single: int) -> Memory:
         """Scratch for at most `single` intervals in single support."""
         n, rows, strips = self._sizes(2, single)
-        total = 2 + single + self.config.tail_intervals
-        return Memory(
-            np.zeros((2, single + 1, 6), dtype=np.int64), np.zeros((2 * rows + strips) * 2 * n),
-            np.zeros(2 * rows + strips), np.zeros(2 * rows + strips), np.zeros(2 * n),
-            np.zeros(2 * rows + strips), np.zeros(rows * n), np.zeros((n, n)), np.zeros(total),
-            np.zeros(total), np.zeros(n), np.zeros(n), np.zeros(total),
-        )  # fmt: skip
+        total, m = 2 + single + self.config.tail_intervals, 2 * rows + strips
+        sizes = m * 2 * n, m, m, 2 * n, m, rows * n, (n, n), total, total, n, n, total
+        return Memory(np.zeros((2, single + 1, 6), np.int64), *(np.zeros(size) for size in sizes))
 
     def _sizes(self, double: int, single: int) -> tuple[int, int, int]:
         """Inputs and rows of an axis, and strips."""
@@ -500,9 +391,9 @@ class DoubleSupportPlanner:
         w.matrix[:] = 0.0
         M = w.matrix[: m * n].reshape(m, n)
         M[np.arange(m), np.arange(m) % n] = 1.0
-        problem = LeastDistance(M, weight, w.lower[:m], w.upper[:m], w.solution[:n])
-        self._problems[double, single] = problem
-        w.handles[double - 1, single] = problem.handle
+        solver = LeastDistance(M, weight, w.lower[:m], w.upper[:m], w.solution[:n])
+        self._solvers[double, single] = solver
+        w.handles[double - 1, single] = solver.handle
 
     def plan(
         self,
@@ -513,30 +404,13 @@ class DoubleSupportPlanner:
         trunk_angle: ArrayLike,
         trunk_rate: ArrayLike,
         dcm_target: ArrayLike,
-    ) -> CopPlan:
+    ) -> problem.CopPlan:
         """Plan from the present state to touchdown; arguments are the columns of `plan_batch`."""
-        row = np.empty(INPUTS)
-        try:
-            row[UNTIL], row[SINCE] = remaining, elapsed
-            for column, pair in (
-                (OTHER_FOOT, other_foot), (DCM, dcm), (LEAN, trunk_angle), (LEAN_RATE, trunk_rate),
-                (DCM_TARGET, dcm_target),
-            ):  # fmt: skip
-                row[column : column + 2] = pair
-        except (ValueError, TypeError) as error:
-            raise InvalidValueError(f"stage 2 takes two times and vectors of 2 numbers: {error}") from None
-        result, statuses = self.plan_all(row[None])
-        return plan_of(result[0], statuses[0])
+        row = problem.input_row((remaining, elapsed), other_foot, dcm, trunk_angle, trunk_rate, dcm_target)
+        return problem.CopPlan.of(self.plan_batch(row)[0])
 
-    def plan_all(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
-        """Plans (n, 7) of rows (n, 12) by the configured solver, and a status for each."""
-        result = self.plan_batch(rows)
-        if self.config.solver == "osqp":
-            return result, [self._solve_again(row, out) for row, out in zip(rows, result, strict=True)]
-        return result, [STATUS[int(index)] for index in result[:, RESULT_STATUS]]
-
-    def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Plan n robots one after the other in one compiled loop.
+    def plan_batch(self, rows: Floats) -> Floats:
+        """Plan n robots by DAQP in one compiled loop, and once more by OSQP where that is the solver.
 
         Args:
             rows: (n, 12): time to touchdown and since the step began [s], where the other foot stands (2),
@@ -551,14 +425,6 @@ class DoubleSupportPlanner:
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
-        self._prepare(rows)
-        out = np.zeros((len(rows), RESULT_SIZE))
-        if self.config.use_cop or self.config.use_trunk:
-            plan_joint_rows(rows, out, self.constants, self.memory)
-        return out
-
-    def _prepare(self, rows: NDArray[np.float64]) -> None:
-        """Check the rows, and set up the solvers they need."""
         remaining, elapsed = rows[:, UNTIL], rows[:, SINCE]
         fine = np.isfinite(rows).all(axis=1) & (remaining <= self.longest) & (elapsed >= 0.0)
         fine &= self.config.double_support - elapsed > INSTANT
@@ -567,31 +433,81 @@ class DoubleSupportPlanner:
                 f"stage 2 in double support needs finite states, at most {self.longest} s to touchdown and "
                 f"less than {self.config.double_support} s since the last, got {rows[~fine][0].tolist()}"
             )
-        while (missing := missing_solver(rows, self.constants, self.memory))[0]:
+        while (missing := missing_solver(rows, self._numbers, self.memory))[0]:
             self._set_up(*missing)
+        out = np.zeros((len(rows), problem.RESULT_SIZE))
+        if self.config.use_cop or self.config.use_trunk:
+            plan_joint_rows(rows, out, self._numbers, self.memory)
+        if self.config.solver == "osqp":
+            for row, result in zip(rows, out, strict=True):
+                self._solve_again(row, result)
+        return out
 
-    def program(self, row: NDArray[np.float64]) -> JointProblem:
-        """The program of a row (12,) of `plan_batch`, written out."""
-        c = self.constants
-        bounds = np.array(
-            [
-                acceleration_interval(angle, c.gravity, c.torque, bound)
-                for angle, bound in zip(row[LEAN:LEAN_RATE], (c.pitch, c.roll), strict=True)
-            ]
-        ).T
-        state = row[DCM:INPUTS].reshape(4, 2)
-        other = row[OTHER_FOOT : OTHER_FOOT + 2]
-        return joint_problem(
-            self.robot, self.config, row[UNTIL], row[SINCE], state, other, self.cop_max, bounds
-        )
+    def program(self, row: Floats) -> JointProblem:
+        """The dense program of a row (12,) of `plan_batch`.
 
-    def _solve_again(self, row: NDArray[np.float64], out: NDArray[np.float64]) -> str:
+        Its grid is one control period, the rest of double support, then the grid of single support.
+        """
+        config, c = self.config, Constants(*self._numbers.tolist())
+        left = c.double_support - row[SINCE]
+        rest = left - c.first_interval_min
+        double = [c.first_interval_min, rest] if rest > problem.SHORTEST else [left]
+        until = np.concatenate([double, problem.grid(config, max(row[UNTIL] - left, problem.SHORTEST))])
+        shares = np.zeros(until.size)
+        for k, start in enumerate(row[SINCE] + np.concatenate([[0.0], np.cumsum(double)[:-1]])):
+            shares[k] = transfer_mean(start, until[k], c.double_support, c.omega)
+        axes = []
+        for i, (half, most) in enumerate(((c.cop_x, c.pitch), (c.cop_y, c.roll))):
+            other, angle = row[OTHER_FOOT + i], row[LEAN + i]
+            cop = np.repeat([[0.0], [-half], [half]], until.size, axis=1)
+            cop[0] = shares * other
+            cop[1:, : len(double)] = np.array(box_around(-half, half, other))[:, None]
+            bounds = acceleration_interval(angle, c.gravity, c.torque, most)
+            axes.append(
+                problem.explicit_problem(
+                    self.robot, config, until, len(double) + 1, row[DCM + i :: 2], cop, bounds
+                )
+            )
+        band = strip(row[OTHER_FOOT], row[OTHER_FOOT + 1], c.cop_x, c.cop_y)
+        return JointProblem.of(axes[0], axes[1], len(double), band)
+
+    def _solve_again(self, row: Floats, out: Floats) -> None:
         """The same plan by OSQP, a second opinion; DAQP's stays where OSQP gives up."""
-        problem = self.program(row)
-        solution = solve_qp(problem.qp, "osqp")
+        program = self.program(row)
+        solution = solve_qp(program.qp, "osqp")
         if solution.status != "solved":
-            return "daqp"
-        for i, (axis, x) in enumerate(zip(problem.axes, problem.split(solution.x), strict=True)):
-            out[RESULT_COP + i], out[RESULT_TRUNK + i] = axis.first(x)
-            out[RESULT_DCM_END + i] = axis.dcm_end(x)
-        return "solved"
+            out[problem.RESULT_STATUS] = problem.FROM_DAQP
+            return
+        for i, (axis, x) in enumerate(zip(program.axes, program.split(solution.x), strict=True)):
+            out[problem.RESULT_COP + i], out[problem.RESULT_TRUNK + i] = axis.first(x)
+            out[problem.RESULT_DCM_END + i] = axis.dcm_end(x)
+        out[problem.RESULT_STATUS] = problem.SOLVED
+
+
+class WithDoubleSupport:
+    """Both axes at once while both feet stand for most of the coming period, then single support's plan."""
+
+    workers, decides = 1, True
+
+    def __init__(self, planner: DoubleSupportPlanner, single: problem.Regulator):
+        self._planner, self._single, config = planner, single, planner.config
+        self._apply = planner.limits.box, config.use_cop, config.use_trunk
+        self._last = config.double_support - 0.5 * config.first_interval_min
+
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        double = observations[:, ELAPSED] < self._last
+        for where, regulate in ((~double, self._single.regulate), (double, self._regulate_both)):
+            if where.any():
+                part = rows[where]
+                regulate(observations[where], part)
+                rows[where] = part
+
+    def _regulate_both(self, observations: Floats, rows: Floats) -> None:
+        inputs = np.column_stack(
+            [rows[:, REMAINING], np.maximum(observations[:, ELAPSED], 0.0),
+             observations[:, SWING_POSITION][:, :2], rows[:, DCM_AHEAD : DCM_AHEAD + 2],
+             observations[:, TRUNK_ANGLE], observations[:, TRUNK_RATE], rows[:, TARGET : TARGET + 2]]
+        )  # fmt: skip
+        rows[:, RESULT:] = self._planner.plan_batch(inputs)
+        problem.apply_results(observations, rows, *self._apply)

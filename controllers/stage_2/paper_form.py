@@ -1,9 +1,5 @@
 """Stage 2 in the paper's form: DCM acceleration and trunk jerk (eqs. 8-20), one program per axis.
 
-Compiled assembly of the paper's second stage: eqs. 8-20 as a program, and as a least-distance problem.
-
-Stage 2 in the paper's form: DCM acceleration and trunk jerk (eqs. 8-20), one program per axis.
-
 State (xi, xi', theta, theta', theta''), inputs (xi'', theta''') constant over each interval, A and B of eqs.
 11-14, output z = xi - xi'/omega - j/(m g) theta'' (eq. 10). With N nodes until touchdown,
 
@@ -29,30 +25,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidValueError, UnknownNameError
+from ..errors import InvalidValueError
 from ..jit import njit
-from ..model.gait_box import GaitLimits
+from ..model.gait_box import COP, TRUNK, GaitLimits
+from ..model.observation import ELAPSED, PREVIOUS_ACTION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
 from ..qp import LeastDistance, QuadraticProgram, solve_least_distance, solve_qp
 from ..settings import PlannerConfig
-from .problem import SHORTEST, CopPlan, cop_bounds, grid, require_positive
-from .single_support import LONGEST_MARGIN, acceleration_interval
+from ..stage_1 import DCM_AHEAD, REMAINING, RESULT, TARGET
+from . import problem
+from .problem import acceleration_interval, constants_of
 
-
-class Constants(NamedTuple):
-    """Scalars of the problem."""
-
-    omega: float
-    cmp_per_acceleration: float
-    angle: float  # [rad]
-    dt: float
-    beta_cop: float
-    beta_dcm_acceleration: float
-    beta_jerk: float
-    beta_rate: float
-    beta_angle: float
-    repaired: bool
-    use_trunk: bool
+Floats = NDArray[np.float64]
 
 
 class Workspace(NamedTuple):
@@ -62,31 +46,27 @@ class Workspace(NamedTuple):
     only with the trunk in use).
     """
 
-    H: NDArray[np.float64]  # (n, n)
-    f: NDArray[np.float64]  # (n,)
-    A: NDArray[np.float64]  # (m, n)
-    offset: NDArray[np.float64]  # (m,): the rows' values with zero inputs
-    low: NDArray[np.float64]  # (m,): low <= A x <= high
-    high: NDArray[np.float64]
-    soft: NDArray[np.bool_]  # (m,)
-    dcm: NDArray[np.float64]  # (n + 1,): xi_T = dcm[0] + dcm[1:] . x
-    M: NDArray[np.float64]  # (m, n) = A R^-1 with H = R'R
-    factor: NDArray[np.float64]  # (n, n): L = R'
-    x: NDArray[np.float64]  # (n,): the unconstrained optimum, then the solution
-    lower: NDArray[np.float64]  # (m,): of M v
-    upper: NDArray[np.float64]
-    v: NDArray[np.float64]  # (n,)
+    soft: NDArray[np.bool_]  # (m,), rows of theta
+    H: Floats  # (n, n)
+    f: Floats  # (n,)
+    A: Floats  # (m, n)
+    offset: Floats  # (m,): the rows' values with zero inputs
+    low: Floats  # (m,): low <= A x <= high
+    high: Floats
+    dcm: Floats  # (n + 1,): xi_T = dcm[0] + dcm[1:] . x
+    M: Floats  # (m, n) = A R^-1 with H = R'R
+    factor: Floats  # (n, n): L = R'
+    x: Floats  # (n,): the unconstrained optimum, then the solution
+    lower: Floats  # (m,): of M v
+    upper: Floats
+    v: Floats  # (n,)
 
     @classmethod
     def of(cls, nodes: int, use_trunk: bool) -> Workspace:
         """Allocate for N = nodes."""
         n, m = (2 * nodes, 3 * nodes) if use_trunk else (nodes, nodes)
-        soft = np.arange(m) >= 2 * nodes
-        return cls(
-            np.zeros((n, n)), np.zeros(n), np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m), soft,
-            np.zeros(n + 1), np.zeros((m, n)), np.zeros((n, n)), np.zeros(n), np.zeros(m), np.zeros(m),
-            np.zeros(n),
-        )  # fmt: skip
+        sizes = (n, n), n, (m, n), m, m, m, n + 1, (m, n), (n, n), n, m, m, n
+        return cls(np.arange(m) >= 2 * nodes, *(np.zeros(size) for size in sizes))
 
 
 @njit(cache=True)
@@ -121,8 +101,9 @@ def _advance(
 
 
 @njit(cache=True)
-def build(durations: Any, state: Any, beta_dcm: float, c: Constants, w: Workspace) -> None:
+def build(durations: Any, state: Any, numbers: Any, w: Workspace) -> None:
     """Cost and constraint rows, from the affine maps [constant, inputs] of the states along the horizon."""
+    c = constants_of(numbers)
     N, n = durations.shape[0], w.f.shape[0]
     dcm0, target, reference = state[0], state[3], state[4]
     w.H[:], w.f[:], w.A[:] = 0.0, 0.0, 0.0
@@ -133,39 +114,32 @@ def build(durations: Any, state: Any, beta_dcm: float, c: Constants, w: Workspac
     time = 0.0
     for k in range(N):
         d = durations[k]
-        share = d / c.dt if k == 0 else 1.0
-        _advance(d, k, N, c.use_trunk, xi, dxi, theta, rate, acceleration)
+        share = d / c.sampling_time if k == 0 else 1.0
+        _advance(d, k, N, c.use_trunk > 0.0, xi, dxi, theta, rate, acceleration)
         free = 0.0
         if c.repaired:
-            free = (
-                c.omega * (dcm0 - reference) * (math.exp(c.omega * (time + d)) - math.exp(c.omega * time)) / d
-            )
+            growth = math.exp(c.omega * (time + d)) - math.exp(c.omega * time)
+            free = c.omega * (dcm0 - reference) * growth / d
         w.H[k, k] += c.beta_dcm_acceleration * share
         w.f[k] -= c.beta_dcm_acceleration * share * free
         if c.use_trunk:
-            w.H[N + k, N + k] += c.beta_jerk * share
-            _add(c.beta_rate, rate, 0.0, w)
-            _add(c.beta_angle, theta, 0.0, w)
+            w.H[N + k, N + k] += c.beta_trunk * share
+            _add(c.beta_trunk_rate, rate, 0.0, w)
+            _add(c.beta_trunk_angle if c.repaired else 0.0, theta, 0.0, w)
         for i in range(n + 1):
             z[i] = xi[i] - dxi[i] / c.omega - c.cmp_per_acceleration * acceleration[i]  # eq. 10
         _add(c.beta_cop, z, reference, w)
-        _set_row(k, z, w)
+        w.offset[k], w.A[k, :] = z[0], z[1:]
         if c.use_trunk:
-            _set_row(N + k, acceleration, w)
-            _set_row(2 * N + k, theta, w)
+            w.offset[N + k], w.A[N + k, :] = acceleration[0], acceleration[1:]
+            w.offset[2 * N + k], w.A[2 * N + k, :] = theta[0], theta[1:]
         time += d
     w.dcm[:] = xi
-    _add(beta_dcm, xi, target, w)
+    _add(c.beta_dcm, xi, target, w)
     for i in range(n):
         for j in range(i):
             w.H[j, i] = w.H[i, j]
     _whiten(w)
-
-
-@njit(cache=True)
-def _set_row(i: int, row: Any, w: Workspace) -> None:
-    w.offset[i] = row[0]
-    w.A[i, :] = row[1:]
 
 
 @njit(cache=True)
@@ -207,18 +181,22 @@ def _backward(L: Any, b: Any) -> None:
 
 
 @njit(cache=True)
-def write_bounds(
-    cop_low: float, cop_high: float, low: float, high: float, angle: float, w: Workspace
-) -> None:
+def write_bounds(axis: int, state: Any, numbers: Any, w: Workspace) -> None:
     """Bounds of the rows of A x, and of M v about the unconstrained optimum."""
-    N = w.A.shape[0] if w.A.shape[0] == w.A.shape[1] else w.A.shape[0] // 3
+    c = constants_of(numbers)
+    cop_high, most = (c.cop_x, c.pitch) if axis == 0 else (c.cop_y, c.roll)
+    cop_low = -cop_high
+    if not c.use_cop:
+        cop_low = cop_high = min(max(state[4], cop_low), cop_high)
+    low, high = acceleration_interval(state[1], c.gravity, c.torque, most)
+    N = w.A.shape[0] // 3 if c.use_trunk else w.A.shape[0]
     for i in range(w.A.shape[0]):
         if i < N:
             lower, upper = cop_low, cop_high
         elif i < 2 * N:
             lower, upper = low, high
         else:
-            lower, upper = -angle, angle
+            lower, upper = -c.angle, c.angle
         value = 0.0
         for j in range(w.A.shape[1]):
             value += w.A[i, j] * w.x[j]
@@ -227,8 +205,12 @@ def write_bounds(
 
 
 @njit(cache=True)
-def outputs(period: float, state: Any, add: bool, c: Constants, w: Workspace, result: Any) -> None:
+def write_result(
+    period: float, axis: int, state: Any, add: bool, numbers: Any, w: Workspace, result: Any
+) -> None:
     """CoP and trunk acceleration after `period` [s], and the DCM at touchdown, of x (+ L'^-1 v if `add`)."""
+    c = constants_of(numbers)
+    cop_max, most = (c.cop_x, c.pitch) if axis == 0 else (c.cop_y, c.roll)
     n = w.x.shape[0]
     if add:
         _backward(w.factor, w.v)
@@ -239,42 +221,56 @@ def outputs(period: float, state: Any, add: bool, c: Constants, w: Workspace, re
     dxi = c.omega * (state[0] - state[5] - c.cmp_per_acceleration * state[6])
     xi = state[0] + period * dxi + period * period / 2 * input_dcm
     acceleration = state[6] + period * jerk
-    result[0] = xi - (dxi + period * input_dcm) / c.omega - c.cmp_per_acceleration * acceleration
-    result[1] = acceleration
-    result[2] = w.dcm[0]
+    cop = xi - (dxi + period * input_dcm) / c.omega - c.cmp_per_acceleration * acceleration
+    result[problem.RESULT_COP + axis] = min(max(cop, -cop_max), cop_max)
+    result[problem.RESULT_TRUNK + axis] = min(max(acceleration, -most), most)
+    end = w.dcm[0]
     for i in range(n):
-        result[2] += w.dcm[1 + i] * w.x[i]
-
-
-COSTS = ("literal", "repaired")
+        end += w.dcm[1 + i] * w.x[i]
+    result[problem.RESULT_DCM_END + axis] = end
 
 
 class JerkCopPlanner:
-    """Plans the CoP and the trunk acceleration with the paper's variables."""
+    """Plans the CoP and the trunk acceleration with the paper's variables; see `Regulator`."""
+
+    workers, decides = 1, True
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
         """Prepare the planner; workspaces are set up when a horizon length first occurs.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
-            UnknownNameError: `config.jerk_cost` is not one of `COSTS`.
         """
-        if config.jerk_cost not in COSTS:
-            raise UnknownNameError("jerk cost", config.jerk_cost, COSTS)
-        require_positive(config, "beta_dcm_acceleration", "beta_trunk", "beta_trunk_limit")
         self.robot, self.limits, self.config = robot, limits, config
-        self.cop_max = cop_bounds(limits, config)
-        self.longest = limits.duration_max + LONGEST_MARGIN
-        repaired = config.jerk_cost == "repaired"
-        self.constants = Constants(
-            robot.omega, robot.cmp_per_trunk_acceleration, robot.trunk_angle_max, config.sampling_time,
-            config.beta_cop, config.beta_dcm_acceleration, config.beta_trunk, config.beta_trunk_rate,
-            config.beta_trunk_angle if repaired else 0.0, repaired, config.use_trunk,
-        )  # fmt: skip
+        self.longest = limits.duration_max + problem.LONGEST_MARGIN
+        most = limits.trunk_acceleration_max
+        self._numbers = problem.pack_constants(robot, limits, config, (most, most))
         self._workspaces: dict[int, tuple[Workspace, LeastDistance, LeastDistance]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return JerkCopPlanner, (self.robot, self.limits, self.config)
+
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        for obs, row in zip(observations, rows, strict=True):
+            pairs = (
+                row[DCM_AHEAD : DCM_AHEAD + 2],
+                obs[TRUNK_ANGLE],
+                obs[TRUNK_RATE],
+                row[TARGET : TARGET + 2],
+            )
+            row[RESULT:] = self._plan(float(row[REMAINING]), *pairs, (0.0, 0.0), *self._previous(obs))
+        problem.apply_results(observations, rows, self.limits.box, self.config.use_cop, self.config.use_trunk)
+
+    def _previous(self, obs: Floats) -> tuple[Floats, Floats]:
+        """CoP [m] and trunk acceleration [rad/s^2] in force; a new stance foot begins at the sole's centre.
+
+        The previous action was made in the frame of its own step: its roll turns its sign at touchdown.
+        """
+        gait = self.limits.from_action(obs[PREVIOUS_ACTION])
+        if obs[ELAPSED] < self.config.first_interval_min:
+            return np.zeros(2), np.array([gait[TRUNK], -gait[TRUNK + 1]])
+        return gait[COP : COP + 2], gait[TRUNK : TRUNK + 2]
 
     def plan(
         self,
@@ -286,7 +282,7 @@ class JerkCopPlanner:
         cop_reference: ArrayLike = (0.0, 0.0),
         previous_cop: ArrayLike = (0.0, 0.0),
         previous_trunk_acceleration: ArrayLike = (0.0, 0.0),
-    ) -> CopPlan:
+    ) -> problem.CopPlan:
         """Plan from the present state to touchdown; see `CopPlanner.plan`.
 
         The result is the CoP and the trunk acceleration at the end of the coming control period (which is
@@ -301,30 +297,20 @@ class JerkCopPlanner:
             cop_reference: (2,) [m].
             previous_cop: (2,) CoP now, of this stance foot; with it xi' = omega (xi - CMP) (eq. 6b) [m].
             previous_trunk_acceleration: (2,) theta'' now [rad/s^2].
-        """
-        state = self._state(
-            remaining, dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, previous_cop,
-            previous_trunk_acceleration,
-        )  # fmt: skip
-        durations = grid(self.config, max(remaining, SHORTEST))
-        result, statuses = np.zeros((3, 2)), []
-        for axis in range(2):
-            status = self._plan_axis(durations, remaining, axis, state[:, axis], result[:, axis])
-            statuses.append(status)
-        result.flags.writeable = False
-        status = next((s for s in statuses if s != "solved"), "solved")
-        return CopPlan(result[0], result[1], result[2], status)
-
-    def _state(self, remaining: float, *vectors: ArrayLike) -> NDArray[np.float64]:
-        """The vectors that `plan` takes, (7, 2).
 
         Raises:
-            InvalidValueError: one has the wrong shape or is not finite, or `remaining` is too long.
+            InvalidValueError: an argument has the wrong shape or is not finite, or `remaining` is too long.
         """
-        try:
-            state = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
-        except (ValueError, TypeError) as error:
-            raise InvalidValueError(f"stage 2 takes vectors of 2 numbers: {error}") from None
+        return problem.CopPlan.of(
+            self._plan(
+                remaining, dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, previous_cop,
+                previous_trunk_acceleration,
+            )
+        )  # fmt: skip
+
+    def _plan(self, remaining: float, *vectors: ArrayLike) -> Floats:
+        """The result (RESULT_SIZE,) of `plan`'s arguments."""
+        state = problem.input_row((), *vectors).reshape(-1, 2)
         if not (np.all(np.isfinite(state)) and remaining <= self.longest):
             raise InvalidValueError(
                 f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {remaining} s,"
@@ -332,69 +318,62 @@ class JerkCopPlanner:
             )
         if not self.config.use_trunk:
             state[-1] = 0.0
-        return state
+        result = np.zeros(problem.RESULT_SIZE)
+        statuses = [self._plan_axis(remaining, axis, state[:, axis], result) for axis in range(2)]
+        result[problem.RESULT_STATUS] = statuses[0] if statuses[0] != problem.SOLVED else statuses[1]
+        return result
 
     def program(
-        self, remaining: float, axis: int, state: NDArray[np.float64], soft: bool | None = None
+        self, remaining: float, axis: int, state: Floats, soft: bool | None = None
     ) -> QuadraticProgram:
-        """The program of one axis; state: (7,) as the arguments of `plan` from `dcm` on."""
-        durations = grid(self.config, max(remaining, SHORTEST))
+        """The program of one axis.
+
+        Args:
+            remaining: time to touchdown [s].
+            axis: 0 along x, 1 along y.
+            state: (7,) as the arguments of `plan` from `dcm` on.
+            soft: whether theta may leave its bounds; by default as in the configured cost.
+        """
+        durations = problem.grid(self.config, max(remaining, problem.SHORTEST))
         workspace = self._assemble(durations, axis, state)[0]
-        soft = self.constants.repaired if soft is None else soft
+        soft = self.config.jerk_cost == "repaired" if soft is None else soft
         weight = np.where(workspace.soft, self.config.beta_trunk_limit if soft else 0.0, 0.0)
         low, high = workspace.low.copy(), workspace.high.copy()
         return QuadraticProgram(workspace.H.copy(), workspace.f.copy(), workspace.A.copy(), low, high, weight)
 
     def _assemble(
-        self, durations: NDArray[np.float64], axis: int, state: NDArray[np.float64]
+        self, durations: Floats, axis: int, state: Floats
     ) -> tuple[Workspace, LeastDistance, LeastDistance]:
+        """Arrays of the program, and its solvers with a hard and with a soft theta."""
         found = self._workspaces.get(durations.size)
         if found is None:
-            found = self._workspaces[durations.size] = self._allocate(durations.size)
-        workspace = found[0]
-        build(durations, state, self.config.beta_dcm, self.constants, workspace)
-        cop_low, cop_high = -self.cop_max[axis], self.cop_max[axis]
-        if not self.config.use_cop:
-            cop_low = cop_high = min(max(state[4], cop_low), cop_high)
-        torque = self.robot.trunk_torque_max / self.robot.trunk_inertia
-        gravity = self.config.trunk_gravity / self.robot.trunk_inertia
-        low, high = acceleration_interval(state[1], gravity, torque, self.limits.trunk_acceleration_max)
-        write_bounds(cop_low, cop_high, low, high, self.constants.angle, workspace)
+            workspace = Workspace.of(durations.size, self.config.use_trunk)
+            weight = np.where(workspace.soft, self.config.beta_trunk_limit, 0.0)
+            bounds = (workspace.lower, workspace.upper, workspace.v)
+            hard = LeastDistance(workspace.M, np.zeros_like(weight), *bounds)
+            found = workspace, hard, LeastDistance(workspace.M, weight, *bounds)
+            self._workspaces[durations.size] = found
+        build(durations, state, self._numbers, found[0])
+        write_bounds(axis, state, self._numbers, found[0])
         return found
 
-    def _allocate(self, nodes: int) -> tuple[Workspace, LeastDistance, LeastDistance]:
-        workspace = Workspace.of(nodes, self.config.use_trunk)
-        weight = np.where(workspace.soft, self.config.beta_trunk_limit, 0.0)
-        bounds = (workspace.lower, workspace.upper, workspace.v)
-        hard = LeastDistance(workspace.M, np.zeros_like(weight), *bounds)
-        return workspace, hard, LeastDistance(workspace.M, weight, *bounds)
-
-    def _plan_axis(
-        self,
-        durations: NDArray[np.float64],
-        remaining: float,
-        axis: int,
-        state: NDArray[np.float64],
-        result: NDArray[np.float64],
-    ) -> str:
-        """Fill (cop, trunk acceleration, dcm at touchdown) and return the status."""
+    def _plan_axis(self, remaining: float, axis: int, state: Floats, result: Floats) -> int:
+        """Write the axis' part of a result and return its status."""
+        durations = problem.grid(self.config, max(remaining, problem.SHORTEST))
         workspace, hard, soft = self._assemble(durations, axis, state)
-        period, status = min(self.config.first_interval_min, durations[0]), "solved"
+        status, add = problem.SOLVED, False
         if self.config.solver == "osqp":
             solution = solve_qp(self.program(remaining, axis, state), "osqp")
             if solution.status != "solved":
                 solution = solve_qp(self.program(remaining, axis, state, soft=True), "osqp")
-                status = "relaxed" if solution.status == "solved" else "clipped"
+                status = problem.RELAXED if solution.status == "solved" else problem.CLIPPED
             if solution.status == "solved":
                 workspace.x[:] = solution.x
-            outputs(period, state, False, self.constants, workspace, result)
         else:
-            flag = solve_least_distance((soft if self.constants.repaired else hard).handle)
-            if flag <= 0:
-                flag = solve_least_distance(soft.handle)
-                status = "relaxed" if flag > 0 else "clipped"
-            outputs(period, state, flag > 0, self.constants, workspace, result)
-        result[0] = min(max(result[0], -self.cop_max[axis]), self.cop_max[axis])
-        limit = self.limits.trunk_acceleration_max
-        result[1] = min(max(result[1], -limit), limit)
+            add = solve_least_distance((soft if self.config.jerk_cost == "repaired" else hard).handle) > 0
+            if not add:
+                add = solve_least_distance(soft.handle) > 0
+                status = problem.RELAXED if add else problem.CLIPPED
+        period = min(self.config.first_interval_min, durations[0])
+        write_result(period, axis, state, add, self._numbers, workspace, result)
         return status

@@ -1,18 +1,17 @@
-"""Stage 2: what every form of it is asked and gives, and its program written out densely.
+"""Questions to stage 2 and its answers in every form, and its program written out densely, axis by axis.
 
-What every form of stage 2 has in common: what it is asked, what it gives, how a row takes it over.
-
-The program of stage 2 written out densely, axis by axis: what OSQP solves, and the oracle of the tests.
+The dense program is what OSQP solves as a second opinion, and the oracle of the tests.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numba.np.unsafe.ndarray import to_fixed_tuple
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError
 from ..jit import njit
@@ -22,6 +21,9 @@ from ..model.robot import RobotModel
 from ..qp import QuadraticProgram
 from ..settings import PlannerConfig
 from ..stage_1 import HELD, RESULT
+
+# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 Floats = NDArray[np.float64]
 
@@ -36,48 +38,12 @@ RESULT_SIZE = 7
 # "daqp": OSQP did not converge, DAQP's plan stands in; "relaxed": the paper's form gave up its hard limit of
 # the trunk
 STATUS = ("solved", "clipped", "invalid", "daqp", "relaxed")
+SOLVED, CLIPPED, INVALID, FROM_DAQP, RELAXED = range(len(STATUS))
+
+SHORTEST = 1e-3  # a shorter (or negative) remaining time is planned as this [s]
+LONGEST_MARGIN = 0.3  # horizons reach this far beyond the longest step [s]
 
 _PREVIOUS = PREVIOUS_ACTION.start
-
-
-@dataclass(frozen=True)
-class CopPlan:
-    """What to do now, in the canonical frame, relative to the stance sole's centre."""
-
-    cop: Floats  # (2,) [m]
-    trunk_acceleration: Floats  # (2,) towards +x, +y [rad/s^2]
-    dcm_end: Floats  # (2,) predicted DCM at touchdown [m]
-    status: str  # one of STATUS
-
-
-def plan_of(result: Floats, status: str) -> CopPlan:
-    """The plan of a result (RESULT_SIZE,) or of its first six columns; read-only from here on."""
-    result.flags.writeable = False
-    cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
-    return CopPlan(cop, trunk, result[RESULT_DCM_END : RESULT_DCM_END + 2], status)
-
-
-def cop_bounds(limits: GaitLimits, config: PlannerConfig) -> tuple[float, float]:
-    """Largest |CoP| along x and y that a plan may use: half a sole less its margin [m].
-
-    Raises:
-        InvalidValueError: a margin leaves none.
-    """
-    bounds = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
-    if min(bounds) <= 0:
-        raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
-    return bounds
-
-
-def require_positive(config: PlannerConfig, *names: str) -> None:
-    """Refuse a configuration in which one of these numbers is not positive.
-
-    Raises:
-        InvalidValueError: names it.
-    """
-    for name in names:
-        if not getattr(config, name) > 0:
-            raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
 
 
 class Regulator(Protocol):
@@ -100,32 +66,173 @@ class Regulator(Protocol):
         ...
 
 
-@njit(cache=True, forceinline=True)
-def take_over(obs, row, box, use_cop, use_trunk):  # pragma: no cover
-    """A row's own result into its CoP and trunk acceleration; the previous action's where its step is held.
+class NoStage2:
+    """CoP and trunk acceleration of stage 1 stay; the DCM at touchdown is the one that it expects."""
 
-    As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
+    workers, decides = 1 << 16, False
+
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+
+
+class OneAxisTrunk:
+    """A trunk that swings about one axis only: about the other the program has no trunk acceleration.
+
+    The axes do not couple in single support, so each comes from a regulator of both of them.
+
+    Args:
+        with_trunk: plans trunk accelerations about both axes.
+        without: plans none.
+        missing: the axis that the waist lacks, 0 pitch, 1 roll.
     """
-    for axis in range(2):
-        if use_cop and row[HELD] > 0.0:
-            j = COP + axis
-            row[RESULT + RESULT_COP + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
-        row[COP + axis] = row[RESULT + RESULT_COP + axis]
-        if use_trunk:
-            j = TRUNK + axis
-            if row[HELD] > 0.0:
-                row[RESULT + RESULT_TRUNK + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
-            row[j] = row[RESULT + RESULT_TRUNK + axis]
+
+    decides = True
+
+    def __init__(self, with_trunk: Regulator, without: Regulator, missing: int):
+        self._with, self._without = with_trunk, without
+        self.workers = min(with_trunk.workers, without.workers)
+        pairs = COP, TRUNK, RESULT + RESULT_COP, RESULT + RESULT_TRUNK, RESULT + RESULT_DCM_END
+        self._columns = [first + missing for first in pairs]
+
+    def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
+        """See `Regulator`."""
+        other = rows.copy()
+        self._with.regulate(observations, rows, worker)
+        self._without.regulate(observations, other, worker)
+        rows[:, self._columns] = other[:, self._columns]
+
+
+@dataclass(frozen=True)
+class CopPlan:
+    """CoP and trunk acceleration of now, canonical frame, relative to the stance sole's centre."""
+
+    cop: Floats  # (2,) [m]
+    trunk_acceleration: Floats  # (2,) towards +x, +y [rad/s^2]
+    dcm_end: Floats  # (2,) predicted DCM at touchdown [m]
+    status: str  # one of STATUS
+
+    @classmethod
+    def of(cls, result: Floats) -> CopPlan:
+        """The plan of a result (RESULT_SIZE,), which is read-only from here on."""
+        result.flags.writeable = False
+        cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
+        end, status = result[RESULT_DCM_END : RESULT_DCM_END + 2], STATUS[int(result[RESULT_STATUS])]
+        return cls(cop, trunk, end, status)
+
+
+def input_row(times: tuple[float, ...], *vectors: ArrayLike) -> Floats:
+    """Times [s] and vectors of two numbers, one after the other, as a batch of one row.
+
+    Raises:
+        InvalidValueError: an argument is no number, or no vector of two.
+    """
+    try:
+        pairs = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
+        return np.concatenate([np.array(times, dtype=np.float64), pairs.ravel()])[None]
+    except (ValueError, TypeError) as error:
+        raise InvalidValueError(f"stage 2 takes times and vectors of 2 numbers: {error}") from None
+
+
+def cop_bounds(limits: GaitLimits, config: PlannerConfig) -> tuple[float, float]:
+    """Largest |CoP| along x and y that a plan may use: half a sole less its margin [m].
+
+    Raises:
+        InvalidValueError: a margin leaves none.
+    """
+    bounds = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
+    if min(bounds) <= 0:
+        raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
+    return bounds
+
+
+class Constants(NamedTuple):
+    """Scalars of the compiled loops; those of `PlannerConfig` have its names. Switches are 1 or 0."""
+
+    omega: float  # [1/s]
+    cmp_per_acceleration: float  # j / (m g) [m s^2]
+    cop_x: float  # half size of a sole less the margin [m]
+    cop_y: float
+    pitch: float  # largest trunk acceleration [rad/s^2]
+    roll: float
+    torque: float  # tau_max / j [rad/s^2]
+    gravity: float  # gravity torque per sin(lean) / j [rad/s^2]
+    angle: float  # [rad]
+    repaired: float  # the cost of the paper's form is the repaired one
+    double_support: float
+    first_interval_min: float
+    sampling_time: float
+    tail_intervals: float
+    tail_sampling_time: float
+    trunk_debt: float
+    beta_cop: float
+    beta_dcm_acceleration: float
+    beta_trunk: float
+    beta_trunk_rate: float
+    beta_dcm: float
+    beta_trunk_angle: float
+    use_cop: float
+    use_trunk: float
+
+
+CONSTANTS = len(Constants._fields)
+
+
+def pack_constants(
+    robot: RobotModel, limits: GaitLimits, config: PlannerConfig, accelerations: tuple[float, float]
+) -> Floats:
+    """`Constants` as an array (CONSTANTS,), with the largest trunk accelerations in pitch and roll [rad/s^2].
+
+    Raises:
+        InvalidValueError: the margins leave no CoP, or a weight is zero without which no optimum is unique.
+    """
+    bounds = cop_bounds(limits, config)
+    own = "beta_dcm_acceleration" if config.form == "jerk" else "beta_cop"
+    for name in (own, "beta_trunk", "beta_trunk_limit"):
+        if not getattr(config, name) > 0:
+            raise InvalidValueError(f"PlannerConfig.{name} must be positive, got {getattr(config, name)}")
+    return np.array(
+        Constants(
+            robot.omega, robot.cmp_per_trunk_acceleration, *bounds, *accelerations,
+            robot.trunk_torque_max / robot.trunk_inertia, config.trunk_gravity / robot.trunk_inertia,
+            robot.trunk_angle_max, float(config.jerk_cost == "repaired"),
+            **config.numbers(Constants._fields),
+        )
+    )  # fmt: skip
 
 
 @njit(cache=True)
-def take_over_all(observations, rows, box, use_cop, use_trunk):  # pragma: no cover
-    """`take_over` of every row."""
+def constants_of(packed: Any) -> Constants:
+    """The constants of `pack_constants` by name."""
+    return Constants(*to_fixed_tuple(packed, CONSTANTS))
+
+
+@njit(cache=True)
+def acceleration_interval(angle: float, gravity: float, torque: float, box: float) -> tuple[float, float]:
+    """|j a - gravity torque sin(angle)| <= tau_max, all over j, within the gait box; never empty."""
+    shift = gravity * math.sin(angle)
+    low = min(max(shift - torque, -box), box)
+    high = max(min(shift + torque, box), -box)
+    return low, high
+
+
+@njit(cache=True, forceinline=True)
+def apply_results(observations, rows, box, use_cop, use_trunk):  # pragma: no cover
+    """Make each row's result its CoP and trunk acceleration; where the step is held, the previous action's.
+
+    As little remains then, a DCM off by d asks for a CoP off by d / (exp(omega T) - 1): noise becomes blows.
+    """
     for i in range(rows.shape[0]):
-        take_over(observations[i], rows[i], box, use_cop, use_trunk)
-
-
-SHORTEST = 1e-3  # a shorter (or negative) remaining time is planned as this [s]
+        obs, row = observations[i], rows[i]
+        for axis in range(2):
+            if use_cop and row[HELD] > 0.0:
+                j = COP + axis
+                row[RESULT + RESULT_COP + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
+            row[COP + axis] = row[RESULT + RESULT_COP + axis]
+            if use_trunk:
+                j = TRUNK + axis
+                if row[HELD] > 0.0:
+                    row[RESULT + RESULT_TRUNK + axis] = unscaled(obs[_PREVIOUS + j], box[0, j], box[1, j])
+                row[j] = row[RESULT + RESULT_TRUNK + axis]
 
 
 @dataclass(frozen=True)
@@ -133,118 +240,87 @@ class ExplicitProblem:
     """Inputs x = (z_0..z_{N-1}, a_0..a_{K-1}); where an input is not used, its part is absent."""
 
     qp: QuadraticProgram
-    durations: NDArray[np.float64]  # (K,), the first N of them until touchdown [s]
+    durations: Floats  # (K,), the first N of them until touchdown [s]
     cops: int  # N, or 0 where the CoP stays at the reference
     accelerations: int  # K, or 0 where the trunk is not used
     reference: float  # [m]
     dcm_free: float  # DCM at touchdown with all inputs zero [m]
-    dcm_row: NDArray[np.float64]  # (n,)
+    dcm_row: Floats  # (n,)
 
-    def first(self, x: NDArray[np.float64]) -> tuple[float, float]:
+    def first(self, x: Floats) -> tuple[float, float]:
         """CoP [m] and trunk acceleration [rad/s^2] of the first interval."""
         cop = float(x[0]) if self.cops else self.reference
         return cop, float(x[self.cops]) if self.accelerations else 0.0
 
-    def dcm_end(self, x: NDArray[np.float64]) -> float:
+    def dcm_end(self, x: Floats) -> float:
         """Predicted DCM at touchdown [m]."""
         return float(self.dcm_free - self.dcm_row @ x)
 
 
-def grid(config: PlannerConfig, remaining: float) -> NDArray[np.float64]:
+def grid(config: PlannerConfig, remaining: float) -> Floats:
     """Durations of the intervals until touchdown: a first one, then whole ones [s]."""
     whole = max(math.floor((remaining - config.first_interval_min) / config.sampling_time + 1e-9), 0)
     return np.array([remaining - whole * config.sampling_time] + [config.sampling_time] * whole)
 
 
 def explicit_problem(
-    robot: RobotModel, config: PlannerConfig, remaining: float, dcm: float, angle: float, rate: float,
-    target: float, reference: float, cop_max: float, acceleration_low: float, acceleration_high: float,
-) -> ExplicitProblem:  # fmt: skip
-    """Build the problem by unrolling the model, with no use of its structure."""
-    until = grid(config, max(remaining, SHORTEST))
-    if not config.use_cop:
-        reference = min(max(reference, -cop_max), cop_max)
-    N = until.size
-    return write_out(
-        robot, config, until, 1, (dcm, angle, rate, target), np.full(N, reference), np.full(N, -cop_max),
-        np.full(N, cop_max), acceleration_low, acceleration_high,
-    )  # fmt: skip
-
-
-def write_out(
-    robot: RobotModel, config: PlannerConfig, until: NDArray[np.float64], partial: int,
-    state: tuple[float, float, float, float], references: NDArray[np.float64], cop_low: NDArray[np.float64],
-    cop_high: NDArray[np.float64], acceleration_low: float, acceleration_high: float,
-) -> ExplicitProblem:  # fmt: skip
-    """Build the problem of one axis on any grid.
+    robot: RobotModel,
+    config: PlannerConfig,
+    until: Floats,
+    partial: int,
+    state: Floats,
+    cop: Floats,
+    accelerations: tuple[float, float],
+) -> ExplicitProblem:
+    """Build the problem of one axis on any grid by unrolling the model, with no use of its structure.
 
     Args:
         robot: physical constants.
         config: weights.
         until: (N,) durations of the intervals until touchdown [s].
         partial: the inputs of so many first intervals are weighted by their share of a whole one.
-        state: DCM now [m], lean [rad], its rate [rad/s], DCM wanted at touchdown [m].
-        references: (N,) of the CoP [m].
-        cop_low: (N,) [m].
-        cop_high: (N,) [m].
-        acceleration_low: of the trunk [rad/s^2].
-        acceleration_high: [rad/s^2].
+        state: (4,) DCM now [m], lean [rad], its rate [rad/s], DCM wanted at touchdown [m].
+        cop: (3, N) its reference, lower and upper bound [m].
+        accelerations: lower and upper bound of the trunk's [rad/s^2].
     """
     durations = np.concatenate([until, np.full(config.tail_intervals, config.tail_sampling_time)])
     N, K = until.size, durations.size
-    cops, accelerations = N if config.use_cop else 0, K if config.use_trunk else 0
-    n = cops + accelerations
-    states = _unrolled(robot, config, durations, N, state[:3], references)
+    cops, trunks = N if config.use_cop else 0, K if config.use_trunk else 0
+    dcm, angles, rates = _unrolled(robot, config, durations, state[:3], cop[0])
 
     share = durations / config.sampling_time
     share[partial:] = 1.0
-    own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:accelerations]])
-    H, f = _cost(config, states, own, references[:cops], state[3])
-    soft = np.array(states.angles)[:, 1:] if accelerations else np.zeros((0, n))
-    offset = np.array(states.angles)[:, 0] if accelerations else np.zeros(0)
-    limit = robot.trunk_angle_max
-    lower = np.concatenate([cop_low[:cops], np.full(accelerations, acceleration_low), -limit - offset])
-    upper = np.concatenate([cop_high[:cops], np.full(accelerations, acceleration_high), limit - offset])
-    weights = np.concatenate([np.zeros(n), np.full(offset.size, config.beta_trunk_limit)])
-    qp = QuadraticProgram(H, f, np.concatenate([np.eye(n), soft]), lower, upper, weights)
-    free, row = float(states.dcm[0]), -states.dcm[1:]
-    return ExplicitProblem(qp, durations, cops, accelerations, float(references[0]), free, row)
-
-
-class _States(NamedTuple):
-    """Affine maps [constant, inputs] (n + 1,) of what the inputs lead to."""
-
-    dcm: NDArray[np.float64]  # at touchdown [m]; less, with the debt of the trunk, what the tail will cost
-    angles: list[NDArray[np.float64]]  # of the trunk after each interval [rad]
-    rates: list[NDArray[np.float64]]  # [rad/s]
-
-
-def _cost(
-    config: PlannerConfig, states: _States, own: NDArray[np.float64], references: NDArray[np.float64],
-    target: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """H (n, n) and f (n,): the inputs' own weights (n,), and squares of the states' affine maps."""
-    n, cops = own.size, references.size
+    own = np.concatenate([config.beta_cop * share[:cops], config.beta_trunk * share[:trunks]])
+    n = own.size
     H, f = np.diag(own), np.zeros(n)
-    f[:cops] -= own[:cops] * references
-    terms = [(config.beta_dcm, states.dcm - np.eye(n + 1)[0] * target)]
-    if n > cops:
-        terms += [(config.beta_trunk_rate, rate) for rate in states.rates]
-        terms += [(config.beta_trunk_angle, angle) for angle in states.angles]
+    f[:cops] -= own[:cops] * cop[0, :cops]
+    terms = [(config.beta_dcm, dcm - np.eye(n + 1)[0] * state[3])]
+    if trunks:
+        terms += [(config.beta_trunk_rate, rate) for rate in rates]
+        terms += [(config.beta_trunk_angle, angle) for angle in angles]
     for weight, row in terms:
         H += weight * np.outer(row[1:], row[1:])
         f += weight * row[0] * row[1:]
-    return H, f
+    soft = np.array(angles)[:, 1:] if trunks else np.zeros((0, n))
+    offset = np.array(angles)[:, 0] if trunks else np.zeros(0)
+    limit, (least, most) = robot.trunk_angle_max, accelerations
+    lower = np.concatenate([cop[1, :cops], np.full(trunks, least), -limit - offset])
+    upper = np.concatenate([cop[2, :cops], np.full(trunks, most), limit - offset])
+    weights = np.concatenate([np.zeros(n), np.full(offset.size, config.beta_trunk_limit)])
+    qp = QuadraticProgram(H, f, np.concatenate([np.eye(n), soft]), lower, upper, weights)
+    return ExplicitProblem(qp, durations, cops, trunks, float(cop[0, 0]), float(dcm[0]), -dcm[1:])
 
 
 def _unrolled(
-    robot: RobotModel, config: PlannerConfig, durations: NDArray[np.float64], until: int,
-    start: tuple[float, ...], references: NDArray[np.float64],
-) -> _States:  # fmt: skip
-    """The states of one axis, one interval after the other, the first `until` of them before touchdown.
+    robot: RobotModel, config: PlannerConfig, durations: Floats, start: Floats, references: Floats
+) -> tuple[Floats, list[Floats], list[Floats]]:
+    """Affine maps [constant, inputs] (n + 1,) of what the inputs of one axis lead to.
 
-    The debt of the trunk is what the tail will move the CMP, discounted to touchdown.
+    Returns:
+        The DCM at touchdown [m], with the debt of the trunk less what the tail will move the CMP, discounted
+        to touchdown; the trunk's angle [rad] and its rate [rad/s] after each interval.
     """
+    until = references.size
     cops, accelerations = config.use_cop * until, config.use_trunk * durations.size
     size = 1 + cops + accelerations
     xi, theta, omega = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -267,4 +343,4 @@ def _unrolled(
         theta, omega = theta + d * omega + d * d / 2 * a, omega + d * a
         angles.append(theta)
         rates.append(omega)
-    return _States(xi, angles, rates)
+    return xi, angles, rates

@@ -1,8 +1,4 @@
-"""Stage 2, default form: CoP and trunk acceleration until touchdown, one convex program per axis.
-
-The compiled loop of stage 2: one plan is one row in, one row out; see `planner` for the problem.
-
-Stage 2, default form: CoP and trunk acceleration until touchdown, by a small convex program per axis.
+"""Stage 2, default form: CoP and trunk acceleration until touchdown, by a small convex program per axis.
 
 Inputs are constant over each interval, which the DCM follows exactly (eqs. 6b, 9):
 
@@ -18,8 +14,17 @@ by its share p_0 = h_0/dt of an interval (p_k = 1 for the others): the costs app
 the plan does not change its mind from one cycle to the next. Inputs have hard bounds and the trunk angle a
 soft one, hence the problem is always feasible. Each solve starts cold: a plan is a function of its arguments.
 
-No matrix is factorised in the loop (`cop_planner_tables`); DAQP is called only if the unconstrained optimum,
-known in closed form, violates a bound.
+No matrix is factorised in the loop. The program is |G u - r|^2, where u = (rest, first): `rest` are the CoPs
+and trunk accelerations of the whole intervals, `first` those of the first interval, whose length depends on
+the time that remains. Only the columns of `first` change with it, and they lie in the span of three fixed
+directions of the residuals:
+
+    T: the terminal DCM, weighted        S: unit trunk rate now        O: unit trunk angle now
+
+and so does r, together with Z: the CoP reference of the whole intervals. With G_rest = Q R, projections
+U_i = R^-1 Q' i and the Gram matrix of what is left of each direction, (1 - QQ') i, all that changes with a
+tick is a combination of these vectors, which are tabulated for every horizon length. DAQP is called only if
+the unconstrained optimum, so known in closed form, violates a bound.
 """
 
 from __future__ import annotations
@@ -30,7 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..array_table import parts_table
+from ..array_table import Floats1, Floats2, Floats3, Ints1, Ints2, dense_part_of, parts_table
 from ..errors import InvalidValueError
 from ..jit import njit
 from ..model.gait_box import GaitLimits
@@ -39,39 +44,11 @@ from ..model.robot import RobotModel
 from ..qp import LeastDistance, solve_least_distance, solve_qp
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, REMAINING, RESULT, TARGET
-from ..stage_1 import STATUS as STATUS_COLUMN
-from .problem import (
-    RESULT_COP,
-    RESULT_DCM_END,
-    RESULT_SIZE,
-    RESULT_STATUS,
-    RESULT_TRUNK,
-    SHORTEST,
-    STATUS,
-    CopPlan,
-    cop_bounds,
-    explicit_problem,
-    plan_of,
-    require_positive,
-    take_over,
-)
-from .tables import (
-    ANGLE,
-    RATE,
-    REFERENCE,
-    TERMINAL,
-    Constants,
-    Memory,
-    Parts,
-    Shared,
-    Tables,
-    box_of,
-    build,
-    constants_of,
-    memory_of,
-    new_memory,
-    tables_of,
-)
+from . import problem
+from .problem import Constants, ExplicitProblem, acceleration_interval, constants_of
+
+# dense_part_of is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 # Columns of an input row, `CopPlanner.plan_batch`; of a pair (x, y) the first one
 UNTIL = 0  # touchdown [s]
@@ -82,12 +59,132 @@ DCM_TARGET = 7  # pair [m]
 COP_REFERENCE = 9  # pair [m]
 INPUTS = 11
 
-CLIPPED, INVALID = STATUS.index("clipped"), STATUS.index("invalid")
+TERMINAL, RATE, ANGLE, REFERENCE = range(4)  # the directions T, S, O, Z
 _ANGLE, _RATE = TRUNK_ANGLE.start, TRUNK_RATE.start
 
 
+class Tables(NamedTuple):
+    """Arrays of the compiled loop, one entry e for each horizon length N = e + 1, and its scratch.
+
+    Rows of the constraint matrix M = A R_full^-1: one per input (bounds), then one per node (trunk angle).
+    """
+
+    numbers: Floats1  # (CONSTANTS,), see `Constants`
+    box: Floats2  # (2, 7), of the gait variables: low, high
+    rest: Ints1  # (E,): number of inputs of the whole intervals, n - first
+    cops: Ints1  # (E,): how many of them are CoPs
+    nodes: Ints1  # (E,): number of trunk nodes
+    steps: Floats2  # (E, nodes): time of a node after the end of the first interval [s]
+    inputs: Floats3  # (E, n, 4): U_i
+    angles: Floats3  # (E, nodes, 4): trunk angle due to U_i
+    weights: Floats2  # (E, n): terminal DCM per input, DCM - DCM_free = -weights . u
+    gram: Floats3  # (E, 4, 4)
+    # rewritten by every solve, one of each for a worker
+    matrices: Floats2  # (E, rows * n): M, row after row without padding
+    handles: Ints2  # (E, 6), of the solvers
+    lower: Floats1  # (rows,)
+    upper: Floats1
+    optimum: Floats1  # (rows,): A u of the unconstrained optimum u
+    solution: Floats1  # (n,)
+
+
+class Parts(NamedTuple):
+    """The only part of a worker's address table."""
+
+    tables: Tables
+
+
+def _empty_tables(numbers: Floats1, box: Floats2, config: PlannerConfig, horizons: int) -> Tables:
+    """Tables of zeros for so many horizon lengths."""
+    last = horizons - 1
+    first = int(config.use_cop) + int(config.use_trunk)
+    n = first + last * first + config.tail_intervals * config.use_trunk
+    nodes = (last + config.tail_intervals + 1) * config.use_trunk
+    zeros, ints = np.zeros, np.int64
+    return Tables(
+        numbers, box, zeros(horizons, ints), zeros(horizons, ints), zeros(horizons, ints),
+        zeros((horizons, nodes)), zeros((horizons, n, 4)), zeros((horizons, nodes, 4)), zeros((horizons, n)),
+        zeros((horizons, 4, 4)), zeros((horizons, (n + nodes) * n)), zeros((horizons, 6), ints),
+        zeros(n + nodes), zeros(n + nodes), zeros(n + nodes), zeros(n),
+    )  # fmt: skip
+
+
+def _write_horizon(robot: RobotModel, config: PlannerConfig, e: int, tables: Tables) -> None:
+    """The entry of N = e + 1 intervals until touchdown, the first of them partial."""
+    dt = config.sampling_time
+    durations = np.array([dt] * e + [config.tail_sampling_time] * config.tail_intervals)
+    cops = e if config.use_cop else 0
+    accelerations = durations.size if config.use_trunk else 0
+    nodes = accelerations + 1 if config.use_trunk else 0
+    steps = np.concatenate([[0.0], np.cumsum(durations)])[:nodes]
+    k, j = np.arange(nodes)[:, None], np.arange(accelerations)[None, :]
+    rate = np.where(j < k, durations[j], 0.0)  # (nodes, accelerations): trunk rate by acceleration
+    angle = np.where(j < k, durations[j] * (steps[k] - steps[j + 1] + durations[j] / 2), 0.0)
+    growth = math.exp(robot.omega * dt)
+    # e^{w (touchdown - end)} (e^{w dt} - 1) of each whole interval
+    dcm = (growth - 1) * growth ** np.arange(e - 1, -1, -1.0)
+    weights = np.zeros(cops + accelerations)
+    weights[:cops] = dcm[:cops]
+    count = min(accelerations, e)
+    weights[cops : cops + count] = robot.cmp_per_trunk_acceleration * dcm[:count]
+    if config.trunk_debt and accelerations:
+        decay = np.exp(-robot.omega * (steps[e:] - steps[e]))
+        weights[cops + e :] = -robot.cmp_per_trunk_acceleration * np.diff(decay)
+
+    G, directions = _residuals(config, weights, rate, angle, steps)
+    Q, R = np.linalg.qr(G)
+    projected = Q.T @ directions
+    left = directions - Q @ projected
+    n = weights.size
+    inverse = np.linalg.inv(R) if n else np.zeros((0, 0))
+    selector = np.zeros((nodes, n))
+    selector[:, cops:] = angle
+    tables.rest[e], tables.cops[e], tables.nodes[e] = n, cops, nodes
+    tables.steps[e, :nodes], tables.weights[e, :n] = steps, weights
+    tables.inputs[e, :n] = inverse @ projected
+    tables.angles[e, :nodes] = selector @ (inverse @ projected)
+    tables.gram[e] = left.T @ left
+    first = int(config.use_cop) + int(config.use_trunk)
+    matrix = tables.matrices[e, : (n + first + nodes) * (n + first)].reshape(n + first + nodes, n + first)
+    matrix[:n, :n], matrix[n + first :, :n] = inverse, selector @ inverse
+
+
+def _residuals(
+    config: PlannerConfig, weights: Floats1, rate: Floats2, angle: Floats2, steps: Floats1
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """G and the directions T, S, O, Z (rows, 4) of a horizon.
+
+    Rows: own weights of the inputs, terminal DCM, rates, angles. Columns of G: CoPs, accelerations.
+
+    Args:
+        config: weights.
+        weights: (n,) of the inputs in the terminal DCM.
+        rate: (nodes, accelerations) trunk rate that an acceleration leads to.
+        angle: (nodes, accelerations) trunk angle.
+        steps: (nodes,) time of a node [s].
+    """
+    nodes, accelerations = rate.shape
+    cops = weights.size - accelerations
+    own = np.sqrt(np.concatenate([np.full(cops, config.beta_cop), np.full(accelerations, config.beta_trunk)]))
+    n = own.size
+    dcm_scale = math.sqrt(config.beta_dcm)
+    rate_scale, angle_scale = math.sqrt(config.beta_trunk_rate), math.sqrt(config.beta_trunk_angle)
+    G = np.zeros((n + 1 + 2 * nodes, n))
+    G[:n] = np.diag(own)
+    G[n] = dcm_scale * weights
+    G[n + 1 : n + 1 + nodes, cops:] = rate_scale * rate
+    G[n + 1 + nodes :, cops:] = angle_scale * angle
+    directions = np.zeros((len(G), 4))
+    directions[n, TERMINAL] = dcm_scale
+    directions[n + 1 : n + 1 + nodes, RATE] = rate_scale
+    directions[n + 1 + nodes :, RATE] = angle_scale * steps
+    directions[n + 1 + nodes :, ANGLE] = angle_scale
+    directions[:cops, REFERENCE] = own[:cops]
+    return G, directions
+
+
 class AxisState(NamedTuple):
-    """What one axis starts from and is to reach."""
+    """Start, target and bounds of one axis."""
 
     dcm: float  # [m]
     angle: float  # of the trunk [rad]
@@ -115,76 +212,55 @@ class FirstInterval(NamedTuple):
     l22: float
 
 
-@njit(cache=True)
-def acceleration_interval(angle: float, gravity: float, torque: float, box: float) -> tuple[float, float]:
-    """|j a - gravity torque sin(angle)| <= tau_max, all over j, within the gait box; never empty."""
-    shift = gravity * math.sin(angle)
-    low = min(max(shift - torque, -box), box)
-    high = max(min(shift + torque, box), -box)
-    return low, high
-
-
-@njit(cache=True)
-def acceleration_bounds(angle: float, c: Constants) -> tuple[float, float]:
-    """Bounds of the trunk acceleration at the present lean."""
-    return acceleration_interval(angle, c.gravity, c.torque, c.acceleration)
-
-
 @njit(cache=True, forceinline=True)
-def write_input(obs: Any, row: Any, out: Any) -> None:
-    """An input row (11,) of an observation and its stage 1 row; the CoP's reference is the sole's centre."""
-    out[UNTIL] = row[REMAINING]
-    for axis in range(2):
-        out[DCM + axis] = row[DCM_AHEAD + axis]
-        out[LEAN + axis], out[LEAN_RATE + axis] = obs[_ANGLE + axis], obs[_RATE + axis]
-        out[DCM_TARGET + axis] = row[TARGET + axis]
-        out[COP_REFERENCE + axis] = 0.0
-
-
-@njit(cache=True)
 def write_inputs(observations: Any, rows: Any, inputs: Any) -> None:
-    """`write_input` of every row."""
+    """Input rows (n, 11) of observations and their stage 1 rows; the CoP's reference is the sole's centre."""
     for i in range(rows.shape[0]):
-        write_input(observations[i], rows[i], inputs[i])
+        obs, row, out = observations[i], rows[i], inputs[i]
+        out[UNTIL] = row[REMAINING]
+        for axis in range(2):
+            out[DCM + axis] = row[DCM_AHEAD + axis]
+            out[LEAN + axis], out[LEAN_RATE + axis] = obs[_ANGLE + axis], obs[_RATE + axis]
+            out[DCM_TARGET + axis] = row[TARGET + axis]
+            out[COP_REFERENCE + axis] = 0.0
 
 
 @njit(cache=True, nogil=True)
 def regulate_rows(observations: Any, rows: Any, packed: Any) -> int:
     """Stage 2 of stage 1 rows, in place; returns how many were invalid; see `Regulator.regulate`."""
-    c, box, inputs = constants_of(packed), box_of(packed), np.empty((rows.shape[0], INPUTS))
+    t, inputs = dense_part_of(packed, Parts, "tables"), np.empty((rows.shape[0], INPUTS))
     write_inputs(observations, rows, inputs)
-    invalid = plan_rows(inputs, rows[:, RESULT:], packed)
+    c = constants_of(t.numbers)
+    invalid = _plan_rows(inputs, rows[:, RESULT:], c, t)
     if invalid == 0:
-        for i in range(rows.shape[0]):
-            take_over(observations[i], rows[i], box, c.use_cop, c.use_trunk)
+        problem.apply_results(observations, rows, t.box, c.use_cop > 0.0, c.use_trunk > 0.0)
     return invalid
 
 
 @njit(cache=True, nogil=True)
 def plan_rows(rows: Any, out: Any, packed: Any) -> int:
-    """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`.
+    """Plan every row of (n, 11) into (n, 7); returns how many were invalid; see `CopPlanner.plan_batch`."""
+    t = dense_part_of(packed, Parts, "tables")
+    return _plan_rows(rows, out, constants_of(t.numbers), t)
 
-    Args:
-        rows: inputs, by the columns above.
-        out: results, by the columns of `interface`.
-        packed: address table of `Parts`.
-    """
-    c, tables, memory = constants_of(packed), tables_of(packed), memory_of(packed)
+
+@njit(cache=True, forceinline=True)
+def _plan_rows(rows: Any, out: Any, c: Constants, t: Tables) -> int:
     invalid = 0
     for i in range(rows.shape[0]):
         row = rows[i]
         finite = True
         for k in range(row.shape[0]):
             finite = finite and math.isfinite(row[k])
-        remaining = max(row[UNTIL], SHORTEST)
-        whole = int(max(math.floor((remaining - c.first_min) / c.dt + 1e-9), 0.0))
-        if not finite or whole >= len(tables.rest):
-            out[i, RESULT_STATUS] = INVALID
+        remaining = max(row[UNTIL], problem.SHORTEST)
+        whole = int(max(math.floor((remaining - c.first_interval_min) / c.sampling_time + 1e-9), 0.0))
+        if not finite or whole >= len(t.rest):
+            out[i, problem.RESULT_STATUS] = problem.INVALID
             invalid += 1
             continue
-        out[i, RESULT_STATUS] = 0
+        out[i, problem.RESULT_STATUS] = problem.SOLVED
         for axis in range(2):
-            _plan_axis(whole, remaining, row, axis, c, tables, memory, out[i])
+            _plan_axis(whole, remaining, row, axis, c, t, out[i])
     return invalid
 
 
@@ -192,43 +268,42 @@ def plan_rows(rows: Any, out: Any, packed: Any) -> int:
 def _axis_state(row: Any, axis: int, remaining: float, c: Constants) -> AxisState:
     """State and bounds of one axis of an input row."""
     dcm, angle, reference = row[DCM + axis], row[LEAN + axis], row[COP_REFERENCE + axis]
-    cop_max = c.cop_x if axis == 0 else c.cop_y
+    cop_max, most = (c.cop_x, c.pitch) if axis == 0 else (c.cop_y, c.roll)
     growth = math.exp(c.omega * remaining)
     free = growth * dcm
     if not c.use_cop:
         reference = min(max(reference, -cop_max), cop_max)
         free -= (growth - 1.0) * reference
-    low, high = acceleration_bounds(angle, c)
+    low, high = acceleration_interval(angle, c.gravity, c.torque, most)
     rate, target = row[LEAN_RATE + axis], row[DCM_TARGET + axis]
     return AxisState(dcm, angle, rate, target, reference, cop_max, low, high, growth, free)
 
 
 @njit(cache=True, forceinline=True)
-def _plan_axis(
-    e: int, remaining: float, row: Any, axis: int, c: Constants, tables: Tables, memory: Memory, out: Any
-) -> None:
+def _plan_axis(e: int, remaining: float, row: Any, axis: int, c: Constants, t: Tables, out: Any) -> None:
     """Plan one axis of an input row over horizon e: CoP, trunk acceleration, DCM at touchdown, status."""
     state = _axis_state(row, axis, remaining, c)
     cop, acceleration, end = state.reference, 0.0, state.free
-    rest = tables.rest[e]
+    rest = t.rest[e]
     n = rest + int(c.use_cop) + int(c.use_trunk)
     if n > 0:
-        first = _first_interval(tables.gram[e], remaining - e * c.dt, state, c)
-        _write_optimum(e, first, state, c, tables, memory.optimum)
-        if not _write_room(e, state, c, tables, memory):
-            _write_first_columns(e, first, c, tables, memory)
-            if not _move_inside(e, n, memory):
-                out[RESULT_STATUS] = max(out[RESULT_STATUS], CLIPPED)
-        y = memory.optimum
+        first = _first_interval(t.gram[e], remaining - e * c.sampling_time, state, c)
+        _write_optimum(e, first, state, c, t)
+        if not _write_bounds(e, state, c, t):
+            _write_first_columns(e, first, c, t)
+            if not _move_inside(e, n, t):
+                out[problem.RESULT_STATUS] = max(out[problem.RESULT_STATUS], problem.CLIPPED)
+        y = t.optimum
         for i in range(rest):
-            end -= tables.weights[e, i] * y[i]
+            end -= t.weights[e, i] * y[i]
         if c.use_cop:
             cop = min(max(y[rest], -state.cop_max), state.cop_max)
             end -= first.kz[TERMINAL] * cop
         if c.use_trunk:
             acceleration = min(max(y[n - 1], state.low), state.high)
             end -= first.ka[TERMINAL] * acceleration
-    out[RESULT_COP + axis], out[RESULT_TRUNK + axis], out[RESULT_DCM_END + axis] = cop, acceleration, end
+    out[problem.RESULT_COP + axis], out[problem.RESULT_TRUNK + axis] = cop, acceleration
+    out[problem.RESULT_DCM_END + axis] = end
 
 
 @njit(cache=True, forceinline=True)
@@ -238,7 +313,7 @@ def _first_interval(gram: Any, span: float, state: AxisState, c: Constants) -> F
     The Schur complement of the first interval's inputs in G'G, with the Gram matrix of what the other inputs
     leave of each direction: S_ij = own_i + k_i' gram k_j, S u = own reference + k' gram k_r.
     """
-    share = span / c.dt
+    share = span / c.sampling_time
     weight_z = state.growth * (1.0 - math.exp(-c.omega * span))
     kz = (weight_z, 0.0, 0.0)
     ka = (c.cmp_per_acceleration * weight_z, span, 0.5 * span * span)
@@ -271,20 +346,11 @@ def _first_interval(gram: Any, span: float, state: AxisState, c: Constants) -> F
 
 
 @njit(cache=True, forceinline=True)
-def _write_optimum(
-    e: int, first: FirstInterval, state: AxisState, c: Constants, tables: Tables, y: Any
-) -> None:
-    """The unconstrained optimum into y: the inputs, then the trunk angles at the nodes."""
-    rest, nodes = tables.rest[e], tables.nodes[e]
+def _write_optimum(e: int, first: FirstInterval, state: AxisState, c: Constants, t: Tables) -> None:
+    """The unconstrained optimum: the inputs, then the trunk angles at the nodes."""
+    rest, y = t.rest[e], t.optimum
     n = rest + int(c.use_cop) + int(c.use_trunk)
-    U, V, steps, span, ka, kr = (
-        tables.inputs[e],
-        tables.angles[e],
-        tables.steps[e],
-        first.span,
-        first.ka,
-        first.kr,
-    )
+    U, V, steps, span, ka, kr = t.inputs[e], t.angles[e], t.steps[e], first.span, first.ka, first.kr
     k0 = kr[TERMINAL] - first.kz[TERMINAL] * first.uz - ka[TERMINAL] * first.ua
     k1 = kr[RATE] - ka[RATE] * first.ua
     k2 = kr[ANGLE] - ka[ANGLE] * first.ua
@@ -295,7 +361,7 @@ def _write_optimum(
         y[rest] = first.uz
     if c.use_trunk:
         y[n - 1] = first.ua
-    for k in range(nodes):
+    for k in range(t.nodes[e]):
         y[n + k] = (
             k0 * V[k, TERMINAL] + k1 * V[k, RATE] + k2 * V[k, ANGLE] + k3 * V[k, REFERENCE]
             + state.angle + (span + steps[k]) * state.rate + (ka[ANGLE] + span * steps[k]) * first.ua
@@ -303,26 +369,26 @@ def _write_optimum(
 
 
 @njit(cache=True, forceinline=True)
-def _write_room(e: int, state: AxisState, c: Constants, tables: Tables, memory: Memory) -> bool:
+def _write_bounds(e: int, state: AxisState, c: Constants, t: Tables) -> bool:
     """How far the optimum may move down and up, by rows of the constraints; True where it may stay."""
-    rest, cops, y = tables.rest[e], tables.cops[e], memory.optimum
+    rest, cops, y = t.rest[e], t.cops[e], t.optimum
     n = rest + int(c.use_cop) + int(c.use_trunk)
     inside = True
-    for i in range(n + tables.nodes[e]):
-        is_cop = i < cops or (i == rest and c.use_cop)
+    for i in range(n + t.nodes[e]):
+        is_cop = i < cops or (i == rest and c.use_cop > 0.0)
         lower = -state.cop_max if is_cop else state.low if i < n else -c.angle
         upper = state.cop_max if is_cop else state.high if i < n else c.angle
-        memory.lower[i], memory.upper[i] = lower - y[i], upper - y[i]
+        t.lower[i], t.upper[i] = lower - y[i], upper - y[i]
         inside = inside and lower <= y[i] <= upper
     return inside
 
 
 @njit(cache=True, forceinline=True)
-def _move_inside(e: int, n: int, memory: Memory) -> bool:
+def _move_inside(e: int, n: int, t: Tables) -> bool:
     """Move the inputs of the optimum to the constrained one; False where the solver fails."""
-    if solve_least_distance(memory.handles[e]) <= 0:
+    if solve_least_distance(t.handles[e]) <= 0:
         return False
-    M, v, y = memory.matrices[e], memory.solution, memory.optimum
+    M, v, y = t.matrices[e], t.solution, t.optimum
     for i in range(n):
         for j in range(n):
             y[i] += M[i * n + j] * v[j]
@@ -330,39 +396,37 @@ def _move_inside(e: int, n: int, memory: Memory) -> bool:
 
 
 @njit(cache=True, forceinline=True)
-def _write_first_columns(e: int, first: FirstInterval, c: Constants, tables: Tables, memory: Memory) -> None:
+def _write_first_columns(e: int, first: FirstInterval, c: Constants, t: Tables) -> None:
     """The columns of M = A R^-1 that belong to the first interval: z_0, then a_0."""
-    rest, nodes = tables.rest[e], tables.nodes[e]
+    rest, kz, ka = t.rest[e], first.kz, first.ka
     n = rest + int(c.use_cop) + int(c.use_trunk)
-    kz, ka = first.kz, first.ka
-    U, V, steps, M = tables.inputs[e], tables.angles[e], tables.steps[e], memory.matrices[e]
-    for i in range(n + nodes):
-        t = s = o = 0.0
+    U, V, steps, M = t.inputs[e], t.angles[e], t.steps[e], t.matrices[e]
+    for i in range(n + t.nodes[e]):
+        d_t = d_s = d_o = 0.0
         if i < rest:
-            t, s, o = U[i, TERMINAL], U[i, RATE], U[i, ANGLE]
+            d_t, d_s, d_o = U[i, TERMINAL], U[i, RATE], U[i, ANGLE]
         elif i >= n:
-            t, s, o = V[i - n, TERMINAL], V[i - n, RATE], V[i - n, ANGLE]
+            d_t, d_s, d_o = V[i - n, TERMINAL], V[i - n, RATE], V[i - n, ANGLE]
         column = 0.0
         if c.use_cop:
-            column = ((1.0 if i == rest else 0.0) - kz[TERMINAL] * t) / first.l11
+            column = ((1.0 if i == rest else 0.0) - kz[TERMINAL] * d_t) / first.l11
             M[i * n + rest] = column
         if c.use_trunk:
             own = 1.0 if i == n - 1 else 0.0
             if i >= n:
                 own = ka[ANGLE] + first.span * steps[i - n]
-            along = own - ka[TERMINAL] * t - ka[RATE] * s - ka[ANGLE] * o
+            along = own - ka[TERMINAL] * d_t - ka[RATE] * d_s - ka[ANGLE] * d_o
             M[i * n + n - 1] = (along - column * first.l12) / first.l22
 
 
-LONGEST_MARGIN = 0.3  # horizons reach this far beyond the longest step [s]
-
-
 class CopPlanner:
-    """Plans the CoP and the trunk acceleration for one robot and configuration.
+    """Plans the CoP and the trunk acceleration for one robot and configuration; see `Regulator`.
 
     A planner owns scratch memory, `packed`, for each of its workers: of the caller's threads only one may
     use it, or one part of `packed`, at a time. Pickling builds it anew.
     """
+
+    decides = True
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, workers: int = 1):
         """Build the tables of every horizon length.
@@ -371,44 +435,58 @@ class CopPlanner:
             robot: physical constants.
             limits: half sizes of the sole and bound of the trunk acceleration.
             config: weights and margins.
-            workers: parts of `packed`; `plan` and `plan_batch` use the first.
+            workers: parts of `packed`; `plan` and `plan_batch` use the first, OSQP's the only one.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
         self.robot, self.limits, self.config = robot, limits, config
-        bounds = cop_bounds(limits, config)
-        require_positive(config, "beta_trunk_limit")
-        self.longest = limits.duration_max + LONGEST_MARGIN
-        self.constants = Constants(
-            robot.omega, robot.cmp_per_trunk_acceleration, *bounds, limits.trunk_acceleration_max,
-            robot.trunk_torque_max / robot.trunk_inertia, config.trunk_gravity / robot.trunk_inertia,
-            robot.trunk_angle_max, config.sampling_time, config.first_interval_min, config.beta_cop,
-            config.beta_trunk, config.use_cop, config.use_trunk,
-        )  # fmt: skip
-        self.tables, matrices = build(robot, config, self.longest)
-        self._problems: list[LeastDistance] = []
-        shared = Shared(np.array(self.constants, dtype=np.float64), limits.box)
-        # the tables hold addresses: their arrays live as long as they do
-        self._parts = [Parts(shared, self.tables, self._allocate(matrices)) for _ in range(workers)]
-        self.packed = [parts_table(parts) for parts in self._parts]  # one for each worker's compiled loop
-        self._row, self._out = np.zeros((1, INPUTS)), np.zeros((1, RESULT_SIZE))
+        self._second_opinion = config.solver == "osqp"
+        self.workers = 1 if self._second_opinion else workers
+        self.longest = limits.duration_max + problem.LONGEST_MARGIN
+        most = limits.trunk_acceleration_max
+        numbers = problem.pack_constants(robot, limits, config, (most, most))
+        self.constants = Constants(*numbers.tolist())
+        horizons = math.ceil(self.longest / config.sampling_time)
+        tables = _empty_tables(numbers, limits.box, config, horizons)
+        for e in range(horizons):
+            _write_horizon(robot, config, e, tables)
+        # the address tables hold no references: arrays and solvers live as long as the planner does
+        self._tables = [self._with_own_scratch(tables) for _ in range(self.workers)]
+        self._solvers = [solver for own in self._tables for solver in self._make_solvers(own)]
+        self.packed = [parts_table(Parts(own)) for own in self._tables]  # one for each worker
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return CopPlanner, (self.robot, self.limits, self.config, len(self.packed))
+        return CopPlanner, (self.robot, self.limits, self.config, self.workers)
 
-    def _allocate(self, matrices: NDArray[np.float64]) -> Memory:
-        """Scratch memory of one worker, with solvers of its own."""
+    @staticmethod
+    def _with_own_scratch(tables: Tables) -> Tables:
+        scratch = ("matrices", "handles", "lower", "upper", "optimum", "solution")
+        return tables._replace(**{name: getattr(tables, name).copy() for name in scratch})
+
+    def _make_solvers(self, tables: Tables) -> list[LeastDistance]:
+        """The solvers of one worker; writes their handles."""
         first = int(self.config.use_cop) + int(self.config.use_trunk)
-        sizes = [(int(r) + first, int(k)) for r, k in zip(self.tables.rest, self.tables.nodes, strict=True)]
-        memory = new_memory(matrices, max(n + k for n, k in sizes), max(n for n, _ in sizes))
-        for e, (n, k) in enumerate(sizes if first else []):
-            matrix = memory.matrices[e, : (n + k) * n].reshape(n + k, n)
+        solvers = []
+        for e, (rest, k) in enumerate(zip(tables.rest.tolist(), tables.nodes.tolist(), strict=True)):
+            n = rest + first
+            if n == 0:
+                continue
+            matrix = tables.matrices[e, : (n + k) * n].reshape(n + k, n)
             soft = np.concatenate([np.zeros(n), np.full(k, self.config.beta_trunk_limit)])
-            bounds = memory.lower[: n + k], memory.upper[: n + k]
-            self._problems.append(LeastDistance(matrix, soft, *bounds, memory.solution[:n]))
-            memory.handles[e] = self._problems[-1].handle
-        return memory
+            bounds = tables.lower[: n + k], tables.upper[: n + k]
+            solvers.append(LeastDistance(matrix, soft, *bounds, tables.solution[:n]))
+            tables.handles[e] = solvers[-1].handle
+        return solvers
+
+    def regulate(self, observations: NDArray[np.float64], rows: NDArray[np.float64], worker: int = 0) -> None:
+        """See `Regulator`."""
+        if not self._second_opinion and regulate_rows(observations, rows, self.packed[worker]) == 0:
+            return
+        inputs = np.empty((len(rows), INPUTS))
+        write_inputs(observations, rows, inputs)
+        rows[:, RESULT:] = self.plan_batch(inputs)
+        problem.apply_results(observations, rows, self.limits.box, self.config.use_cop, self.config.use_trunk)
 
     def plan(
         self,
@@ -418,7 +496,7 @@ class CopPlanner:
         trunk_rate: ArrayLike,
         dcm_target: ArrayLike,
         cop_reference: ArrayLike = (0.0, 0.0),
-    ) -> CopPlan:
+    ) -> problem.CopPlan:
         """Plan from the present state to touchdown.
 
         Args:
@@ -432,27 +510,11 @@ class CopPlanner:
         Raises:
             InvalidValueError: an argument is not finite or has the wrong shape, or `remaining` is too long.
         """
-        row, out = self._row, self._out
-        try:
-            row[0, UNTIL] = remaining
-            for column, pair in (
-                (DCM, dcm), (LEAN, trunk_angle), (LEAN_RATE, trunk_rate), (DCM_TARGET, dcm_target),
-                (COP_REFERENCE, cop_reference),
-            ):  # fmt: skip
-                row[0, column : column + 2] = pair
-        except (ValueError, TypeError) as error:
-            raise InvalidValueError(f"stage 2 takes a time and vectors of 2 numbers: {error}") from None
-        if self.config.solver == "osqp":
-            return self._plan_explicit(row[0])
-        plan_rows(row, out, self.packed[0])
-        result = out[0].copy()
-        status = int(result[RESULT_STATUS])
-        if status == INVALID:
-            self._reject(row)
-        return plan_of(result, STATUS[status])
+        row = problem.input_row((remaining,), dcm, trunk_angle, trunk_rate, dcm_target, cop_reference)
+        return problem.CopPlan.of(self.plan_batch(row)[0])
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Plan n robots by DAQP in one compiled loop.
+        """Plan n robots by DAQP in one compiled loop, and once more by OSQP where that is the solver.
 
         Args:
             rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),
@@ -460,47 +522,47 @@ class CopPlanner:
 
         Returns:
             (n, 7): cop (2), trunk acceleration (2), predicted dcm at touchdown (2), index into `STATUS`.
+
+        Raises:
+            InvalidValueError: another shape, a row that is not finite, or one whose time is too long.
         """
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != INPUTS:
             raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
-        out = np.zeros((rows.shape[0], RESULT_SIZE))
+        out = np.zeros((rows.shape[0], problem.RESULT_SIZE))
         if plan_rows(rows, out, self.packed[0]):
-            self._reject(rows[out[:, RESULT_STATUS] == INVALID])
+            first = rows[out[:, problem.RESULT_STATUS] == problem.INVALID][0]
+            raise InvalidValueError(
+                f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {first.tolist()}"
+                " (remaining, dcm, trunk angle, trunk rate, dcm target, cop reference)"
+            )
+        if self._second_opinion and (self.config.use_cop or self.config.use_trunk):
+            for row, result in zip(rows, out, strict=True):
+                self._solve_again(row, result)
         return out
 
-    def refuse(self, observations: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
-        """Raise InvalidValueError for the first stage 1 row whose result is invalid."""
-        inputs = np.empty((len(rows), INPUTS))
-        write_inputs(observations, rows, inputs)
-        self._reject(inputs[rows[:, STATUS_COLUMN] == INVALID])
+    def program(self, row: NDArray[np.float64], axis: int) -> ExplicitProblem:
+        """The dense program of one axis of an input row (11,)."""
+        c, until = self.constants, problem.grid(self.config, max(row[UNTIL], problem.SHORTEST))
+        dcm, angle, rate, target, reference = row[DCM + axis :: 2]
+        cop_max, most = ((c.cop_x, c.pitch), (c.cop_y, c.roll))[axis]
+        if not self.config.use_cop:
+            reference = min(max(reference, -cop_max), cop_max)
+        return problem.explicit_problem(
+            self.robot, self.config, until, 1, np.array([dcm, angle, rate, target]),
+            np.repeat([[reference], [-cop_max], [cop_max]], until.size, axis=1),
+            acceleration_interval(angle, c.gravity, c.torque, most),
+        )  # fmt: skip
 
-    def bounds(self, axis: int, trunk_angle: float) -> tuple[float, float, float]:
-        """CoP bound [m], and lower and upper bound of the trunk acceleration [rad/s^2] at a lean angle."""
-        low, high = acceleration_bounds(trunk_angle, self.constants)
-        return (self.constants.cop_x, self.constants.cop_y)[axis], low, high
-
-    def _plan_explicit(self, row: NDArray[np.float64]) -> CopPlan:
-        """The same plan by OSQP, from the dense problem: slow, a second opinion."""
-        exact = self.plan_batch(row[None])[0]
-        if not (self.config.use_cop or self.config.use_trunk):
-            return plan_of(exact, "solved")
-        result = np.zeros(RESULT_SIZE)
+    def _solve_again(self, row: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """The same plan by OSQP from the dense program, slowly; DAQP's stays where OSQP gives up."""
+        found = np.zeros(problem.RESULT_SIZE)
         for axis in range(2):
-            bounds = self.bounds(axis, row[LEAN + axis])
-            dcm, angle, rate, target, reference = row[DCM + axis :: 2]
-            problem = explicit_problem(
-                self.robot, self.config, row[UNTIL], dcm, angle, rate, target, reference, *bounds
-            )
-            solution = solve_qp(problem.qp, "osqp")
+            program = self.program(row, axis)
+            solution = solve_qp(program.qp, "osqp")
             if solution.status != "solved":
-                return plan_of(exact, "daqp")
-            result[RESULT_COP + axis], result[RESULT_TRUNK + axis] = problem.first(solution.x)
-            result[RESULT_DCM_END + axis] = problem.dcm_end(solution.x)
-        return plan_of(result, "solved")
-
-    def _reject(self, rows: NDArray[np.float64]) -> None:
-        raise InvalidValueError(
-            f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {rows[0].tolist()}"
-            " (remaining, dcm, trunk angle, trunk rate, dcm target, cop reference)"
-        )
+                out[problem.RESULT_STATUS] = problem.FROM_DAQP
+                return
+            found[problem.RESULT_COP + axis], found[problem.RESULT_TRUNK + axis] = program.first(solution.x)
+            found[problem.RESULT_DCM_END + axis] = program.dcm_end(solution.x)
+        out[:] = found

@@ -18,7 +18,7 @@ from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig
 from ...controllers.stage_1 import time_to_place
-from ...controllers.stage_2.single_support import acceleration_interval
+from ...controllers.stage_2.problem import acceleration_interval
 from ...controllers.whole_body.kinematics import Array
 from ...controllers.whole_body.limits import (
     BOUNDS,

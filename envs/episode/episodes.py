@@ -126,7 +126,7 @@ class GaitEpisodes(ABC, Generic[C]):
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
-        self.control_hz, self.arm = control_hz, arm
+        self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]

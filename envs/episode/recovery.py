@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from ...controllers.array_table import Floats1, Floats2, Floats3, Ints1
 from ...controllers.jit import njit
-from ...controllers.model.double_support import transfer_weight
-from ...controllers.model.nominal_gait import drifting_dcm_kernel, step_start_dcm_kernel
+from ...controllers.model.nominal_gait import drifting_dcm_kernel, step_start_dcm_kernel, transfer_weight
 from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION, canonical, heading_frame
 
 Array = NDArray[np.float64]

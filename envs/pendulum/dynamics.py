@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.jit import njit
-from ...controllers.model.double_support import both_stand, nearest_in_hull, transfer_mean
 from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK
+from ...controllers.model.nominal_gait import both_stand, nearest_in_hull, transfer_mean
 from ...controllers.model.observation import PUSH_ESTIMATE, side_sign
 from ...controllers.model.robot import GRAVITY
 from ..scenario.arrays import resolve_starts

@@ -21,9 +21,8 @@ from ...controllers.model.capturability import (
     constants_of,
     offset_bounds_kernel,
 )
-from ...controllers.model.double_support import both_stand, check_double_support, gaits_of_actions
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
-from ...controllers.model.nominal_gait import NominalStart
+from ...controllers.model.nominal_gait import NominalStart, both_stand, check_double_support, gaits_of_actions
 from ...controllers.model.observation import (
     COM,
     COM_VELOCITY,

@@ -22,7 +22,6 @@ from ...controllers.model.observation import DCM, ELAPSED, OBSERVATION_SIZE, TRU
 from ...controllers.policies.two_stage import Plan, TwoStagePolicy
 from ...controllers.qp import QuadraticProgram
 from ...controllers.stage_1 import ROW_SIZE, StepPlanner, StepProblem, step_program
-from ...controllers.stage_2.problem import explicit_problem
 from ...controllers.stage_2.single_support import CopPlanner
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
@@ -235,7 +234,7 @@ class Recorded:
     """Problems as a controller meets them."""
 
     stage_1: list[Dense]
-    stage_2: list[tuple[Dense, ...]]  # x, y
+    stage_2: list[tuple[Dense, Dense]]  # x, y
     cop: Array  # (n, 2) that stage 2 decides on [m]
 
 
@@ -244,19 +243,13 @@ def record(policy: TwoStagePolicy, observations: Array) -> Recorded:
     rows = observations[np.linspace(0, len(observations) - 1, PROBLEMS).astype(int)]
     problems = [problem for row in rows if not (problem := Stage2(row, policy.plan(row))).plan.held]
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
-
-    def axis(problem: Stage2, i: int) -> Dense:
-        """The problem of stage 2 along x (0) or y (1)."""
-        remaining, dcm, angle, rate, target = problem.arguments
-        program = explicit_problem(
-            policy.robot, policy.config, remaining, dcm[i], angle[i], rate[i], target[i], 0.0,
-            *planner.bounds(i, angle[i]),
-        )  # fmt: skip
-        return Dense.of(program.qp)
-
+    stage_2 = [
+        (Dense.of(planner.program(problem.row, 0).qp), Dense.of(planner.program(problem.row, 1).qp))
+        for problem in problems
+    ]
     return Recorded(
         stage_1=[Dense.of(step_program(step_problem(policy, problem))) for problem in problems],
-        stage_2=[(axis(problem, 0), axis(problem, 1)) for problem in problems],
+        stage_2=stage_2,
         cop=planner.plan_batch(np.array([problem.row for problem in problems]))[:, :2],
     )
 

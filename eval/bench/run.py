@@ -18,7 +18,7 @@ from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, progress_bars
-from ..output.tables import print_table
+from ..output.tables import Table
 from ..rollout.environments import make_env
 from ..rollout.episodes import planning_period
 from ..rollout.load_policy import load_policy
@@ -190,13 +190,15 @@ def solver_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
     return cells
 
 
-def print_tables(content: dict[str, Any]) -> None:
-    """All tables on standard output."""
+def result_tables(content: dict[str, Any]) -> list[Table]:
+    """What was measured: single numbers, closed loops of many robots, other solvers."""
     title = f"{content['env']}: rtf = simulated seconds per wall second, times in microseconds"
-    print_table(title, ("", "value", "what"), key_cells(content))
-    if cells := robot_cells(content):
-        columns = ("robots", "threads", "period of a robot [us]", "rtf", "cost over bare physics")
-        print_table("Closed loop of many robots", columns, cells)
-    if cells := solver_cells(content):
-        columns = ("solver", "stage 1 [us]", "stage 2, both axes [us]", "CoP from ours")
-        print_table("The planner's problems from Python, one call each: median (p99)", columns, cells)
+    robots = ("robots", "threads", "period of a robot [us]", "rtf", "cost over bare physics")
+    solvers = ("solver", "stage 1 [us]", "stage 2, both axes [us]", "CoP from ours")
+    calls = "The planner's problems from Python, one call each: median (p99)"
+    tables = [
+        Table(title, ("", "value", "what"), key_cells(content)),
+        Table("Closed loop of many robots", robots, robot_cells(content)),
+        Table(calls, solvers, solver_cells(content)),
+    ]
+    return [table for table in tables if table]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import gymnasium as gym
 
-from ...controllers.policies.interface import RandomPolicy
+from ...controllers.policies.two_stage import RandomPolicy
 from ...controllers.settings import ARMS
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Push

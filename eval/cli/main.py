@@ -1,23 +1,20 @@
-"""The command line: commands by name, their words, and every error as one line and an exit code.
-
-From words to the options of a command, by tyro; bad words become one error of one line.
-
-The command line: dispatches, and turns every error into one line and an exit code.
-"""
+"""The command line: commands by name, their words, and every error as one line and an exit code."""
 
 from __future__ import annotations
 
+import argparse
+import difflib
 import io
 import os
-import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
-from functools import partial
+from dataclasses import MISSING, fields, is_dataclass
 from importlib import import_module
 from textwrap import fill
-from typing import TYPE_CHECKING
+from types import NoneType
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError, UnknownNameError
 from ..output.interrupt import INTERRUPTED, STOPPED, CtrlC, end_now
@@ -25,6 +22,7 @@ from ..output.interrupt import INTERRUPTED, STOPPED, CtrlC, end_now
 if TYPE_CHECKING:
     from .options import Options
 
+OK, FAILED, BAD_INPUT = 0, 1, 2
 PROGRAM = "push-recovery"
 COMMANDS = {  # module, class and what it does; a module is loaded when its command is asked for
     "evaluate": (".score", "Evaluate",
@@ -75,13 +73,6 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "policies": ("...training.cli", "Policies",
                  "Train the policies that come with the package again, each by its recipe."),
 }  # fmt: skip
-WORDS = {  # what tyro says of Python's own number types and of a group of options, and what this program says
-    r":? invalid literal for int\(\) with base 10:": " must be an integer, got",
-    r":? could not convert string to float:": " must be a number, got",
-    r"'settings\.(\w+)'": r"'\1'",
-}
-FRAME = "╭╮╰╯│"
-MEANT = "Perhaps you meant:"
 
 
 def parse(name: str, words: Sequence[str]) -> Options:
@@ -98,51 +89,103 @@ def parse(name: str, words: Sequence[str]) -> Options:
     command: type[Options] = getattr(import_module(module, __package__), kind)
     options = _parse(name, command, words)
     default = options.defaults()
-    return options if default is None else _parse(name, command, words, default)
+    return options if default is None else _parse(name, command, words, default=default)
 
 
-def _parse(
-    name: str, command: type[Options], words: Sequence[str], default: Options | None = None
-) -> Options:
+def _parse(name: str, command: type[Options], words: Sequence[str], **default: Any) -> Options:
     import tyro
 
-    said = io.StringIO()
-    told = partial(
-        tyro.cli, command, prog=f"{PROGRAM} {name}", description=COMMANDS[name][2], args=list(words),
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )  # fmt: skip
     try:
-        with redirect_stderr(said):
-            return told() if default is None else told(default=default)
+        with redirect_stderr(io.StringIO()):
+            return tyro.cli(
+                command, prog=f"{PROGRAM} {name}", description=COMMANDS[name][2], args=list(words),
+                config=(tyro.conf.FlagCreatePairsOff,), **default,
+            )  # fmt: skip
     except SystemExit as leave:
         if not leave.code:
             print(getattr(command, "EPILOG", ""), end="")
             raise
-        raise (_cause(leave) or InvalidValueError(one_line(said.getvalue()))) from None
+        error: BaseException | None = leave
+        while error is not None and not isinstance(error, PushRecoveryError):
+            error = error.__context__  # what the options themselves refused
+        if error is None:
+            _Reader(add_help=False, allow_abbrev=False).refuse(name, command, words)
+        raise error from None
 
 
-def _cause(error: BaseException | None) -> PushRecoveryError | None:
-    """The error of this project that led to another one, if any: what the options themselves refused."""
-    while error is not None and not isinstance(error, PushRecoveryError):
-        error = error.__context__
-    return error
+class _Reader(argparse.ArgumentParser):
+    """Reads the same options by the plain rules of argparse, to say what is wrong with words."""
+
+    def refuse(self, name: str, command: type[Options], words: Sequence[str]) -> NoReturn:
+        """Raise InvalidValueError with the first thing that is wrong with the words of a command."""
+        known = self._add_fields(command)
+        words = [word.replace("_", "-") if word.startswith("--") else word for word in words]
+        for word in words:
+            option = word.partition("=")[0]
+            if option.startswith("--") and option not in known:
+                close = difflib.get_close_matches(option, known, 1)
+                self.error(f"unrecognized option {option}" + (f"; did you mean {close[0]}?" if close else ""))
+        self.parse_args(words)
+        self.error(f"{name} can't take these words: {' '.join(words)} (see {PROGRAM} {name} --help)")
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InvalidValueError."""
+        raise InvalidValueError(message.removeprefix("argument ").replace(": must be", " must be", 1))
+
+    def _add_fields(self, kind: Any, prefix: str = "") -> list[str]:
+        """Take an option for each field of a dataclass, and of dataclasses in it; returns their names."""
+        from tyro.conf import Positional, Suppress
+
+        names, plain, marked = [], get_type_hints(kind), get_type_hints(kind, include_extras=True)
+        for entry in fields(kind):
+            hint, marks = plain[entry.name], getattr(marked[entry.name], "__metadata__", ())
+            marked_as: dict[str, Any] = {
+                key: value for mark in marks for key in ("name", "metavar", "aliases")
+                if (value := getattr(mark, key, None)) is not None
+            }  # fmt: skip
+            name = prefix + marked_as.get("name", entry.name).replace("_", "-")
+            required = entry.default is MISSING and entry.default_factory is MISSING
+            if Suppress in marks:
+                continue
+            if is_dataclass(hint):
+                names += self._add_fields(hint, f"{name}." if name else "")
+            elif Positional in marks:
+                how = _arity(hint) if required else {"nargs": "?", **_arity(hint)}
+                self.add_argument(name, metavar=marked_as.get("metavar"), **how)
+            else:
+                options = [f"--{name}", *marked_as.get("aliases", ())]
+                names += options
+                self.add_argument(*options, **{"required": required, **_arity(hint)})
+        return names
 
 
-def one_line(box: str) -> str:
-    """What a framed message of tyro says, without its title, its frame, and its hints at the help."""
-    lines = [line.strip(FRAME + " ") for line in box.splitlines()][1:]
-    rules = [i for i, line in enumerate(lines) if len(line) > 1 and set(line) <= {"─", "-"}]
-    began = 1 if rules[:1] == [0] else 0  # a terminal without UTF-8 has a rule below the title
-    end = next((i for i in rules if i >= began), len(lines))
-    text = " ".join(" ".join(lines[began:end]).split()).removeprefix("Error parsing ")
-    hints = lines[lines.index(MEANT) :] if MEANT in lines else []
-    meant = re.search(r"--[\w-]+", " ".join(hints))
-    for theirs, ours in WORDS.items():
-        text = re.sub(theirs, ours, text)
-    return f"{text}; did you mean {meant[0]}?" if meant else text
+def _arity(hint: Any) -> dict[str, Any]:
+    """How many words of which kind an option takes, as `add_argument` takes it."""
+    if hint is bool:
+        return {"action": "store_true"}
+    kinds = [one for one in get_args(hint) if one is not NoneType] if NoneType in get_args(hint) else [hint]
+    if len(kinds) != 1:
+        return {"nargs": "*"}
+    kind = kinds[0]
+    if get_origin(kind) is tuple:
+        return {**_arity(get_args(kind)[0]), "nargs": "*"}
+    if get_origin(kind) is Literal:
+        return {"choices": get_args(kind)}
+    return {"type": _number(kind)} if kind in (int, float) else {}
 
 
-OK, FAILED, BAD_INPUT = 0, 1, 2
+def _number(kind: type) -> Callable[[str], None]:
+    """A check that a word is a number."""
+
+    def check(word: str) -> None:
+        try:
+            kind(word)
+        except ValueError:
+            if word != "None":
+                what = "an integer" if kind is int else "a number"
+                raise argparse.ArgumentTypeError(f"must be {what}, got {word!r}") from None
+
+    return check
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -154,7 +197,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ctrl_c = CtrlC(last=argv is None)
     try:
         with ctrl_c:
-            code = _told(sys.argv[1:] if argv is None else argv)
+            code = _exit_code(sys.argv[1:] if argv is None else argv)
     except KeyboardInterrupt:
         code = INTERRUPTED
     if ctrl_c.came and argv is None:
@@ -165,51 +208,38 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _told(argv: Sequence[str]) -> int:
-    """The exit code of a command whose errors have been told."""
+def _exit_code(argv: Sequence[str]) -> int:
+    """Run one command, and print its error if it has one."""
     try:
-        return _run(argv)
+        if not argv or argv[0] in {"-h", "--help"}:
+            _print_overview()
+        elif argv[0] == "--version":
+            print(PROGRAM, sys.modules[__name__.partition(".")[0]].__version__)
+        else:
+            parse(argv[0], argv[1:]).run()
+    except SystemExit as leave:  # after the help of a command
+        return int(leave.code or OK)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
         if os.environ.get("PUSH_RECOVERY_DEBUG"):
             traceback.print_exc()
-        if isinstance(error, PushRecoveryError):
-            failed = isinstance(error, MissingExtraError) or not isinstance(error, ValueError)
-            return _complain(error, FAILED if failed else BAD_INPUT)
-        return _complain(f"{type(error).__name__}: {error}", FAILED)
-
-
-def _run(argv: Sequence[str]) -> int:
-    # here, so that Ctrl-C while it loads is an exit code too
-
-    if not argv or argv[0] in {"-h", "--help"}:
-        _print_overview()
-        return OK
-    if argv[0] == "--version":
-        print(PROGRAM, sys.modules[__name__.partition(".")[0]].__version__)
-        return OK
-    try:
-        options = parse(argv[0], argv[1:])
-    except SystemExit as leave:  # after the help of a command
-        return int(leave.code or OK)
-    options.run()
+        ours = isinstance(error, PushRecoveryError)
+        words = " ".join(str(error if ours else f"{type(error).__name__}: {error}").split())
+        # files may hold what moves a terminal's cursor or renames it
+        line = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)
+        print(f"{PROGRAM}: error: {line}", file=sys.stderr)
+        bad = ours and isinstance(error, ValueError) and not isinstance(error, MissingExtraError)
+        return BAD_INPUT if bad else FAILED
     return OK
 
 
 def _print_overview() -> None:
-    """The commands, without loading one."""
+    """Print the commands, without loading one."""
     print(f"usage: {PROGRAM} [-h] [--version] COMMAND ...\n")
     print("Push recovery of bipeds: score policies on equal pushes, find limits, train residuals.\n")
     for name, (_, _, text) in COMMANDS.items():
         print(fill(text, 80, initial_indent=f"  {name:<13}", subsequent_indent=" " * 15))
     print(f"\nOptions of one: {PROGRAM} COMMAND --help")
     print("Exit codes: 0 done, 1 failure, 2 bad input, 130 interrupted (what was done is kept).")
-
-
-def _complain(message: object, code: int) -> int:
-    words = " ".join(str(message).split())
-    line = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)  # files may hold
-    print(f"{PROGRAM}: error: {line}", file=sys.stderr)  # what moves a terminal's cursor or renames it
-    return code

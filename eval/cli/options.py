@@ -1,10 +1,4 @@
-"""Options that several commands share, and the bounds of their numbers.
-
-Archives of Stable-Baselines3 among the policies of a command, where the user trusts what is in them.
-
-The page of a command: written where its extra is installed, and how to get it where not.
-
-What the options of several commands have in common, and the bounds of their numbers.
+"""Options that several commands share, the bounds of their numbers, and how results are printed.
 
 A command is a frozen dataclass: its fields are the options, the texts below them the help, with units.
 What is slow to load is imported by the functions that need it, so that `--help` stays quick.
@@ -15,12 +9,11 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -29,45 +22,11 @@ from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
 
-ARCHIVE = ".zip"
-LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
+if TYPE_CHECKING:
+    from ..output.tables import Table
 
-
-def trusted(policies: Sequence[str], trust: bool) -> list[Any]:
-    """The policies with every FILE.zip as a policy of that label; without trust they stay, to be refused.
-
-    Raises:
-        InvalidValueError: a file can't be read.
-    """
-    if not trust or not any(name.endswith(ARCHIVE) for name in policies):
-        return list(policies)
-    archive = import_module(LOADER, __package__).ArchivePolicy
-    return [{name: archive.of(name)} if name.endswith(ARCHIVE) else name for name in policies]
-
-
-def write_or_say(write: Callable[[], Path]) -> Path | None:
-    """Write a page; where its extra is missing, say so in one line on standard error and go on."""
-    try:
-        return write()
-    except MissingExtraError as error:
-        print(f"no report.html: {error}", file=sys.stderr)
-        return None
-
-
-def print_page(path: Path | None) -> None:
-    """Where the page is, if there is one."""
-    if path is not None:
-        print(f"page: {path}")
-
-
-Flag = Annotated[bool, arg(help_behavior_hint="")]
-Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
-Preset = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
-Count = Annotated[int, arg(metavar="N")]
-Address = Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")]
-Real = Annotated[float, arg(metavar="X")]
-PolicyName = Annotated[str, arg(metavar="NAME|FILE")]
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
+POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
 PROFILE_TEXT = (
     "How real the robot is: exact, as the planner takes it to be, or hardware, with its own sensors, losses, "
     "delay and collisions (docs/scenarios.md)."
@@ -76,6 +35,15 @@ ERRORS_TEXT = (
     "How robot and floor differ from what the planner believes, in every scenario, such as "
     '\'{"mass": 0.1, "friction": 0.6, "delay": 0.01, "dcm_noise": 0.01}\' (docs/scenarios.md).'
 )
+Flag = Annotated[bool, arg(help_behavior_hint="")]
+Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
+FileName = Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")]
+NameOrFile = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
+Count = Annotated[int, arg(metavar="N")]
+Real = Annotated[float, arg(metavar="X")]
+PolicyName = Annotated[str, arg(metavar="NAME|FILE")]
+Policies = Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)]
+SuiteName = Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)]
 
 
 def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]:
@@ -83,17 +51,13 @@ def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]
     return {"bounds": (low, high)}
 
 
-def option(name: str) -> str:
-    """An option as the user writes it, from the name of its field."""
-    return "--" + name.replace("_", "-")
-
-
-def check_bounds(name: str, value: object, low: float, high: float) -> None:
-    """Raise InvalidValueError where a number is not finite or not in [low, high]."""
-    if not (is_finite_number(value) and low <= float(value) <= high):  # pyright: ignore[reportArgumentType]
-        bound = f">= {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
-        kind = "an integer" if isinstance(value, int) else "a number"
-        raise InvalidValueError(f"{option(name)} must be {kind} {bound}, got {shown(value)}")
+def page_lines(write: Callable[[], Path]) -> list[str]:
+    """Write a page, and say where it is; where its extra is missing, say so on standard error and go on."""
+    try:
+        return [f"page: {write()}"]
+    except MissingExtraError as error:
+        print(f"no report.html: {error}", file=sys.stderr)
+        return []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,18 +71,21 @@ class Options:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = getattr(self, entry.name)
-            if "bounds" in entry.metadata and value is not None:
-                check_bounds(entry.name, value, *entry.metadata["bounds"])
+            value, option = getattr(self, entry.name), "--" + entry.name.replace("_", "-")
+            low, high = entry.metadata.get("bounds", (-math.inf, math.inf))
+            if "bounds" in entry.metadata and value is not None and not (
+                is_finite_number(value) and low <= value <= high
+            ):  # fmt: skip
+                bound = f">= {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
+                kind = "an integer" if isinstance(value, int) else "a number"
+                raise InvalidValueError(f"{option} must be {kind} {bound}, got {shown(value)}")
             if value == ():
-                raise InvalidValueError(f"{option(entry.name)} needs at least one value")
+                raise InvalidValueError(f"{option} needs at least one value")
             if entry.name in {"out", "resume"} and value is not None and not str(value).strip():
-                raise InvalidValueError(
-                    f"{option(entry.name)} must name a directory or a file, got an empty string"
-                )
+                raise InvalidValueError(f"{option} must name a directory or a file, got an empty string")
 
     def defaults(self) -> Options | None:
-        """What the options not given stand for, where it depends on the ones given."""
+        """Values of the options that are not given, where they depend on the ones given; else None."""
         return None
 
     def run(self) -> None:
@@ -128,23 +95,29 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class JsonOption(Options):
-    """Of a command that can tell its result as JSON."""
+    """Options of a command that can print its result as JSON."""
 
     json: Flag = False
     """Print one JSON object on standard output, and nothing else there."""
 
-    def print_json(self, content: dict[str, Any]) -> None:
-        """The one object of `--json`."""
-        print(json.dumps(content, allow_nan=False))
+    def show(self, content: dict[str, Any], tables: Iterable[Table] = (), lines: Iterable[str] = ()) -> None:
+        """Print a result: as the one object of `--json`, or else its tables and then lines of text."""
+        if self.json:
+            print(json.dumps(content, allow_nan=False))
+            return
+        for table in tables:
+            table.print()
+        for line in lines:
+            print(line)
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnvOptions(Options):
-    """Of a command that makes environments."""
+    """Options of a command that makes environments."""
 
     env: Annotated[str, arg(metavar="ID")] = DEFAULT_ENV
     """Id of the environment (see list)."""
-    preset: Preset = None
+    preset: NameOrFile = None
     """Preset of planner and robot, such as one that tune has found (by default the environment's own)."""
 
     @property
@@ -157,7 +130,7 @@ class EnvOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorOptions(Options):
-    """Of a command whose robots may be off from the planner's model."""
+    """Options of a command whose robots may be off from the planner's model."""
 
     errors: Annotated[str, arg(metavar="JSON", help=ERRORS_TEXT)] = "{}"
 
@@ -169,18 +142,18 @@ class ErrorOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions(ErrorOptions):
-    """Of a command whose robots are of a profile."""
+    """Options of a command whose robots are of a profile."""
 
     profile: Annotated[str, arg(metavar="NAME", help=PROFILE_TEXT)] = "exact"
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions(JsonOption):
-    """Of a command that runs episodes in processes."""
+    """Options of a command that runs episodes in processes."""
 
     workers: Count = field(default_factory=default_workers, metadata=within(1))
     """Number of processes; it changes no result."""
-    ray: Address = None
+    ray: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     """Run on a Ray cluster instead (extra `ray`): HOST:PORT, auto, or local for one of this machine alone
     with --workers processes; changes no result (docs/your_own.md)."""
 
@@ -196,7 +169,7 @@ class WorkerOptions(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class RunningOptions(WorkerOptions):
-    """Of a command that runs episodes in processes and keeps their rows."""
+    """Options of a command that runs episodes in processes and keeps their rows."""
 
     out: Directory = None
     """Directory for the results. One of the same configuration is resumed (by default a directory under runs/
@@ -206,13 +179,13 @@ class RunningOptions(WorkerOptions):
 
     @property
     def directory(self) -> Path | None:
-        """Where the results go; None: by the configuration."""
+        """Where the results go; None: a directory named after the configuration."""
         return None if self.out is None else Path(self.out)
 
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityOptions(Options):
-    """Commanded velocity."""
+    """Options of the commanded velocity."""
 
     vx: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded forward velocity [m/s]."""
@@ -222,7 +195,7 @@ class VelocityOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class PushOptions(VelocityOptions):
-    """What all pushes of a scan have in common."""
+    """Options of a push but for its force and direction."""
 
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
     """Duration of the push [s]."""

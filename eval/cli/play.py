@@ -1,9 +1,4 @@
-"""`push-recovery play`, and one episode as a film, a contact sheet, a page in 3D, arrays or a figure.
-
-Write one episode as a film, a contact sheet, a page in 3D, arrays or a figure.
-
-`push-recovery play`.
-"""
+"""`push-recovery play`, and one episode as a film, a contact sheet, a page in 3D, arrays or a figure."""
 
 from __future__ import annotations
 
@@ -11,25 +6,34 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import gymnasium as gym
 from tyro.conf import arg
 
 from ...controllers.errors import UnknownNameError
 from ...controllers.files import write_atomically
-from ...controllers.policies.interface import Policy
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import require_place
-from ..record.film import Camera, Shot, episode_film, require_imageio, strip
+from ..record.film import Shot, episode_film, require_imageio, strip
 from ..record.plot import PLOT_FORMATS, write_plot
 from ..record.record import LOG_FORMATS, record_episode, write_log
 from ..record.words import describe
 from ..rollout.episodes import GymRobot, Watch, planning_period, rollout
 from ..rollout.policy_source import acting_in
-from .options import EnvOptions, PolicyName, PushOptions, Real, RobotOptions, within
+from .options import (
+    Count,
+    EnvOptions,
+    FileName,
+    NameOrFile,
+    PolicyName,
+    PushOptions,
+    Real,
+    RobotOptions,
+    within,
+)
 
 FILMED, WATCHED = 20.0, 5.0  # seconds that an episode takes, about
 FORMATS = (".mp4", ".gif", ".png", ".html")
@@ -50,10 +54,10 @@ class Written(NamedTuple):
             InvalidValueError: a file can't be written.
             MissingExtraError: what writes a film or a page is not installed.
         """
-        suffix = "" if self.out is None else output_suffix(self.out, FORMATS)
-        for path, valid in ((self.log, LOG_FORMATS), (self.plot, PLOT_FORMATS)):
-            if path is not None:
-                output_suffix(path, valid)
+        for path, valid in zip(self, (FORMATS, LOG_FORMATS, PLOT_FORMATS), strict=True):
+            if path is not None and path.suffix.lower() not in valid:
+                raise UnknownNameError("output format", path.suffix.lower() or str(path), valid)
+        suffix = "" if self.out is None else self.out.suffix.lower()
         if suffix == ".mp4":
             require_imageio()
         elif suffix == ".html":
@@ -65,57 +69,40 @@ class Written(NamedTuple):
         return suffix
 
 
-class _Spectator:
-    """Watches an episode for its last info; another one may look with it."""
-
-    def __init__(self, beside: Watch | None):
-        self.info: dict[str, Any] = {}
-        self._beside = beside
-
-    def __call__(self, robot: GymRobot) -> None:
-        """Look after reset or a step."""
-        self.info = robot.info
-        if self._beside is not None:
-            self._beside(robot)
-
-
 def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> str:
     """Run a scenario and write what has been asked for; returns the push and its outcome in words.
 
     Raises:
         PushRecoveryError: as `Written.check`, before the episode begins.
     """
-    suffix = written.check()
+    suffix, last = written.check(), {}
     drawn = None if suffix in {"", ".html"} else "rgb_array"
     with acting_in(env_id, policy, render_mode=drawn) as (env, acting, _):
+        watch, content = _observer(suffix, policy, env)
+
+        def look(robot: GymRobot) -> None:
+            last.update(info=robot.info)
+            if watch is not None:
+                watch(robot)
+
         work = Work(f"one episode of {policy}", about(WATCHED if written.out is None else FILMED))
         with progress_bars([policy], 1, work) as bars:
-            spectator = _write(env, acting, policy, scenario, written, suffix)
+            if written.log is None and written.plot is None:
+                rollout(env, acting, scenario, policy, look)
+            else:
+                found = record_episode(env, acting, scenario, policy, look)
+                if written.log is not None:
+                    write_log(found, written.log)
+                if written.plot is not None:
+                    write_plot(found, written.plot)
+            if written.out is not None:
+                write_atomically(written.out, content())
             bars.set(policy, 1)
-    return describe(spectator.info)
+    return describe(last["info"])
 
 
-def _write(
-    env: gym.Env, acting: Policy, name: str, scenario: Scenario, written: Written, suffix: str
-) -> _Spectator:
-    """Run a scenario and write what has been asked for; returns who has watched it."""
-    watch, finish = _eye(suffix, name, env)
-    spectator = _Spectator(watch)
-    if written.log is None and written.plot is None:
-        rollout(env, acting, scenario, name, spectator)
-    else:
-        found = record_episode(env, acting, scenario, name, spectator)
-        if written.log is not None:
-            write_log(found, written.log)
-        if written.plot is not None:
-            write_plot(found, written.plot)
-    if written.out is not None:
-        write_atomically(written.out, finish())
-    return spectator
-
-
-def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable[[], bytes]]:
-    """Who looks for a file of a format, and what makes its content in the end."""
+def _observer(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable[[], bytes]]:
+    """Who looks at an episode for a file of a format, and what makes its content in the end."""
     if not suffix:
         return None, bytes
     if suffix == ".html":
@@ -123,18 +110,10 @@ def _eye(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable
 
         replay = Replay(env, policy)
         return replay, replay.page
-    camera = Camera(planning_period(env))
+    shot = Shot(policy, planning_period(env))
     if suffix == ".png":
-        return camera, lambda: strip(Shot(policy, camera))
-    return camera, lambda: episode_film(Shot(policy, camera), suffix)
-
-
-def output_suffix(path: Path, valid: tuple[str, ...]) -> str:
-    """The suffix of an output file; raises UnknownNameError listing the valid ones."""
-    suffix = path.suffix.lower()
-    if suffix not in valid:
-        raise UnknownNameError("output format", suffix or str(path), valid)
-    return suffix
+        return shot, lambda: strip(shot)
+    return shot, lambda: episode_film(shot, suffix)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,26 +126,26 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     """Force of the push [N]; times the duration it is the impulse [N s]."""
     psi: Real = field(default=0.0, metadata=within(-360, 360))
     """Direction of the push [deg]: 0 is forward, 90 to the left, 180 backward, 270 to the right."""
-    suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    suite: NameOrFile = None
     """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Id of the scenario in the suite (by default the first one)."""
-    out: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    out: FileName = None
     """Write one push as a film (mp4 or gif), as six moments (png) or as a page in 3D (html)."""
-    log: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    log: FileName = None
     """Write the episode of one push as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques,
     limits met."""
-    plot: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    plot: FileName = None
     """Draw the episode of one push over time (png or svg)."""
     viewer: Literal["browser", "mujoco"] = "browser"
     """Where you play with the robot: on a page in the browser, or in MuJoCo's own window."""
-    beside: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    beside: NameOrFile = None
     """Policy of a second robot that gets the same pushes."""
     host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
     """Address that the page is served on; with any but this computer's own it asks for a token."""
     token: Annotated[str, arg(metavar="WORD", help_behavior_hint="(made up where one is needed)")] = ""
     """Token that the page's address must hold."""
-    port: Annotated[int, arg(metavar="N")] = field(default=8080, metadata=within(0, 65535))
+    port: Count = field(default=8080, metadata=within(0, 65535))
     """Port of the page; if it is taken, the next free one is used."""
 
     def run(self) -> None:
@@ -204,7 +183,16 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
         if self.suite is not None or self.scenario is not None:
-            return self._of_suite(self.suite)
+            from ..score.suites import pushes_on
+
+            suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
+            found = {scenario.id: scenario for scenario in suite.scenarios}
+            if self.scenario is None:
+                return suite.scenarios[0]
+            if self.scenario not in found:
+                some = [*list(found)[:3], f"... {len(found)} in all"]
+                raise UnknownNameError(f"scenario of suite {suite.name}", self.scenario, some)
+            return found[self.scenario]
         from ..score.frontier import FrontierSettings
 
         settings = FrontierSettings(
@@ -217,15 +205,3 @@ class Play(EnvOptions, PushOptions, RobotOptions):
         )
         scenario = settings.scenario(self.psi, self.force)
         return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")
-
-    def _of_suite(self, name: str | None) -> Scenario:
-        from ..score.suites import pushes_on
-
-        suite = pushes_on(self.env_id, name, self.model_errors, self.profile)
-        ids = [scenario.id for scenario in suite.scenarios]
-        wanted = ids[0] if self.scenario is None else self.scenario
-        if wanted not in ids:
-            raise UnknownNameError(
-                f"scenario of suite {suite.name}", wanted, [*ids[:3], f"... {len(ids)} in all"]
-            )
-        return suite.scenarios[ids.index(wanted)]

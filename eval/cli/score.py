@@ -1,13 +1,10 @@
-"""`push-recovery evaluate` and `compare`.
-
-`push-recovery evaluate`.
-
-`push-recovery compare`.
-"""
+"""`push-recovery evaluate` and `compare`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -24,16 +21,16 @@ from .options import (
     Flag,
     RobotOptions,
     RunningOptions,
-    print_page,
+    page_lines,
     within,
-    write_or_say,
 )
 
 if TYPE_CHECKING:
-    from ..score.evaluate import Comparison, Evaluation
+    from ..score.evaluate import Evaluation
     from ..score.suites import Suite
 
-REPORT = "report.md"
+ARCHIVE = ".zip"
+LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
 POLICIES_TEXT = (
     "Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. passive is not among the "
     "default ones, since it falls in 2 s without a push."
@@ -44,7 +41,7 @@ PROFILES_TEXT = f"{PROFILE_TEXT} Several profiles are shown side by side."
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
-    """Of a command that runs policies on a suite."""
+    """Options of a command that runs policies on a suite."""
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
     trust: Flag = False
@@ -56,6 +53,17 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     films: Count = field(default=4, metadata=within(1))
     """Largest number of pushes that are filmed."""
 
+    def trusted(self, policies: Sequence[str]) -> list[Any]:
+        """The policies, every FILE.zip as a policy of that label; without trust they stay, to be refused.
+
+        Raises:
+            InvalidValueError: a file can't be read.
+        """
+        if not self.trust or not any(name.endswith(ARCHIVE) for name in policies):
+            return list(policies)
+        archive = import_module(LOADER, __package__).ArchivePolicy
+        return [{name: archive.of(name)} if name.endswith(ARCHIVE) else name for name in policies]
+
     def check_film(self) -> None:
         """Raise MissingExtraError before any work where films are asked for and can't be written."""
         if self.film is not None:
@@ -63,21 +71,30 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
 
             require_imageio()
 
-    def write_films(self, evaluation: Evaluation) -> None:
-        """The films asked for, and where they are."""
-        if self.film is None:
-            return
-        from ..record.film import FOLDER, film_discordant
+    def make_films(self, evaluation: Evaluation) -> None:
+        """Write the films asked for, and say where they are."""
+        if self.film is not None:
+            from ..record.film import FOLDER, film_discordant
 
-        paths = film_discordant(evaluation, self.films)
-        if paths and not self.json:
-            print(f"films: {evaluation.directory / FOLDER}")
+            paths = film_discordant(evaluation, self.films)
+            if paths and not self.json:
+                print(f"films: {evaluation.directory / FOLDER}")
 
     def pushes_under(self, profile: str) -> Suite:
         """The suite, with the model errors and a profile in every scenario."""
         from ..score.suites import pushes_on
 
         return pushes_on(self.env_id, self.suite, self.model_errors, profile)
+
+    def write_page(
+        self, command: str, found: Mapping[str, Evaluation], directory: Path, positional: Sequence[str] = ()
+    ) -> list[str]:
+        """Write the page of evaluations by profile, and say where it is."""
+        from ..report.evaluation import with_pictures
+        from ..report.page import command_of
+
+        typed = command_of(command, self, positional)
+        return page_lines(lambda: with_pictures(found, typed, directory))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,70 +110,35 @@ class Evaluate(SuiteOptions):
             raise InvalidValueError(f"--profile must name each one once, got {' '.join(self.profile)}")
 
     def run(self) -> None:
-        """Evaluate under each profile, print one table or object, write the reports."""
-        from ..output.tables import print_table
-        from ..score.report import (
-            COLUMNS,
-            evaluation_cells,
-            evaluation_title,
-            profile_cells,
-            profile_columns,
-            write_profiles,
-        )
+        """Evaluate under each profile, print one table or object, write the reports.
 
-        self.check_film()
-        found, shown = self._evaluations()
-        (first, *others) = found.values()
-        page = self._page(found, first.directory)
-        if self.json:
-            objects = {name: self._object(evaluation, shown[name]) for name, evaluation in found.items()}
-            for evaluation in found.values():
-                self.write_films(evaluation)
-            self.print_json({"profiles": objects} if others else next(iter(objects.values())))
-            return
-        if not others:
-            (whole,) = shown.values()
-            print_table(evaluation_title(whole), COLUMNS, evaluation_cells(whole))
-        else:
-            print_table(evaluation_title(first), profile_columns(found), profile_cells(found))
-            print(f"profiles: {write_profiles(found, self.directory or first.directory)}")
-        for evaluation in found.values():
-            print(f"report: {evaluation.directory / REPORT}")
-            self.write_films(evaluation)
-        print_page(page)
-
-    def _page(self, found: dict[str, Evaluation], default: Path) -> Path | None:
-        """The page of all profiles, in the directory that was named or in the first profile's."""
-        from ..report.evaluation import with_pictures
-        from ..report.page import command_of
-
-        command = command_of("evaluate", self)
-        return write_or_say(lambda: with_pictures(found, command, self.directory or default))
-
-    def _object(self, evaluation: Evaluation, shown: Evaluation) -> dict[str, Any]:
-        """The contract's object, and beside it the score of a stored ceiling where there is one."""
-        more = [name for name in shown.rows if name not in evaluation.rows]
-        return evaluation.to_dict() | {name: shown.score(name).to_dict() for name in more}
-
-    def _evaluations(self) -> tuple[dict[str, Evaluation], dict[str, Evaluation]]:
-        """By profile, and the same with the ceiling where answers to the suite are stored.
-
-        Each has a directory of its own, below DIR where there are several.
+        Each profile has a directory of its own, below DIR where there are several.
         """
         from ..ceiling import with_ceiling
-        from ..score.evaluate import evaluate, write_reports
-        from ..score.report import evaluation_markdown
-        from .options import trusted
+        from ..score.evaluate import evaluate
+        from ..score.report import profiles_table, rates_table, write_evaluation_reports, write_profiles
 
+        self.check_film()
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
-        policies, found, shown = trusted(self.policies, self.trust), {}, {}
+        policies, several = self.trusted(self.policies), len(suites) > 1
+        found, objects, lines, table = {}, {}, [], None
         for name, suite in suites.items():
-            several = self.directory is not None and len(suites) > 1
             place = self.directory / name if several and self.directory else self.directory
-            found[name] = evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
-            shown[name] = with_ceiling(found[name], self.processes, self.overwrite)
-            write_reports(found[name], evaluation_markdown(shown[name]))
-        return found, shown
+            one = evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
+            reported = with_ceiling(one, self.processes, self.overwrite)
+            lines.append(f"report: {write_evaluation_reports(one, reported)}")
+            more = [policy for policy in reported.rows if policy not in one.rows]  # a stored ceiling
+            objects[name] = one.to_dict() | {policy: reported.score(policy).to_dict() for policy in more}
+            found[name], table = one, rates_table(reported)
+        directory = self.directory or next(iter(found.values())).directory
+        if several:
+            table = profiles_table(found)
+            lines.insert(0, f"profiles: {write_profiles(found, directory)}")
+        lines += self.write_page("evaluate", found, directory)
+        content = {"profiles": objects} if several else next(iter(objects.values()))
+        self.show(content, filter(None, [table]), lines)
+        for one in found.values():
+            self.make_films(one)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,51 +152,13 @@ class Compare(SuiteOptions, RobotOptions):
 
     def run(self) -> None:
         """Compare two policies, print the table or the object."""
-        from ..output.tables import print_table
         from ..score.evaluate import compare
-        from .options import trusted
+        from ..score.report import comparison_table
 
         self.check_film()
-        env_id = self.env_id
-        a, b = trusted((self.a, self.b), self.trust)
-        comparison = compare(
-            a,
-            b,
-            self.pushes_under(self.profile),
-            env_id,
-            self.processes,
-            self.directory,
-            self.overwrite,
-        )
-        content = comparison.to_dict()
-        page = self._page(comparison)
-        if self.json:
-            self.write_films(comparison.evaluation)
-            self.print_json(content)
-            return
-        low, high = content["ci95"]
-        cells = [
-            ("both recovered", str(content["both"])),
-            (f"only {self.a}", str(content["only_a"])),
-            (f"only {self.b}", str(content["only_b"])),
-            ("neither", str(content["neither"])),
-            (
-                f"rate of {self.a} minus rate of {self.b}",
-                f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})",
-            ),
-            (f"survived {self.a}, {self.b}", f"{content['survived_a']}, {content['survived_b']}"),
-            ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
-        ]
-        print_table(f"{env_id}: {content['pairs']} pairs of suite {content['suite']}", ("", "value"), cells)
-        print(f"outcomes: {comparison.directory / 'outcomes.jsonl'}")
-        self.write_films(comparison.evaluation)
-        print_page(page)
-
-    def _page(self, comparison: Comparison) -> Path | None:
-        """The page of both policies, beside their rows."""
-        from ..report.evaluation import with_pictures
-        from ..report.page import command_of
-
-        found = {self.profile: comparison.evaluation}
-        command = command_of("compare", self, ("a", "b"))
-        return write_or_say(lambda: with_pictures(found, command, comparison.directory))
+        suite, (a, b) = self.pushes_under(self.profile), self.trusted((self.a, self.b))
+        found = compare(a, b, suite, self.env_id, self.processes, self.directory, self.overwrite)
+        page = self.write_page("compare", {self.profile: found.evaluation}, found.directory, ("a", "b"))
+        outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"
+        self.show(found.to_dict(), [comparison_table(found)], [outcomes, *page])
+        self.make_films(found.evaluation)

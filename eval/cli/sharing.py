@@ -1,13 +1,4 @@
-"""`push-recovery protocol`, `submit`, `robot` and `suite`.
-
-`push-recovery protocol kick|tour`.
-
-`push-recovery submit`.
-
-`push-recovery robot new`.
-
-`push-recovery suite new`.
-"""
+"""`push-recovery protocol kick|tour`, `submit`, `robot new` and `suite new`."""
 
 from __future__ import annotations
 
@@ -19,7 +10,16 @@ from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import parse_json
-from .options import Count, EnvOptions, JsonOption, RunningOptions, WorkerOptions, within
+from .options import (
+    Count,
+    EnvOptions,
+    JsonOption,
+    NameOrFile,
+    Policies,
+    RunningOptions,
+    WorkerOptions,
+    within,
+)
 
 if TYPE_CHECKING:
     from ..protocols.run import PushProtocol
@@ -41,8 +41,7 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     protocol: Positional[Literal["kick", "tour"]]
     """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
     tour of 90 s."""
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
-    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    policies: Policies = ("two-stage",)
     form: Annotated[
         Literal["stated", "coded", "force"] | None,
         arg(metavar="NAME", help=FORM_TEXT, help_behavior_hint="(default: stated)"),
@@ -66,40 +65,29 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     @property
     def asked(self) -> PushProtocol:
         """The protocol with its scenarios."""
-        return self._plain.with_collisions() if self.collisions else self._plain
-
-    @property
-    def _plain(self) -> PushProtocol:
         from ..protocols.kick import kick_scenarios
         from ..protocols.run import PushProtocol, biped_of
         from ..protocols.tour import tour_scenario
 
-        robot = biped_of(self.env_id)
+        robot, form = biped_of(self.env_id), self.form or "stated"
         if self.protocol == "tour":
-            ids = range(self.episodes or 64)
-            return PushProtocol(
-                "tour", "stated", robot.robot, tuple(tour_scenario(one, robot) for one in ids)
-            )
-        form = self.form or "stated"
-        levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
-        scenarios = tuple(scenario for level in levels for scenario in level)
-        return PushProtocol("kick", form, robot.robot, scenarios)
+            scenarios = tuple(tour_scenario(one, robot) for one in range(self.episodes or 64))
+        else:
+            levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
+            scenarios = tuple(scenario for level in levels for scenario in level)
+        protocol = PushProtocol(self.protocol, form, robot.robot, scenarios)
+        return protocol.with_collisions() if self.collisions else protocol
 
     def run(self) -> None:
         """Run it, print one table or object, write the reports."""
-        from ..output.tables import print_table
-        from ..protocols import report
+        from ..protocols.report import result_tables, to_dict, write_protocol_reports
         from ..protocols.run import run_protocol
 
         found = run_protocol(
             self.asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
         )
-        path = report.write_reports(found)
-        if self.json:
-            self.print_json(report.to_dict(found))
-        else:
-            print_table(*report.REPORTS[self.protocol].table(found))
-            print(f"report: {path}")
+        report = f"report: {write_protocol_reports(found)}"
+        self.show(to_dict(found), result_tables(found)[:1], [report])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +96,7 @@ class Submit(WorkerOptions):
 
     directory: Annotated[Positional[str], arg(metavar="DIR")]
     """Directory that evaluate has written, with all rows of its suite."""
-    suite: Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")] = None
+    suite: NameOrFile = None
     """Suite of the results, if it is a file of your own; its hash has to be that of the results."""
     board: Annotated[str, arg(metavar="DIR")] = "leaderboard"
     """Folder of the leaderboard. It gets a file for each policy on each suite, and a page made of them."""
@@ -132,16 +120,13 @@ class Submit(WorkerOptions):
             run_again(submission, samples, self.processes)
             entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
             files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
-        if self.json:
-            self.print_json({"entries": entries, "files": files, "page": str(board / PAGE)})
-            return
-        for name, entry in entries.items():
-            score = entry["score"]
-            print(
-                f"{name}: {score['recovered']} of {score['episodes']} recovered, {entry['checked']} rows run "
-                f"again: {files[name]}"
-            )
-        print(f"page: {board / PAGE}")
+        lines = [
+            f"{name}: {entry['score']['recovered']} of {entry['score']['episodes']} recovered, "
+            f"{entry['checked']} rows run again: {files[name]}"
+            for name, entry in entries.items()
+        ]
+        page = str(board / PAGE)
+        self.show({"entries": entries, "files": files, "page": page}, lines=[*lines, f"page: {page}"])
 
 
 MODEL_TEXT = "MJCF or URDF of the robot: a file, or PACKAGE/PATH in a package of the extra robots."
@@ -160,7 +145,7 @@ class RobotCommand(JsonOption):
     """Folder that NAME.robot.json and NAME.preset.json are written to."""
 
     def run(self) -> None:
-        """Guess, derive, write and tell."""
+        """Guess, derive, write, and print what was guessed."""
         from ..robot_tools.new_robot import new_robot, save, summary
 
         name = self.name or Path(self.model).stem
@@ -169,16 +154,15 @@ class RobotCommand(JsonOption):
         robot = new_robot(self.model, name)
         paths = save(robot, Path(self.out))
         about = summary(robot)
-        if self.json:
-            self.print_json({**about, "files": [str(path) for path in paths]})
-        else:
-            _tell(about)
-            print(f"\nRead {paths[0]} and change what is wrong; then")
-            print(f"  push-recovery evaluate --env {paths[0]} --policies two-stage --suite quick")
+        lines = [
+            *_guess_lines(about), f"\nRead {paths[0]} and change what is wrong; then",
+            f"  push-recovery evaluate --env {paths[0]} --policies two-stage --suite quick",
+        ]  # fmt: skip
+        self.show({**about, "files": [str(path) for path in paths]}, lines=lines)
 
 
-def _tell(about: dict[str, Any]) -> None:
-    """Print what was guessed, for review."""
+def _guess_lines(about: dict[str, Any]) -> list[str]:
+    """Guessed parts and sizes, for review."""
     robot, limits = about["robot"], about["limits"]
     rows = {
         "pelvis, trunk": f"{about['pelvis']}, {about['trunk']}",
@@ -199,8 +183,7 @@ def _tell(about: dict[str, Any]) -> None:
         f"{limits['width_min']:.2f} to {limits['width_max']:.2f} wide",
         "F* [N], 0.1 s, every 45 degrees": ", ".join(f"{force:.0f}" for force in about["limit_N"]),
     }
-    for name, text in rows.items():
-        print(f"{name:32}{text}")
+    return [f"{name:32}{text}" for name, text in rows.items()]
 
 
 PUSHES_TEXT = (
@@ -232,7 +215,7 @@ class SuiteCommand(JsonOption):
     """Suite file to write."""
 
     def run(self) -> None:
-        """Draw and write the suite, and tell its hash."""
+        """Draw and write the suite, and print its hash."""
         from ..output.rows import require_place
         from ..score.suites import new_suite
 
@@ -243,7 +226,5 @@ class SuiteCommand(JsonOption):
         path = Path(self.out)
         require_place(path)
         suite.save(path)
-        if self.json:
-            self.print_json({**suite.summary(), "out": str(path)})
-        else:
-            print(f"{path}: suite {suite.name}, {len(suite.scenarios)} pushes, sha256 {suite.sha256}")
+        line = f"{path}: suite {suite.name}, {len(suite.scenarios)} pushes, sha256 {suite.sha256}"
+        self.show({**suite.summary(), "out": str(path)}, lines=[line])

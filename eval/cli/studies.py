@@ -1,15 +1,4 @@
-"""`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`.
-
-`push-recovery frontier`.
-
-`push-recovery sensitivity`.
-
-`push-recovery ceiling`.
-
-`push-recovery corrections`.
-
-`push-recovery reproduce`.
-"""
+"""`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
 
 from __future__ import annotations
 
@@ -24,17 +13,17 @@ from ...controllers.errors import InvalidValueError, shown
 from ...envs.scenario.scenario import Command
 from ..rollout.names import TABLE_ARMS
 from .options import (
-    SUITES_TEXT,
     Count,
     Directory,
     EnvOptions,
+    Policies,
     PushOptions,
     Real,
     RobotOptions,
     RunningOptions,
-    print_page,
+    SuiteName,
+    page_lines,
     within,
-    write_or_say,
 )
 
 
@@ -54,88 +43,57 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
     def run(self) -> None:
         """Write picture and frontier.json, print the table or the object."""
         from ...controllers.files import write_text
-        from ..output.tables import print_table
         from ..report.frontier import write_frontier_page
         from ..report.page import command_of
-        from ..score.frontier import (
-            FrontierSettings,
-            default_grid,
-            frontier,
-            frontier_cells,
-            frontier_columns,
-            save_pictures,
-            write_frontier_reports,
-        )
+        from ..score import frontier as scan
 
-        env_id = self.env_id
-        settings = FrontierSettings(
-            env_id,
-            self.grid or default_grid(env_id),
+        settings = scan.FrontierSettings(
+            self.env_id,
+            self.grid or scan.default_grid(self.env_id),
             self.duration,
             self.body,
             Command(self.vx, self.vy),
             self.model_errors,
             self.profile,
         )
-        result = frontier(
+        found = scan.frontier(
             settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
         )
-        objects = {name: result.to_dict(name) for name in result.rows}
+        objects = {name: found.to_dict(name) for name in found.rows}
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
-        write_text(result.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
-        pictures = save_pictures(result)
-        title = f"{env_id}: largest force before the first failure [N]"
-        report = write_frontier_reports(result, title)
-        page = write_or_say(lambda: write_frontier_page(result, command_of("frontier", self)))
-        if self.json:
-            self.print_json(content)
-            return
-        title = f"{title} (share of F* of its own box, of the paper's; largest survived)"
-        print_table(title, frontier_columns(result), frontier_cells(result))
-        print(f"report: {report}")
-        print("pictures: " + ", ".join(str(path) for path in pictures))
-        print_page(page)
+        write_text(found.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
+        lines = [
+            f"report: {scan.write_frontier_reports(found)}",
+            "pictures: " + ", ".join(map(str, scan.save_pictures(found))),
+            *page_lines(lambda: write_frontier_page(found, command_of("frontier", self))),
+        ]
+        self.show(content, [scan.frontier_table(found)], lines)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity(EnvOptions, RunningOptions):
-    """What outcomes hang on."""
+    """Measure what outcomes depend on."""
 
-    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    suite: SuiteName = "hard"
     sample: Count = field(default=128, metadata=within(1))
     """Number of pushes, evenly spread over the suite."""
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = ("two-stage",)
-    """Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    policies: Policies = ("two-stage",)
     variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME", help_behavior_hint="")] = None
     """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/generated/sensitivity.md;
     by default all of them)."""
 
     def run(self) -> None:
         """Run the variations, print a table for each policy or the object, write the reports."""
-        from ..output.tables import print_table
-        from ..score.sensitivity import (
-            COLUMNS,
-            VARIATIONS,
-            sensitivity,
-            sensitivity_cells,
-            sensitivity_title,
-            write_sensitivity_reports,
-        )
+        from ..score import sensitivity as study
         from ..score.suites import get_suite
 
-        result = sensitivity(
+        found = study.sensitivity(
             get_suite(self.suite, self.env_id), self.sample, self.env_id, self.policies,
-            tuple(VARIATIONS) if self.variations is None else self.variations,
+            tuple(study.VARIATIONS) if self.variations is None else self.variations,
             self.processes, self.directory, self.overwrite,
         )  # fmt: skip
-        report = write_sensitivity_reports(result)
-        if self.json:
-            self.print_json(result.to_dict())
-            return
-        for policy in result.evaluation.rows:
-            cells = sensitivity_cells(result.changes(policy))
-            print_table(sensitivity_title(result, policy), COLUMNS, cells)
-        print(f"report: {report}")
+        report = f"report: {study.write_sensitivity_reports(found)}"
+        self.show(found.to_dict(), study.sensitivity_tables(found), [report])
 
 
 POLICIES_TEXT = (
@@ -145,9 +103,9 @@ POLICIES_TEXT = (
 
 @dataclass(frozen=True, kw_only=True)
 class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
-    """What is possible at least; the searches are those of `ceiling.settings.CeilingSettings`."""
+    """Search what is possible at least; the settings are those of `CeilingSettings`."""
 
-    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
+    suite: SuiteName = "hard"
     sample: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = field(
         default=None, metadata=within(1)
     )
@@ -172,10 +130,8 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
 
     def run(self) -> None:
         """Evaluate, search, print the table or the object, write the reports."""
-        from ..ceiling import ceiling, ceiling_cells, search_lines, write_ceiling_reports
+        from ..ceiling import ceiling, ceiling_table, search_lines, write_ceiling_reports
         from ..hindsight import CeilingSettings
-        from ..output.tables import print_table
-        from ..score.report import COLUMNS, evaluation_title
         from ..score.sensitivity import sample_of
         from ..score.suites import pushes_on
 
@@ -189,13 +145,8 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
         found = ceiling(
             suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
         )
-        report = write_ceiling_reports(found)
-        if self.json:
-            self.print_json(found.to_dict())
-            return
-        print_table(evaluation_title(found.evaluation), COLUMNS, ceiling_cells(found))
-        print(search_lines(found), end="")
-        print(f"report: {report}")
+        lines = [search_lines(found).rstrip(), f"report: {write_ceiling_reports(found)}"]
+        self.show(found.to_dict(), [ceiling_table(found)], lines)
 
 
 FOLDER = Path("runs/corrections")
@@ -204,12 +155,12 @@ ALONE = 2.0  # what a robot costs alone, of its cost among others
 
 @dataclass(frozen=True, kw_only=True)
 class Corrections(EnvOptions, RobotOptions):
-    """What a residual adds to the planner, by the direction of the push and by step."""
+    """Show what a residual adds to the planner, by the direction of the push and by step."""
 
     policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
     """Name or file of a residual on gait actions, such as residual."""
-    suite: Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)] = "hard"
-    sample: Annotated[int, arg(metavar="N")] = field(default=256, metadata=within(1))
+    suite: SuiteName = "hard"
+    sample: Count = field(default=256, metadata=within(1))
     """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
     out: Directory = None
     """Directory for report and figure (default: runs/corrections)."""
@@ -218,14 +169,7 @@ class Corrections(EnvOptions, RobotOptions):
         """Run the pushes, print the tables, write report.md and corrections.png."""
         from ...controllers.files import write_text
         from ..output.progress import Work, about, episode_seconds, progress_bars
-        from ..record.corrections import (
-            STEP_NAMES,
-            collect,
-            correction_table,
-            outcome_table,
-            save_corrections,
-            summarise,
-        )
+        from ..record import corrections
         from ..rollout.policy_source import acting_in
         from ..score.sensitivity import sample_of
         from ..score.suites import pushes_on
@@ -239,18 +183,21 @@ class Corrections(EnvOptions, RobotOptions):
             acting_in(self.env_id, self.policy) as (env, policy, name),
             progress_bars([name], self.sample, Work(what, length, directory)) as bars,
         ):
-            for one in collect(env, policy, suite.scenarios):
+            for one in corrections.collect(env, policy, suite.scenarios):
                 found.append(one)
                 bars.set(name, len(found), "")
-        summary = summarise(found)
-        parts = [f"# What {name} adds, on {suite.name} ({self.profile})", outcome_table(summary)]
-        for step, title in enumerate(STEP_NAMES):
-            parts += [f"## During {title}: mean (standard deviation)", correction_table(summary, step)]
+        summary = corrections.summarise(found)
+        parts = [f"# What {name} adds, on {suite.name} ({self.profile})", corrections.outcome_table(summary)]
+        for step, title in enumerate(corrections.STEP_NAMES):
+            parts += [
+                f"## During {title}: mean (standard deviation)",
+                corrections.correction_table(summary, step),
+            ]
         text = "\n\n".join(part.strip() for part in parts) + "\n"
         directory.mkdir(parents=True, exist_ok=True)
         write_text(directory / "report.md", text)
         print(text)
-        for path in (directory / "report.md", *save_corrections(summary, directory)):
+        for path in (directory / "report.md", *corrections.save_corrections(summary, directory)):
             print(path)
 
 
@@ -275,21 +222,13 @@ class Reproduce(RunningOptions):
 
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
-        from ..output.tables import print_table
         from ..report.page import command_of
         from ..report.reproduction import write_reproduction_page
         from ..reproduction.run import RESULT, TABLES, reproduce
 
         page = None if self.page is None else Path(self.page)
         found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
-        report = write_or_say(
-            lambda: write_reproduction_page(found, command_of("reproduce", self, ("section",)))
-        )
-        if self.json:
-            self.print_json(found.content)
-            return
-        for table in found.tables:
-            print_table(*table)
-        for path in (found.directory / RESULT, found.directory / TABLES, *found.pictures):
-            print(path)
-        print_page(report)
+        command = command_of("reproduce", self, ("section",))
+        paths = (found.directory / RESULT, found.directory / TABLES, *found.pictures)
+        written = page_lines(lambda: write_reproduction_page(found, command))
+        self.show(found.content, found.tables, [*map(str, paths), *written])

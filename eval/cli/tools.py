@@ -1,17 +1,4 @@
-"""`push-recovery bench`, `list`, `warmup`, `curves`, `export` and `tune`.
-
-`push-recovery bench`.
-
-`push-recovery list`.
-
-`push-recovery warmup`.
-
-`push-recovery curves`.
-
-`push-recovery export`.
-
-`push-recovery tune`: run or resume a study, show how it goes, and say what it found.
-"""
+"""`push-recovery bench`, `list`, `warmup`, `curves`, `export` and `tune`."""
 
 from __future__ import annotations
 
@@ -53,13 +40,10 @@ class Bench(EnvOptions, JsonOption):
 
     def run(self) -> None:
         """Measure and print."""
-        from ..bench.run import bench, print_tables
+        from ..bench.run import bench, result_tables
 
         content = bench(self.env_id, self.seconds)
-        if self.json:
-            self.print_json(content)
-        else:
-            print_tables(content)
+        self.show(content, result_tables(content))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,17 +56,14 @@ class Names(JsonOption):
         from ..rollout.load_policy import FORMS, policy_names
         from ..score.suites import SUITES
 
-        suites = {name: {**make().summary(), "name": name} for name, make in SUITES.items()}
-        if self.json:
-            self.print_json(
-                {"envs": env_ids(), "policies": list(policy_names()), "suites": list(suites.values())}
-            )
-            return
-        print("environments:", *env_ids(), sep="\n  ")
-        print("policies:", *policy_names(), *FORMS, sep="\n  ")
-        print("suites:")
-        for name, suite in suites.items():
-            print(f"  {name} v{suite['version']}: {suite['scenarios']} pushes, sha256 {suite['sha256']}")
+        envs, policies = env_ids(), policy_names()
+        suites = [{**make().summary(), "name": name} for name, make in SUITES.items()]
+        texts = [
+            "{name} v{version}: {scenarios} pushes, sha256 {sha256}".format_map(suite) for suite in suites
+        ]
+        parts = {"environments": envs, "policies": [*policies, *FORMS], "suites": texts}
+        lines = ["\n  ".join([f"{title}:", *names]) for title, names in parts.items()]
+        self.show({"envs": envs, "policies": list(policies), "suites": suites}, lines=lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,10 +83,7 @@ class WarmUp(JsonOption):
             for done, name in enumerate(warm_up()):
                 bars.set("kernels", done, name)
             bars.set("kernels", len(names()))
-        if self.json:
-            self.print_json({"cache": str(cache_root())})
-        else:
-            print(f"kernels: {cache_root()}")
+        self.show({"cache": str(cache_root())}, lines=[f"kernels: {cache_root()}"])
 
 
 FOLDER = Path("runs/curves")
@@ -114,7 +92,7 @@ BASE = "residual"  # whose curve begins at the planner's own share
 
 @dataclass(frozen=True, kw_only=True)
 class Curves(Options):
-    """Learning curves of policies, as their files tell them."""
+    """Draw learning curves of policies from their files."""
 
     policies: Annotated[
         Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]", help_behavior_hint="")
@@ -131,7 +109,7 @@ class Curves(Options):
         """Draw, and print the last point of each.
 
         Raises:
-            InvalidValueError: there is no policy, or a file tells of no training.
+            InvalidValueError: there is no policy, or a file has no training curve.
         """
         from ..record.learning_curve import learning_curve, save_learning_curves
         from ..rollout.load_policy import shipped_names
@@ -223,26 +201,19 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
 
     @property
     def settings(self) -> TuningSettings:
-        """What each study is, of the first arm, besides its number of trials."""
+        """Settings of each study but for its number of trials, with the first policy's name."""
         from ..tuning.study import TuningSettings
 
+        only, preset, suite = self.only or (), self.preset or "", self.suite or ""
         return TuningSettings(
-            self.env,
-            self.policies[0],
-            self.space,
-            self.only or (),
-            self.preset or "",
-            self.seed,
-            self.suite or "",
-            self.scenarios,
-            self.held_out,
-            self.model_errors,
-        )
+            self.env, self.policies[0], self.space, only, preset, self.seed, suite, self.scenarios,
+            self.held_out, self.model_errors,
+        )  # fmt: skip
 
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
         from ..output.progress import Bars, Work, about, progress_bars, robot_seconds
-        from ..tuning.variants import check_variants, place_of, print_variants, summary, tune_variants
+        from ..tuning.variants import check_variants, place_of, result_tables, summary, tune_variants
 
         each = check_variants(self.settings, self.policies)  # unknown names fail here, before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
@@ -265,7 +236,4 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
                 {name: partial(show, policy=name) for name in each},
                 lambda: bars.append(stack.enter_context(progress_bars(list(each), self.trials, work))),
             )
-        if self.json:
-            self.print_json(summary(found))
-        else:
-            print_variants(found)
+        self.show(summary(found), result_tables(found), [f"preset of all of these arms: {found.path}"])

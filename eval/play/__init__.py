@@ -1,1 +1,1 @@
-"""A robot to play with: walks, is told, pushed, put back and compared; no viewer in it, none needed."""
+"""Play with a walking robot in a browser or in MuJoCo's window: command, push, replay and compare it."""

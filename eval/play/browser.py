@@ -1,9 +1,4 @@
-"""A session in a browser: the scene, the panel, and the loop that keeps both in step with the clock.
-
-The panel beside the scene: sliders, buttons and keys, and what the robots go through in words.
-
-`push-recovery play`: opens a session to browsers, and plays until Ctrl-C.
-"""
+"""A session in a browser: the scene, the panel, and the loop that keeps both in step with the clock."""
 
 from __future__ import annotations
 
@@ -20,15 +15,15 @@ from ...controllers.errors import MissingExtraError, PushRecoveryError
 from ...envs.scenario.scenario import FASTEST_TURN, Command
 from ..record.record import Array
 from .gate import Gate, open_server
-from .scene import COLOURS, LENGTH, FloorMarks, PushArrow, RobotMeshes, StripCharts, overlays_of
-from .session import LARGEST, Session, dragged_impulse, limits_words, polar_impulse, status_words
+from .scene import COLOURS, GROUND, SEEN, Ground, PushArrow, RobotView, StripCharts
+from .session import CLICK, IMPULSE_MAX, Session, dragged_impulse, limits_words, polar_impulse, status_words
 
 NOBODY = "nobody"
 TIED = "\N{NO-BREAK SPACE}"
-HOW = (
-    '<div style="font-size:0.75em;padding:0 1em 0.5em"><b>Drag the robot and let go</b> to push it: '
-    "the thick arrow is the push. Drag beside it to turn the view.</div>"
-)
+SMALL = '<div style="font-size:0.75em;padding:0 1em 0.5em">{}</div>'
+HOW = """<b>Drag the robot and let go</b> to push it: the thick arrow is the push.
+Drag beside it to turn the view."""
+MARK = '<span style="color:rgb{};white-space:nowrap">&#9632; {}</span>'  # colour and name of an overlay
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
 VELOCITY = 0.6  # of the sliders, both ways [m/s]
 Do = Callable[[Callable[[], object]], None]  # has something done between two planning periods
@@ -50,17 +45,14 @@ class Panel:
     ):
         self._session, self._do, gui = session, do, server.gui
         self._status = gui.add_markdown("")
-        gui.add_html(HOW)
-        gui.add_html(legend())
+        gui.add_html(SMALL.format(HOW))
+        marks = " ".join(MARK.format(colour, name) for name, colour in COLOURS.items())
+        gui.add_html(SMALL.format(marks))
         with gui.add_folder("Push"):
             self._size = gui.add_slider(
-                "impulse [N s]",
-                0.0,
-                LARGEST / 2,
-                0.5,
-                min(impulse[0], LARGEST / 2),
+                "impulse [N s]", 0.0, IMPULSE_MAX / 2, 0.5, min(impulse[0], IMPULSE_MAX / 2),
                 hint="It acts for 0.1 s as a constant force.",
-            )
+            )  # fmt: skip
             self._psi = gui.add_slider(
                 "direction [deg]", -180, 180, 1, round(impulse[1]),
                 hint="0 is forward at the start of the walk, 90 to the left, -90 to the right.",
@@ -76,29 +68,30 @@ class Panel:
                 gui.add_slider("turn [rad/s]", -FASTEST_TURN, FASTEST_TURN, 0.05, now.turn),
             ]
             for slider in self._command:
-                slider.on_update(lambda _: self._do(self._tell))
+                slider.on_update(lambda _: self._do(self._set_command))
         with gui.add_folder("Who acts"):
-            beside = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
             self._policy = gui.add_dropdown("policy", tuple(policies), initial_value=session.first.name)
-            self._beside = gui.add_dropdown("beside it", (NOBODY, *policies), initial_value=beside)
+            self._beside = gui.add_dropdown(
+                "beside it", (NOBODY, *policies), initial_value=session.beside or NOBODY
+            )
             self._policy.on_update(lambda _: self._do(self._switch))
             self._beside.on_update(lambda _: self._do(self._put_beside))
         with gui.add_folder("Time"):
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS))
             self._speed.on_update(lambda _: self._do(lambda: session.set_speed(SPEEDS[self._speed.value])))
-            self._button(gui, "Pause or go on", "P", self._pause)
-            self._button(gui, "One period (10 ms)", "F", self._step)
+            self._button(gui, "Pause or go on", "P", session.pause_or_go_on)
+            self._button(gui, "One period (10 ms)", "F", session.step_once)
             self._button(gui, "Start anew", "N", session.restart)
         with gui.add_folder("Show", expand_by_default=False):
             self._shown = {name: gui.add_checkbox(name, True) for name in COLOURS}
 
     @property
     def visible(self) -> dict[str, bool]:
-        """Which overlays are to be seen."""
+        """Whether each overlay is to be seen."""
         return {name: box.value for name, box in self._shown.items()}
 
     def draw(self) -> None:
-        """Say what the robots go through."""
+        """Status of the robots, and the limits that they meet."""
         lines = []
         for lane in self._session.lanes:
             met = ", ".join(limits_words(lane)) or "none"
@@ -109,12 +102,12 @@ class Panel:
             self._status.content = text
 
     def agree(self) -> None:
-        """Let the fields show who acts and what is told, where a choice has been refused or undone."""
-        session, told = self._session, self._session.first.command
-        for slider, value in zip(self._command, (told.vx, told.vy, told.turn), strict=True):
+        """Let the fields show policies and command in force, where a choice has been refused or undone."""
+        session, command = self._session, self._session.first.command
+        for slider, value in zip(self._command, (command.vx, command.vy, command.turn), strict=True):
             slider.value = value
         self._policy.value = session.first.name
-        self._beside.value = session.lanes[1].name if len(session.lanes) > 1 else NOBODY
+        self._beside.value = session.beside or NOBODY
 
     def _button(self, gui: Any, label: str, key: str, action: Callable[[], object]) -> None:
         gui.add_button(f"{label}  [{key}]").on_click(lambda _: self._do(action))
@@ -132,43 +125,21 @@ class Panel:
         if self._policy.value != self._session.first.name:
             self._session.switch(self._policy.value)
 
-    def _tell(self) -> None:
-        self._session.tell(Command(*(float(slider.value) for slider in self._command)))
+    def _set_command(self) -> None:
+        self._session.set_command(Command(*(float(slider.value) for slider in self._command)))
 
     def _put_beside(self) -> None:
-        chosen = self._beside.value
-        now = self._session.lanes[1].name if len(self._session.lanes) > 1 else NOBODY
-        if chosen != now:
-            self._session.put_beside(None if chosen == NOBODY else chosen)
-
-    def _pause(self) -> None:
-        self._session.paused = not self._session.paused
-
-    def _step(self) -> None:
-        self._session.paused = True
-        self._session.step()
-
-
-def legend() -> str:
-    """The colours of the overlays, as HTML."""
-    marks = (
-        f'<span style="color:rgb{colour};white-space:nowrap">&#9632; {name}</span>'
-        for name, colour in COLOURS.items()
-    )
-    return f'<div style="font-size:0.75em;padding:0 1em 0.5em">{" ".join(marks)}</div>'
+        chosen = None if self._beside.value == NOBODY else self._beside.value
+        if chosen != self._session.beside:
+            self._session.put_beside(chosen)
 
 
 FRAME = 1.0 / 30.0  # [s]
 CHARTS_EVERY = 6  # frames
 APART = 1.5  # of two robots [m]
-LEAST = 0.5  # of an impulse by drag; less is a click [N s]
-CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
-SEEN = 0.8  # how long a push that was given is shown [s]
-CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
 PHONE = 0.7  # width over height of a window, below which viser's panel covers the lower 60 % of it
 PHONE_CAMERA, PHONE_LOOK_AT = (-3.6, -3.3, 1.5), (0.0, 0.0, -1.4)  # the robot above that panel [m]
-AIMED, GIVEN = (245, 95, 85), (225, 30, 25)  # colours of arrows; the pointer has an orange one of viser
-WALK = "/walk"  # the frame that moves so that the first robot stays in view
+AIMED = (245, 95, 85)  # colour of the arrow of a drag; the pointer has an orange one of viser
 
 
 class App:
@@ -187,13 +158,10 @@ class App:
         self.ended = threading.Event()
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.set_panel_label("push-recovery play")
-        server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
         server.on_client_connect(look_above_the_panel)
-        self._walk = server.scene.add_frame(WALK, show_axes=False)
-        add_floor(server, f"{WALK}/floor")
-        self._robots: list[tuple[Any, RobotMeshes, FloorMarks, Any]] = []
-        self.aimed = PushArrow(server, f"{WALK}/aimed", AIMED)
-        self.given = PushArrow(server, f"{WALK}/given", GIVEN)
+        self._ground = Ground(server)
+        self._robots: list[RobotView] = []
+        self.aimed, self.given = PushArrow(server, f"{GROUND}/aimed", AIMED), self._ground.given
         self.panel = Panel(server, session, policies, self.do, impulse)
         with server.gui.add_folder("Charts of the first robot"):
             self.charts = StripCharts(server)
@@ -215,7 +183,7 @@ class App:
             self.ended.wait(max(0.0, FRAME - (time.monotonic() - now)))
 
     def frame(self, seconds: float) -> None:
-        """What has been asked for, the time that has gone by, and a picture."""
+        """Do what has been asked for, let the time go by that has, and draw."""
         while not self._actions.empty():
             action = self._actions.get()
             try:
@@ -229,15 +197,10 @@ class App:
         """Bring the scene up to date."""
         self._match_robots()
         with self.server.atomic():
-            for i, (lane, (_, meshes, marks, label)) in enumerate(
-                zip(self.session.lanes, self._robots, strict=True)
-            ):
-                pelvis = meshes.draw(lane.episodes.core)
-                marks.draw(overlays_of(lane.episodes), self.panel.visible)
-                label.text, label.position = lane.name, (*pelvis[:2].tolist(), pelvis[2] + 0.75)
-                if i == 0:
-                    self._pelvis = pelvis
-                    self._walk.position = (*(-pelvis[:2]).tolist(), 0.0)
+            lanes = zip(self._robots, self.session.lanes, strict=True)
+            places = [robot.draw(lane.episodes, lane.name, self.panel.visible) for robot, lane in lanes]
+            self._pelvis = places[0]
+            self._ground.follow(self._pelvis)
             self._draw_given()
             self.panel.draw()
         if self._frames % CHARTS_EVERY == 0:
@@ -254,55 +217,37 @@ class App:
         if event.phase == "end":
             self.do(lambda: self._let_go(impulse, part))
         else:
-            tail = np.asarray(event.start_position) - np.asarray(self._walk.position)
+            tail = np.asarray(event.start_position) - np.asarray(self._ground.frame.position)
             self.do(lambda: self.aimed.show(tail, impulse, self.session.first.mass))
 
     def _let_go(self, impulse: Array, part: str) -> None:
         self.aimed.hide()
-        if np.hypot(*impulse) >= LEAST:
+        if np.hypot(*impulse) >= CLICK:
             self.session.push(impulse, "trunk" if part == "trunk" else "pelvis")
 
     def _draw_given(self) -> None:
         """The latest push while it acts and shortly after."""
         lane = self.session.first
         push = lane.scenario.pushes[-1] if lane.scenario.pushes else None
-        since = np.inf if push is None else lane.time - float(push.start)  # type: ignore[arg-type]
-        if push is None or since > SEEN:
-            if self.given.text:
-                self.given.hide()
-            return
-        impulse = np.array(push.impulse[:2])
-        before = LENGTH * impulse + CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
-        self.given.show(self._pelvis + (*(-before), 0.1), impulse, lane.mass)  # it points at the robot
+        if push is not None and lane.time - float(push.start) <= SEEN:  # type: ignore[arg-type]
+            self.given.show_at(self._pelvis, push.impulse[:2], lane.mass)
+        elif self.given.text:
+            self.given.hide()
 
     def _match_robots(self) -> None:
         """As many robots in the scene as in the session, of the same shape."""
         while len(self._robots) > len(self.session.lanes):
-            frame, meshes, marks, label = self._robots.pop()
-            for part in (meshes, marks, label, frame):
-                part.remove()
+            self._robots.pop().remove()
         while len(self._robots) < len(self.session.lanes):
             i = len(self._robots)
-            root, lane = f"{WALK}/robot {i}", self.session.lanes[i]
-            frame = self.server.scene.add_frame(root, show_axes=False, position=(0.0, i * APART, 0.0))
-            meshes = RobotMeshes(self.server, root, lane.episodes.core.body, self.grab)
-            marks = FloorMarks(self.server, root)
-            label = self.server.scene.add_label(f"{root}/name", lane.name, anchor="bottom-center")
-            self._robots.append((frame, meshes, marks, label))
+            body = self.session.lanes[i].episodes.core.body
+            self._robots.append(RobotView(self.server, f"robot {i}", body, i * APART, self.grab))
 
     def _complain(self, reason: str) -> None:
-        """Tell everybody who looks why something was not done."""
+        """Say to everybody who looks why something was not done."""
         self.panel.agree()
         for client in self.server.get_clients().values():
             client.add_notification("Not done", reason, auto_close_seconds=6.0)
-
-
-def add_floor(server: Any, name: str) -> None:
-    """A grid of half metres, without end."""
-    server.scene.add_grid(
-        name, infinite_grid=True, fade_distance=20.0,
-        cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
-    )  # fmt: skip
 
 
 def look_above_the_panel(client: Any) -> None:
@@ -337,7 +282,6 @@ def open_app(
         InvalidValueError: the host is none of this computer's.
     """
     server = open_server(gate, port)
-    _never_share(server)
     try:
         return App(session, server, policies, impulse)
     except BaseException:
@@ -360,10 +304,3 @@ def play(
     finally:
         app.server.stop()
         session.close()
-
-
-def _never_share(server: Any) -> None:
-    """Take away viser's way of leading the outside world in, which any page could ask for."""
-    from viser import _messages
-
-    server._websock_server.unregister_handler(_messages.ShareUrlRequest)

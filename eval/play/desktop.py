@@ -1,7 +1,7 @@
 """A session in MuJoCo's own window: pushes by mouse and key, until the window is closed.
 
 Ctrl and the mouse drag a body as in any MuJoCo window; its way along the floor is the push, given where it is
-let go, by the factor of `drag`.
+let go.
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ import numpy as np
 
 from ...controllers.errors import PushRecoveryError
 from ...envs.biped.view import add_markers, set_posture
-from .session import FASTEST, IMPULSE_PER_METRE, SLOWEST, Session, limited, polar_impulse, status_words
+from .session import CLICK, Session, floor_impulse, polar_impulse, status_words
 
 FRAME = 1.0 / 60.0  # [s]
 KEYS = "space: push, R: replay, P: pause, F: one period, N: start anew, -/=: slower, faster"
-LEAST = 0.5  # of an impulse by drag; less is a click [N s]
 SLOWER = 0.5  # of the speed, a key press
 
 
 class Desktop:
-    """What keys and mouse do to a session, and what the window shows of it.
+    """Keys and mouse of a window that act on a session, and its words.
 
     Args:
         session: that is played.
@@ -35,7 +34,7 @@ class Desktop:
         self.session, self._impulse = session, polar_impulse(*impulse)
         self._keys: list[int] = []
         self._way: np.ndarray | None = None  # of the mouse, while it drags a body [m]
-        self._said = ""
+        self._last_words = ""
 
     def key(self, code: int) -> None:
         """A key has been pressed; it is answered between two planning periods."""
@@ -46,8 +45,8 @@ class Desktop:
         session = self.session
         actions: dict[str, Callable[[], object]] = {
             " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
-            "P": self._pause, "F": self._step, "-": lambda: self._faster(SLOWER),
-            "=": lambda: self._faster(1.0 / SLOWER),
+            "P": session.pause_or_go_on, "F": session.step_once, "-": lambda: session.faster(SLOWER),
+            "=": lambda: session.faster(1.0 / SLOWER),
         }  # fmt: skip
         while self._keys:
             action = actions.get(chr(self._keys.pop(0)))
@@ -61,26 +60,16 @@ class Desktop:
             grabbed = data.xpos[perturb.select] + turn @ perturb.localpos
             self._way = np.array(perturb.refselpos - grabbed)[:2]
         elif self._way is not None:
-            impulse, self._way = limited(IMPULSE_PER_METRE * self._way), None
-            if np.hypot(*impulse) >= LEAST:
+            impulse, self._way = floor_impulse(self._way), None
+            if np.hypot(*impulse) >= CLICK:
                 self._try(lambda: self.session.push(impulse))
 
-    def tell(self) -> None:
-        """A line where something has become of the robot."""
+    def report(self) -> None:
+        """Print a line where the robot has recovered or fallen."""
         words = status_words(self.session.first)
-        if not words.startswith(("walks", "pushed")) and words != self._said:
+        if not words.startswith(("walks", "pushed")) and words != self._last_words:
             print(words, flush=True)
-        self._said = words
-
-    def _pause(self) -> None:
-        self.session.paused = not self.session.paused
-
-    def _step(self) -> None:
-        self.session.paused = True
-        self.session.step()
-
-    def _faster(self, factor: float) -> None:
-        self.session.set_speed(min(max(self.session.speed * factor, SLOWEST), FASTEST))
+        self._last_words = words
 
     def _try(self, action: Callable[[], object]) -> None:
         try:
@@ -120,7 +109,7 @@ def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) ->
                 window.user_scn.ngeom = 0
                 add_markers(window.user_scn, data, core)
             window.sync()
-            desktop.tell()
+            desktop.report()
             before = now
             time.sleep(max(0.0, FRAME - (time.monotonic() - now)))
     session.close()

@@ -1,4 +1,4 @@
-"""Who may see and push the robot: this server's own pages, and from elsewhere only those with the token.
+"""The gate of the page: this server's own pages may push the robot, from elsewhere only with the token.
 
 Any page that a browser has open may send requests to a server on the same computer. A page's address is in
 the header `Origin` of the connection that carries everything; it must be this server's own. On the loopback
@@ -45,7 +45,7 @@ class Gate:
         self.token = token or ("" if is_loopback(host) else secrets.token_urlsafe(12))
 
     def address(self, port: int) -> str:
-        """What a browser opens."""
+        """The address that a browser opens."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{port}" + (f"/?token={self.token}" if self.token else "")
 
@@ -113,6 +113,7 @@ def open_server(gate: Gate, port: int) -> Any:
     try:
         import viser
         import websockets.asyncio.server as sockets
+        from viser import _messages
     except ImportError as error:
         raise MissingExtraError("viser", "play") from error
     require_own(gate.host)
@@ -124,9 +125,12 @@ def open_server(gate: Gate, port: int) -> Any:
     sockets.serve = guarded  # type: ignore[assignment, misc]
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            return viser.ViserServer(gate.host, port, verbose=False)
+            server = viser.ViserServer(gate.host, port, verbose=False)
     finally:
         sockets.serve = serve  # type: ignore[misc]
+    # viser's way of leading the outside world in, which any page could ask for
+    server._websock_server.unregister_handler(_messages.ShareUrlRequest)
+    return server
 
 
 def require_own(host: str) -> None:

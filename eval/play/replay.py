@@ -6,25 +6,22 @@ import contextlib
 import io
 
 import gymnasium as gym
-import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...envs.biped.env import BipedEpisodes
 from ..record.record import gait_episodes
 from ..record.words import describe
 from ..rollout.episodes import GymRobot, planning_period
-from .browser import CAMERA, CLEAR, GIVEN, LOOK_AT, SEEN, WALK, add_floor
 from .gate import Gate, open_server
-from .scene import COLOURS, LENGTH, FloorMarks, PushArrow, RobotMeshes, overlays_of
+from .scene import COLOURS, SEEN, Ground, RobotView
 
 RATE = 30.0  # pictures per simulated second
-ABOVE = 0.75  # from the pelvis to the words over the robot [m]
 
 
 class Replay:
     """Watches an episode of a biped, and keeps its scene.
 
-    The scene is viser's: it is built on a server that nobody is told of, and what it would have sent to a
+    The scene is viser's: it is built on a server whose address nobody gets, and what it would have sent to a
     browser is what the page holds.
 
     Args:
@@ -41,15 +38,10 @@ class Replay:
         if not isinstance(episodes, BipedEpisodes):
             raise InvalidValueError(f"only bipeds are replayed in 3D, got {episodes.name}")
         self._episodes, self._policy = episodes, policy
-        self._server = server = open_server(Gate("127.0.0.1"), 0)
-        server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
-        self._walk = server.scene.add_frame(WALK, show_axes=False)
-        add_floor(server, f"{WALK}/floor")
-        self._meshes = RobotMeshes(server, f"{WALK}/robot", episodes.core.body)
-        self._marks = FloorMarks(server, f"{WALK}/robot")
-        self._label = server.scene.add_label(f"{WALK}/words", policy, anchor="bottom-center")
-        self._arrow = PushArrow(server, f"{WALK}/push", GIVEN)
-        self._film = server.get_scene_serializer()
+        self._server = open_server(Gate("127.0.0.1"), 0)
+        self._ground = Ground(self._server)
+        self.robot = RobotView(self._server, "robot", episodes.core.body)
+        self._film = self._server.get_scene_serializer()
         self._every = max(1, round(1.0 / (RATE * planning_period(env))))
         self._pause, self._count = self._every * planning_period(env), 0
 
@@ -70,17 +62,12 @@ class Replay:
                 self._server.stop()
 
     def _draw(self, robot: GymRobot) -> None:
-        pelvis = self._meshes.draw(self._episodes.core)
-        self._marks.draw(overlays_of(self._episodes), dict.fromkeys(COLOURS, True))
-        self._walk.position = (*(-pelvis[:2]).tolist(), 0.0)
-        self._label.position = (*pelvis[:2].tolist(), pelvis[2] + ABOVE)
-        if robot.ended:
-            self._label.text = f"{self._policy}: {describe(robot.info)}"
-        push = robot.info.get("push") or {}
+        words = f"{self._policy}: {describe(robot.info)}" if robot.ended else self._policy
+        pelvis = self.robot.draw(self._episodes, words, dict.fromkeys(COLOURS, True))
+        self._ground.follow(pelvis)
+        push, arrow = robot.info.get("push") or {}, self._ground.given
         start = push.get("start")
         if start is not None and 0.0 <= robot.info["time"] - start <= SEEN:
-            impulse = np.array(push["impulse"][:2])
-            tip = pelvis[:2] - CLEAR * impulse / max(float(np.hypot(*impulse)), 1e-9)
-            self._arrow.show((*(tip - LENGTH * impulse), pelvis[2] + 0.1), impulse, self._episodes.robot.mass)
-        elif self._arrow.text:
-            self._arrow.hide()
+            arrow.show_at(pelvis, push["impulse"][:2], self._episodes.robot.mass)
+        elif arrow.text:
+            arrow.hide()

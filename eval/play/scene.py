@@ -1,23 +1,8 @@
-"""What the browser shows of a robot: meshes, marks on the floor, arrows and strip charts.
-
-What is drawn on the floor under a robot: points, regions and polygons in the world.
-
-The overlays of one robot in the scene: points, regions and the planned sole.
-
-A push in the scene: an arrow with its impulse beside it.
-
-Strip charts: the latest seconds of the first robot, and of the second one where there is one.
-
-One robot in the scene: meshes for each body, placed as the simulation has it.
-
-It looks as in films: where the physics of a robot has no more than soles, the robot's own meshes are shown.
-Those were made for other ends than a browser (a Unitree G1 has 400 000 triangles), so they are made coarse.
-"""
+"""Browser scene of a robot: meshes, marks on the floor, arrows of pushes, and strip charts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
@@ -26,62 +11,55 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
 from ...controllers.errors import MissingExtraError
+from ...controllers.model import observation
 from ...controllers.model.capturability import recoverable_offset
 from ...controllers.model.gait_box import STEP
-from ...controllers.model.observation import (
-    ELAPSED,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-    WORLD_CMP,
-    WORLD_COP,
-    WORLD_DCM,
-    canonical_frame,
-    point_in_world,
-)
-from ...controllers.whole_body.kinematics import FOOT_BODY, Array, sole_position
+from ...controllers.whole_body.kinematics import FOOT_BODY, sole_position
 from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
 from ...envs.biped.view import set_posture
 from ...envs.episode.period_end import LOADED
 from ...envs.robots.compiled_robot import CompiledRobot
-from ..record.record import TORQUE
+from ..record.record import Array
 from .session import Lane
 
+POINTS = {  # name -> colour, radius [m], columns of the core's `world`
+    "DCM": ((194, 23, 138), 0.030, observation.WORLD_DCM),
+    "CoP": ((26, 90, 230), 0.022, observation.WORLD_COP),
+    "CMP": ((122, 81, 149), 0.018, observation.WORLD_CMP),
+}
+REGIONS = {  # name -> colour, height over the floor [m]
+    "capture region": ((194, 23, 138), 0.004), "box of steps": ((13, 153, 115), 0.005),
+    "support polygon": ((26, 90, 230), 0.006),
+}  # fmt: skip
+FOOTHOLD, FOOTHOLD_COLOUR, FOOTHOLD_HEIGHT = "planned step", (13, 153, 115), 0.007
+COLOURS = {name: about[0] for name, about in {**POINTS, **REGIONS}.items()} | {FOOTHOLD: FOOTHOLD_COLOUR}
+THICKNESS = 0.008  # of a line [m]
+SEGMENTS = 8  # of every region: the hull of two soles has no more corners
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-@dataclass(frozen=True, eq=False)
-class Overlays:
-    """Places on the floor, world axes [m]; polygons go round counter-clockwise or clockwise, not closed."""
+def overlays_of(episodes: BipedEpisodes) -> dict[str, Array]:
+    """Places of robot 0 on the floor by name, world axes [m]; polygons go round either way, not closed.
 
-    dcm: Array  # (2,)
-    cop: Array  # (2,)
-    cmp: Array  # (2,)
-    foothold: Array  # (4, 2) the sole that the swing foot will set down
-    step_box: Array  # (4, 2) where the centre of that sole may be
-    capture_region: Array  # (4, 2) where the DCM may be so that the planner's limits still allow recovery
-    support: Array  # (k, 2) hull of the soles that carry load; k is 0 in the air
-
-
-def overlays_of(episodes: BipedEpisodes) -> Overlays:
-    """The overlays of robot 0."""
-    core, limits = episodes.core, episodes.limits
-    world, truth = core.world[0], core.truth[0]
-    offset = recoverable_offset(
-        episodes.robot, limits, float(truth[ELAPSED]), truth[TRUNK_ANGLE], truth[TRUNK_RATE]
-    )
+    Points (2,): the DCM, the CoP and the CMP. Rectangles (4, 2): the "planned step" is the swing foot's sole
+    where it will be set down, the "box of steps" limits the centre of that sole, and in the "capture region"
+    of the DCM the planner's limits still allow recovery. The "support polygon" (k, 2) is the hull of the
+    soles that carry load; k is 0 in the air.
+    """
+    core, limits, truth = episodes.core, episodes.limits, episodes.core.truth[0]
+    lean, rate = truth[observation.TRUNK_ANGLE], truth[observation.TRUNK_RATE]
+    offset = recoverable_offset(episodes.robot, limits, float(truth[observation.ELAPSED]), lean, rate)
     low = np.array([limits.length_min, limits.width_min])
     high = np.array([limits.length_max, limits.width_max])
     planned, half = core.gait.plan[0, STEP : STEP + 2], np.array(core.body.half_sole)
-    return Overlays(
-        dcm=world[WORLD_DCM : WORLD_DCM + 2].copy(),
-        cop=world[WORLD_COP : WORLD_COP + 2].copy(),
-        cmp=world[WORLD_CMP : WORLD_CMP + 2].copy(),
-        foothold=_rectangle(episodes, planned - half, planned + half),
-        step_box=_rectangle(episodes, low, high),
-        capture_region=_rectangle(episodes, offset.low, offset.high),
-        support=support_polygon(episodes),
-    )
+    return {
+        **{name: core.world[0, place : place + 2].copy() for name, (_, _, place) in POINTS.items()},
+        FOOTHOLD: _rectangle(episodes, planned - half, planned + half),
+        "box of steps": _rectangle(episodes, low, high),
+        "capture region": _rectangle(episodes, offset.low, offset.high),
+        "support polygon": support_polygon(episodes),
+    }
 
 
 def _rectangle(episodes: BipedEpisodes, low: Array, high: Array) -> Array:
@@ -89,10 +67,10 @@ def _rectangle(episodes: BipedEpisodes, low: Array, high: Array) -> Array:
     gait = episodes.core.gait
     stance = int(gait.stance[0])
     sole = sole_position(episodes.core.true_state(0), 0, stance)
-    frame = canonical_frame(float(gait.heading[0]), stance)
+    frame = observation.canonical_frame(float(gait.heading[0]), stance)
     middle, half = (low + high) / 2, (high - low) / 2
     corners = middle + CORNERS * half
-    return np.array([point_in_world(frame, sole[0], sole[1], float(x), float(y)) for x, y in corners])
+    return np.array([observation.point_in_world(frame, *sole[:2], float(x), float(y)) for x, y in corners])
 
 
 def support_polygon(episodes: BipedEpisodes) -> Array:
@@ -109,19 +87,6 @@ def support_polygon(episodes: BipedEpisodes) -> Array:
     return corners[ConvexHull(corners).vertices]
 
 
-POINTS = {  # what it is called -> colour, radius [m]
-    "DCM": ((194, 23, 138), 0.030), "CoP": ((26, 90, 230), 0.022), "CMP": ((122, 81, 149), 0.018),
-}  # fmt: skip
-REGIONS = {  # what it is called -> colour, height over the floor [m]
-    "capture region": ((194, 23, 138), 0.004), "box of steps": ((13, 153, 115), 0.005),
-    "support polygon": ((26, 90, 230), 0.006),
-}  # fmt: skip
-FOOTHOLD, FOOTHOLD_COLOUR, FOOTHOLD_HEIGHT = "planned step", (13, 153, 115), 0.007
-COLOURS = {name: about[0] for name, about in {**POINTS, **REGIONS}.items()} | {FOOTHOLD: FOOTHOLD_COLOUR}
-THICKNESS = 0.008  # of a line [m]
-SEGMENTS = 8  # of every region: the hull of two soles has no more corners
-
-
 class FloorMarks:
     """Handles of the overlays of one robot.
 
@@ -134,7 +99,7 @@ class FloorMarks:
         scene, nothing = server.scene, np.zeros((SEGMENTS, 2, 3), np.float32)
         self._points = {
             name: scene.add_icosphere(f"{root}/{name}", radius=radius, color=colour, cast_shadow=False)
-            for name, (colour, radius) in POINTS.items()
+            for name, (colour, radius, _) in POINTS.items()
         }
         self._regions = {
             name: scene.add_line_segments(f"{root}/{name}", nothing, colour, thickness=THICKNESS)
@@ -145,20 +110,18 @@ class FloorMarks:
             color=FOOTHOLD_COLOUR, opacity=0.6, side="double", cast_shadow=False,
         )  # fmt: skip
 
-    def draw(self, overlays: Overlays, visible: dict[str, bool]) -> None:
+    def draw(self, overlays: Mapping[str, Array], visible: Mapping[str, bool]) -> None:
         """Put all of them where they are now."""
-        stands = len(overlays.support) > 0
-        places = {"DCM": overlays.dcm, "CoP": overlays.cop, "CMP": overlays.cmp}
+        stands = len(overlays["support polygon"]) > 0
         for name, handle in self._points.items():
-            handle.position = (*places[name].tolist(), 0.02)
+            handle.position = (*overlays[name].tolist(), 0.02)
             handle.visible = visible[name] and (stands or name == "DCM")
-        polygons = overlays.capture_region, overlays.step_box, overlays.support
-        for (name, handle), polygon in zip(self._regions.items(), polygons, strict=True):
-            handle.visible = visible[name] and len(polygon) > 0
+        for name, handle in self._regions.items():
+            handle.visible = visible[name] and len(overlays[name]) > 0
             if handle.visible:
-                handle.points = closed_line(polygon, REGIONS[name][1])
+                handle.points = closed_line(overlays[name], REGIONS[name][1])
         self._foothold.visible = visible[FOOTHOLD]
-        self._foothold.vertices = at_height(overlays.foothold, FOOTHOLD_HEIGHT)
+        self._foothold.vertices = at_height(overlays[FOOTHOLD], FOOTHOLD_HEIGHT)
 
     def remove(self) -> None:
         """Take them out of the scene."""
@@ -180,12 +143,8 @@ def closed_line(polygon: Array, height: float) -> np.ndarray:
 
 LENGTH = 0.01  # of the arrow for an impulse [m per N s]
 ABOVE = 0.1  # from the arrow to its text [m]
-
-
-def impulse_text(impulse: ArrayLike, mass: float) -> str:
-    """An impulse (2,) [N s] as it stands beside its arrow."""
-    size = float(np.hypot(*np.asarray(impulse, np.float64)))
-    return f"{size:.1f} N s  ({size / mass:.2f} N s/kg)"
+CLEAR = 0.2  # from the arrow of a push that was given to the pelvis [m]
+SEEN = 0.8  # how long a push that was given is shown [s]
 
 
 class PushArrow:
@@ -207,12 +166,18 @@ class PushArrow:
 
     def show(self, tail: ArrayLike, impulse: ArrayLike, mass: float) -> None:
         """Draw an impulse (2,) [N s] from a point (3,) [m] on."""
-        start, along = np.asarray(tail, np.float64), LENGTH * np.asarray(impulse, np.float64)
-        tip: Array = start + np.array([*along, 0.0])
+        start, size = np.asarray(tail, np.float64), float(np.hypot(*np.asarray(impulse, np.float64)))
+        tip: Array = start + np.array([*(LENGTH * np.asarray(impulse, np.float64)), 0.0])
         self._arrow.points = np.array([[start, tip]], np.float32)
-        self.text = self._label.text = impulse_text(impulse, mass)
+        self.text = self._label.text = f"{size:.1f} N s  ({size / mass:.2f} N s/kg)"
         self._label.position = tuple(((start + tip) / 2 + (0.0, 0.0, ABOVE)).tolist())
         self._arrow.visible = self._label.visible = True
+
+    def show_at(self, pelvis: Array, impulse: ArrayLike, mass: float) -> None:
+        """Draw an impulse (2,) [N s] that points at a robot's pelvis (3,) [m]."""
+        along = np.asarray(impulse, np.float64)
+        before = LENGTH * along + CLEAR * along / max(float(np.hypot(*along)), 1e-9)
+        self.show(pelvis + (*(-before), 0.1), along, mass)
 
     def hide(self) -> None:
         """Show nothing."""
@@ -266,23 +231,22 @@ class StripCharts:
         for title, columns in CHARTS.items():
             values = [np.array([row[column] for row in rows]) for column in columns]
             self._handles[title].data = (time, *values)
-        self._handles[TORQUES].data = (time, largest_torque(lane, rows))
-
-
-def largest_torque(lane: Lane, rows: list[dict[str, float]]) -> np.ndarray:
-    """The largest torque of all motors against its bound, by sample."""
-    bounds = {name: bound for name, bound in lane.bounds.items() if name.startswith(TORQUE)}
-    return np.array([max(abs(row[name]) / bound for name, bound in bounds.items()) for row in rows])
+        bounds = lane.recorder.torques.items()
+        largest = [max(abs(row[name]) / bound for name, bound in bounds) for row in rows]
+        self._handles[TORQUES].data = (time, np.array(largest))
 
 
 CELL = 0.005  # of the grid on which vertices of a mesh are joined [m]
 SEEN_GROUPS = 3  # of geoms, counted from 0: MuJoCo shows these by default
-MESHES = "meshes for a browser"  # by this name a robot keeps them
+MESHES = "meshes for a browser"  # key by which a robot keeps them
 Grab = Callable[[Any, str], None]  # of viser's event and "pelvis" or "trunk"
 
 
 class RobotMeshes:
-    """The bodies of one robot.
+    """The bodies of one robot, placed as the simulation has them.
+
+    They look as in films: where the physics of a robot has no more than soles, its own meshes are shown.
+    Those were made for other ends than a browser (a Unitree G1 has 400 000 triangles), so they are coarsened.
 
     Args:
         server: of viser.
@@ -301,7 +265,7 @@ class RobotMeshes:
                 name = f"{root}/{self._model.body(body).name}/{i}"
                 handle = server.scene.add_mesh_trimesh(name, mesh)
                 if grab is not None:
-                    handle.on_drag("left")(_telling(grab, part))
+                    handle.on_drag("left")(_in_order(grab, part))
                 self._handles.append((body, handle))
 
     def draw(self, core: BipedCore) -> Array:
@@ -323,12 +287,9 @@ def body_meshes(robot: CompiledRobot) -> dict[int, list[Any]]:
     Raises:
         MissingExtraError: mjviser is not installed.
     """
-    if MESHES not in robot.found:
-        robot.found[MESHES] = _body_meshes(robot.picture)
-    return robot.found[MESHES]
-
-
-def _body_meshes(model: mujoco.MjModel) -> dict[int, list[Any]]:
+    if MESHES in robot.found:
+        return robot.found[MESHES]
+    model = robot.picture
     try:
         from mjviser.conversions import group_geoms_by_visual_compat, merge_geoms
     except ImportError as error:
@@ -342,10 +303,11 @@ def _body_meshes(model: mujoco.MjModel) -> dict[int, list[Any]]:
     geoms: dict[int, list[int]] = {}
     for geom in np.flatnonzero(shown).tolist():
         geoms.setdefault(int(model.geom_bodyid[geom]), []).append(geom)
-    return {
-        body: [merged(alike) for alike in group_geoms_by_visual_compat(model, own)]
+    robot.found[MESHES] = {
+        body: [merged(same_look) for same_look in group_geoms_by_visual_compat(model, own)]
         for body, own in geoms.items()
     }
+    return robot.found[MESHES]
 
 
 def coarse(mesh: Any, cell: float = CELL) -> Any:
@@ -378,10 +340,65 @@ def coarse(mesh: Any, cell: float = CELL) -> Any:
     )  # fmt: skip
 
 
-def _telling(grab: Grab, part: str) -> Any:
+def _in_order(grab: Grab, part: str) -> Any:
     """A callback that viser runs in the order of its events, which it does for coroutines alone."""
 
-    async def tell(event: Any) -> None:
+    async def called(event: Any) -> None:
         grab(event, part)
 
-    return tell
+    return called
+
+
+GROUND, LABEL = "/walk", 0.75  # frame that moves so that a robot stays in view; its name over the pelvis [m]
+CAMERA, LOOK_AT = (-2.2, -2.0, 1.4), (0.0, 0.0, 0.7)  # [m]
+GIVEN = (225, 30, 25)  # colour of the arrow of a push
+
+
+class Ground:
+    """The floor, a grid of half metres without end, in a frame that follows a robot."""
+
+    def __init__(self, server: Any):
+        server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
+        self.frame = server.scene.add_frame(GROUND, show_axes=False)
+        server.scene.add_grid(
+            f"{GROUND}/floor", infinite_grid=True, fade_distance=20.0,
+            cell_size=0.5, cell_color=(232, 232, 232), section_size=1.0, section_color=(205, 205, 205),
+        )  # fmt: skip
+        self.given = PushArrow(server, f"{GROUND}/given", GIVEN)
+
+    def follow(self, pelvis: Array) -> None:
+        """Keep a pelvis (3,) [m] above the middle of the scene."""
+        self.frame.position = (*(-pelvis[:2]).tolist(), 0.0)
+
+
+class RobotView:
+    """One robot in the scene: meshes, marks on the floor, and words over it.
+
+    Args:
+        server: of viser.
+        name: of the robot in the scene.
+        robot: whose shape it has.
+        aside: offset to the left of the first robot [m].
+        grab: as for `RobotMeshes`.
+    """
+
+    def __init__(
+        self, server: Any, name: str, robot: CompiledRobot, aside: float = 0.0, grab: Grab | None = None
+    ):
+        root = f"{GROUND}/{name}"
+        self._frame = server.scene.add_frame(root, show_axes=False, position=(0.0, aside, 0.0))
+        self.meshes = RobotMeshes(server, root, robot, grab)
+        self._marks = FloorMarks(server, root)
+        self._label = server.scene.add_label(f"{root}/name", "", anchor="bottom-center")
+
+    def draw(self, episodes: BipedEpisodes, words: str, visible: Mapping[str, bool]) -> Array:
+        """Bring it up to date; returns where the pelvis is, (3,) [m]."""
+        pelvis = self.meshes.draw(episodes.core)
+        self._marks.draw(overlays_of(episodes), visible)
+        self._label.text, self._label.position = words, (*pelvis[:2].tolist(), pelvis[2] + LABEL)
+        return pelvis
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        for part in (self.meshes, self._marks, self._label, self._frame):
+            part.remove()

@@ -1,35 +1,19 @@
-"""A session of play: robots that walk in step with a clock, and pushes by dragging.
+"""Robots to play with: they walk in step with a clock and are commanded, pushed, put back and compared.
 
-From a drag on the screen to a push.
-
-The pointer's way is measured in metres on the plane that holds the point grabbed and faces the camera: r to
-the right and u upwards. To the right stays to the right, upwards is away from the camera, along the floor:
-
-    J = K (r a + u b),     a: the camera's right,  b: its view without its vertical part;  |J| <= LARGEST.
-
-At depth D from the camera a pixel is 2 D tan(fov / 2) / H metres, where H is the picture's height in pixels.
-
-One robot that walks under a policy, and whose scenario grows while it walks.
-
-What happens to it is written into its scenario first: a push or a command given now makes a longer scenario,
-to which the robot is put back at the same moment (`restore`). So the walk is at any time that of its scenario
+An event is written into a robot's scenario first: a push or a command given now makes a longer scenario, to
+which the robot is put back at the same moment (`restore`). So the walk is at any time that of its scenario
 from the start, bit for bit, whoever gave the pushes.
-
-What a robot is going through, in words.
-
-A session of play: one robot, or two side by side, in step with a clock that is handed in.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_number
@@ -37,27 +21,28 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.push import Body, Push
 from ...envs.scenario.scenario import Command, CommandChange, Scenario
 from ...envs.snapshot import RobotSnapshot
-from ..record.record import LIMIT, Row, Sampler, gait_episodes
+from ..record.record import LIMIT, Array, Recorder, gait_episodes
 from ..record.words import fall_words, impulse_words
 from ..rollout.environments import make_env_for
 from ..rollout.episodes import begin_policy
 from ..rollout.policy_source import policy_sources
 
-Array = NDArray[np.float64]
-
-IMPULSE_PER_METRE = 100.0  # K [N s/m]
-LARGEST = 400.0  # [N s]
+IMPULSE_PER_METRE = 100.0  # K, of a drag [N s/m]
+IMPULSE_MAX = 400.0  # [N s]
+CLICK = 0.5  # a drag that gives less is no push [N s]
 DURATION = 0.1  # of a push by hand [s]
 STEEP = 1e-6  # a view with less of a horizontal part looks straight down
 
 
-def metres_per_pixel(depth: float, fov: float, height: float) -> float:
-    """How far a pixel is at a depth [m] from the camera, in a picture `height` pixels high; fov [rad]."""
-    return 2.0 * depth * math.tan(fov / 2.0) / height
-
-
 def dragged_impulse(way: ArrayLike, camera: ArrayLike) -> Array:
-    """Horizontal impulse (2,) [N s], in the world, of a drag.
+    """Horizontal impulse of a drag on the screen, (2,) [N s], in the world.
+
+    The pointer's way is measured on the plane that holds the point grabbed and faces the camera: r to the
+    right and u upwards [m]. To the right stays to the right, upwards is away from the camera, on the floor:
+
+        J = K (r a + u b), |J| <= IMPULSE_MAX,    a: the camera's right, b: its view's horizontal direction.
+
+    At depth D from the camera a pixel is 2 D tan(fov / 2) / H metres, H the picture's height in pixels.
 
     Args:
         way: from the point grabbed to the pointer, (3,) in the world [m].
@@ -68,30 +53,30 @@ def dragged_impulse(way: ArrayLike, camera: ArrayLike) -> Array:
     away = away[:2] / np.hypot(*away[:2])
     aside = np.array([away[1], -away[0]])
     way = np.asarray(way, np.float64)
-    return limited(IMPULSE_PER_METRE * ((way @ right) * aside - (way @ down) * away))
+    return floor_impulse((way @ right) * aside - (way @ down) * away)
 
 
-def limited(impulse: ArrayLike) -> Array:
-    """An impulse (2,) no larger than LARGEST, in the same direction."""
-    impulse = np.asarray(impulse, np.float64)
-    return impulse * min(1.0, LARGEST / max(float(np.hypot(*impulse)), 1e-12))
+def floor_impulse(way: ArrayLike) -> Array:
+    """Impulse (2,) of a drag along the floor (2,) [m]: K times the way, no larger than IMPULSE_MAX."""
+    impulse = IMPULSE_PER_METRE * np.asarray(way, np.float64)
+    return impulse * min(1.0, IMPULSE_MAX / max(float(np.hypot(*impulse)), 1e-12))
 
 
 def polar_impulse(size: float, psi_deg: float) -> Array:
     """Impulse (2,) of a size [N s] towards psi, counter-clockwise from x [deg].
 
     Raises:
-        InvalidValueError: a size beyond LARGEST or an angle that is not finite.
+        InvalidValueError: a size beyond IMPULSE_MAX or an angle that is not finite.
     """
-    size = require_number("impulse [N s]", size, 0.0, LARGEST)
+    size = require_number("impulse [N s]", size, 0.0, IMPULSE_MAX)
     psi = math.radians(require_number("direction [deg]", psi_deg))
     return np.array([size * math.cos(psi), size * math.sin(psi)])
 
 
-def push_now(impulse: ArrayLike, time: float, body: str = "pelvis", duration: float = DURATION) -> Push:
-    """The push of an impulse (2,) [N s] from a time on [s]: the force J / duration."""
-    x, y = (float(part) / duration for part in np.asarray(impulse, np.float64))
-    return Push((x, y, 0.0), duration, time, body)
+def push_now(impulse: ArrayLike, time: float, body: str = "pelvis") -> Push:
+    """The push of an impulse (2,) [N s] from a time on [s]: the force J / DURATION."""
+    x, y = (float(part) / DURATION for part in np.asarray(impulse, np.float64))
+    return Push((x, y, 0.0), DURATION, time, body)
 
 
 LONGEST = 1e6  # [s] of a walk; no one plays that long
@@ -101,21 +86,21 @@ ON_THE_SPOT = Scenario(NAME)
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A robot between two planning periods, and what its policy remembered."""
+class LaneState:
+    """A robot between two planning periods, and the memory of its policy."""
 
     snapshot: RobotSnapshot
     policy: str  # that acted
-    memory: Any  # what it remembered
+    memory: Any
 
 
 class Lane:
-    """One robot and its policy.
+    """One robot that walks under a policy, and whose scenario grows while it walks.
 
     Args:
         env_id: of a biped under gait actions.
         policy: a name, a file, or MODULE:ATTRIBUTE.
-        start: how the robot is and what it is told; its pushes and its end are left out.
+        start: robot and command; its pushes and its end are left out.
 
     Raises:
         PushRecoveryError: unknown names, or a robot that can't be put back.
@@ -128,19 +113,26 @@ class Lane:
         self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
         self.policy = source.load(made)
         self.env: Any = made.unwrapped
-        self.episodes = _biped(gait_episodes(made))
-        self.period = 1.0 / self.episodes.control_hz  # [s]
-        self.rows: deque[Row] = deque(maxlen=KEPT)
-        self._sampler = Sampler(self.episodes)
+        episodes = gait_episodes(made)
+        if not isinstance(episodes, BipedEpisodes):
+            raise InvalidValueError(
+                f"only bipeds are played with, such as PushRecovery/Biped-v0, got {episodes.name}"
+            )
+        self.episodes = episodes
+        self.period = 1.0 / episodes.control_hz  # [s]
+        self.recorder = Recorder(episodes, KEPT)
+        self.rows = self.recorder.rows
+        self.mass = episodes.robot.mass  # [kg]
         self.restart(start.command)
 
     def restart(self, command: Command) -> None:
         """Begin a new walk."""
         scenario = replace(self._start, command=command)
-        self._seen, self._info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
+        self._seen, self.info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
         begin_policy(self.policy, scenario)
-        self._look(anew=True)
+        self.rows.clear()
+        self.recorder()
 
     def step(self) -> None:
         """One planning period; a robot that has fallen lies."""
@@ -150,9 +142,9 @@ class Lane:
             self._seen, state=self._memory, episode_start=np.array([self._first]), deterministic=True
         )
         self._first = False
-        self._seen, _, fell, late, self._info = self.env.step(action)
+        self._seen, _, fell, late, self.info = self.env.step(action)
         self.over = bool(fell or late)
-        self._look()
+        self.recorder()
 
     def push(self, push: Push) -> None:
         """Push from now on; `push` starts at the present time or later.
@@ -163,7 +155,7 @@ class Lane:
         scenario = self.scenario
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
 
-    def tell(self, command: Command) -> None:
+    def set_command(self, command: Command) -> None:
         """Another command, in force from the next planning period on.
 
         Raises:
@@ -175,30 +167,31 @@ class Lane:
         kept = tuple(change for change in scenario.changes if change.time < at - 0.5 * self.period)
         self._go_on(replace(scenario, changes=(*kept, CommandChange(at, command))))
 
-    def moment(self) -> Moment:
-        """Where it is now.
+    def state(self) -> LaneState:
+        """Robot and memory of now.
 
         Raises:
             InvalidValueError: the robot has fallen.
         """
         self._refuse_fallen()
-        return Moment(self.env.state_snapshot(), self.name, self._memory)
+        return LaneState(self.env.state_snapshot(), self.name, self._memory)
 
-    def put(self, moment: Moment) -> None:
+    def put(self, state: LaneState) -> None:
         """Go on where a robot of the same kind was; another policy remembers nothing of it.
 
         Raises:
             InvalidValueError: a robot of another kind.
         """
-        self._seen, self._info = self.env.restore(moment.snapshot)
-        same = moment.policy == self.name
-        self._memory = moment.memory if same else None
+        self._seen, self.info = self.env.restore(state.snapshot)
+        same = state.policy == self.name
+        self._memory = state.memory if same else None
         self._first, self.over = not same, False
-        self._look(anew=True)
+        self.rows.clear()
+        self.recorder()
 
     @property
     def scenario(self) -> Scenario:
-        """All that has happened to it since the start of its walk."""
+        """Pushes and commands since the start of its walk."""
         return self.env.scenario
 
     @property
@@ -210,27 +203,7 @@ class Lane:
     @property
     def time(self) -> float:
         """Since the start of its walk [s]."""
-        return float(self._info["time"])
-
-    @property
-    def failure(self) -> str | None:
-        """Why it has fallen."""
-        return self._info["failure_reason"]
-
-    @property
-    def recovered_at(self) -> float | None:
-        """Since when it has been walking as told again [s]."""
-        return self._info["recovered_at"]
-
-    @property
-    def bounds(self) -> dict[str, float]:
-        """How far columns of its samples may go both ways, in their units."""
-        return self._sampler.bounds
-
-    @property
-    def mass(self) -> float:
-        """Of the robot [kg]."""
-        return self.episodes.robot.mass
+        return float(self.info["time"])
 
     def close(self) -> None:
         """Let the environment go."""
@@ -238,89 +211,67 @@ class Lane:
 
     def _go_on(self, scenario: Scenario) -> None:
         self._refuse_fallen()
-        self._seen, self._info = self.env.restore(self.env.state_snapshot(), scenario)
+        self._seen, self.info = self.env.restore(self.env.state_snapshot(), scenario)
 
     def _refuse_fallen(self) -> None:
         if self.over:
             raise InvalidValueError("the robot has fallen: restart it, or replay the last push")
-
-    def _look(self, anew: bool = False) -> None:
-        if anew:
-            self.rows.clear()
-            self._sampler.begin()
-        self.rows.append(self._sampler.row())
-
-
-def _biped(episodes: Any) -> BipedEpisodes:
-    if not isinstance(episodes, BipedEpisodes):
-        raise InvalidValueError(
-            f"only bipeds are played with, such as PushRecovery/Biped-v0, got {episodes.name}"
-        )
-    return episodes
 
 
 RECENT = 30  # samples in which a limit counts as being met
 
 
 def status_words(lane: Lane) -> str:
-    """Walks, was pushed, has recovered or fallen: one sentence."""
-    push = _last_push(lane)
+    """Whether a robot walks, was pushed, has recovered or fallen: one sentence."""
+    pushes = lane.scenario.pushes
+    push = pushes[-1] if pushes else None
+    start = push.start if push is not None and isinstance(push.start, float) else 0.0  # by hand: at a time
+    since = lane.time - start
     if lane.over:
-        after = "" if push is None else f" {lane.time - float(_start(push)):.2f} s after the push"
-        return f"fell{after} ({fall_words(lane.failure)})"
+        after = "" if push is None else f" {since:.2f} s after the push"
+        return f"fell{after} ({fall_words(lane.info['failure_reason'])})"
     if push is None:
         return f"walks, {lane.time:.1f} s"
-    since = lane.time - _start(push)
-    if lane.recovered_at is not None and lane.recovered_at >= _start(push):
-        return f"recovered {lane.recovered_at - _start(push):.2f} s after {impulse_words(push, lane.mass)}"
+    settled = lane.info["recovered_at"]
+    if settled is not None and settled >= start:
+        return f"recovered {settled - start:.2f} s after {impulse_words(push, lane.mass)}"
     return f"pushed {since:.2f} s ago with {impulse_words(push, lane.mass)}"
 
 
 def limits_words(lane: Lane) -> list[str]:
     """The limits being met: in one of the last RECENT planning periods."""
     rows = list(lane.rows)[-RECENT:]
-    names = [name for name in (rows[-1] if rows else {}) if name.startswith(LIMIT)]
-    met = [name for name in names if any(row[name] > 0.0 for row in rows)]
+    met = [name for name in rows[-1] if name.startswith(LIMIT) and any(row[name] > 0.0 for row in rows)]
     return [name.removeprefix(LIMIT).replace("_", " ") for name in met]
 
 
-def _last_push(lane: Lane) -> Push | None:
-    pushes = lane.scenario.pushes
-    return pushes[-1] if pushes else None
-
-
-def _start(push: Push) -> float:
-    """Of a push by hand, which is given at a time."""
-    return push.start if isinstance(push.start, float) else 0.0
-
-
 SLOWEST, FASTEST = 0.02, 2.0  # of the session's clock against the one handed in
-MOST_PERIODS = 20  # that one `advance` catches up with; a slower computer plays slower instead
+PERIODS_MAX = 20  # that one `advance` catches up with; a slower computer plays slower instead
 
 
 @dataclass(frozen=True)
 class LastPush:
-    """What a replay begins from."""
+    """Start of a replay."""
 
     push: Push
-    before: tuple[Moment, ...]  # of each lane, when it was given
+    before: tuple[LaneState, ...]  # of each lane, when it was given
 
 
 class Session:
-    """What a viewer shows, and what its buttons do.
+    """One robot, or two side by side, in step with a clock that is handed in.
 
     Args:
         env_id: of a biped under gait actions.
         policy: of the first robot: a name, a file, or MODULE:ATTRIBUTE.
         beside: policy of a second robot; None: there is none.
-        start: how the robots are and what they are told at first.
+        start: robots and command at first.
     """
 
     def __init__(self, env_id: str, policy: str, beside: str | None = None, start: Scenario = ON_THE_SPOT):
         self.env_id, self.start = env_id, start
         self.paused, self.speed = False, 1.0
         self.last: LastPush | None = None
-        self.lanes: list[Lane] = [self._lane(policy)]
+        self.lanes = [Lane(env_id, policy, start)]
         self._owed = 0.0  # simulated time to catch up with [s]
         if beside is not None:
             self.put_beside(beside)
@@ -330,12 +281,17 @@ class Session:
         """The robot that is always there."""
         return self.lanes[0]
 
+    @property
+    def beside(self) -> str | None:
+        """Policy of the second robot; None where there is none."""
+        return self.lanes[1].name if len(self.lanes) > 1 else None
+
     def advance(self, seconds: float) -> int:
         """Let the time of the clock go by; returns the planning periods simulated."""
         if self.paused:
             return 0
         period = self.first.period
-        self._owed = min(self._owed + seconds * self.speed, MOST_PERIODS * period)
+        self._owed = min(self._owed + seconds * self.speed, PERIODS_MAX * period)
         count = int(self._owed / period + 1e-9)
         self._owed -= count * period
         for _ in range(count):
@@ -347,6 +303,15 @@ class Session:
         for lane in self.lanes:
             lane.step()
 
+    def pause_or_go_on(self) -> None:
+        """Stop the clock, or let it run again."""
+        self.paused = not self.paused
+
+    def step_once(self) -> None:
+        """Stop the clock after one more planning period."""
+        self.paused = True
+        self.step()
+
     def set_speed(self, speed: float) -> None:
         """Simulated seconds a second.
 
@@ -354,6 +319,10 @@ class Session:
             InvalidValueError: outside [SLOWEST, FASTEST].
         """
         self.speed = require_number("speed", speed, SLOWEST, FASTEST)
+
+    def faster(self, factor: float) -> None:
+        """Multiply the speed, as far as it may go."""
+        self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)
 
     def push(self, impulse: ArrayLike, body: Body = "pelvis") -> Push:
         """Push every robot now with an impulse (2,) [N s], world axes; returns the first one's push.
@@ -371,11 +340,11 @@ class Session:
         self.last = LastPush(pushes[0], before)
         return pushes[0]
 
-    def tell(self, command: Command) -> None:
+    def set_command(self, command: Command) -> None:
         """Command all robots that walk."""
         for lane in self.lanes:
             if not lane.over:
-                lane.tell(command)
+                lane.set_command(command)
 
     def switch(self, policy: str, index: int = 0) -> bool:
         """Let another policy act for a robot from now on; returns whether its walk went on.
@@ -385,9 +354,9 @@ class Session:
         Raises:
             PushRecoveryError: no such policy, or one that can't act here; all stays as it was.
         """
-        new, old = self._lane(policy), self.lanes[index]
+        new, old = Lane(self.env_id, policy, self.start), self.lanes[index]
         self.lanes[index] = new
-        walks = not old.over and _tried(lambda: new.put(old.moment()))
+        walks = not old.over and _tried(lambda: new.put(old.state()))
         if not walks:
             new.restart(old.command)
         old.close()
@@ -399,16 +368,16 @@ class Session:
         Raises:
             PushRecoveryError: no such policy, or one that can't act here; all stays as it was.
         """
-        new = None if policy is None else self._lane(policy)
+        new = None if policy is None else Lane(self.env_id, policy, self.start)
         for lane in self.lanes[1:]:
             lane.close()
         self.lanes[1:] = [] if new is None else [new]
-        self.last = None  # what was before it holds for other robots
+        self.last = None  # its states are of other robots
         if new is None:
             return
         if self.first.over:
             self.restart()
-        elif not _tried(lambda: new.put(self.first.moment())):
+        elif not _tried(lambda: new.put(self.first.state())):
             new.restart(self.first.command)
 
     def replay(self) -> Push:
@@ -419,11 +388,12 @@ class Session:
         """
         if self.last is None:
             raise InvalidValueError("there is no push yet that could be replayed")
-        for lane, moment in zip(self.lanes, self.last.before, strict=True):
-            lane.put(moment)
-            lane.push(push_now(self._impulse, moment.snapshot.time, self.last.push.body))
+        push = self.last.push
+        for lane, state in zip(self.lanes, self.last.before, strict=True):
+            lane.put(state)
+            lane.push(push_now(push.impulse[:2], state.snapshot.time, push.body))
         self._owed = 0.0
-        return self.last.push
+        return push
 
     def restart(self) -> None:
         """All robots begin a new walk under the command of now."""
@@ -437,22 +407,13 @@ class Session:
         for lane in self.lanes:
             lane.close()
 
-    @property
-    def _impulse(self) -> tuple[float, float]:
-        assert self.last is not None  # noqa: S101  # asked for by `replay` alone
-        x, y, _ = self.last.push.impulse
-        return x, y
-
-    def _lane(self, policy: str) -> Lane:
-        return Lane(self.env_id, policy, self.start)
-
-    def _aligned(self) -> tuple[Moment, ...]:
-        """Where every robot is, the second where the first is if it is of the same kind."""
-        first = self.first.moment()
+    def _aligned(self) -> tuple[LaneState, ...]:
+        """States of all robots, the second put where the first is if it is of the same kind."""
+        first = self.first.state()
         for lane in self.lanes[1:]:
             if not _tried(lambda lane=lane: lane.put(first)) and lane.over:
                 lane.restart(self.first.command)
-        return (first, *(lane.moment() for lane in self.lanes[1:]))
+        return (first, *(lane.state() for lane in self.lanes[1:]))
 
 
 def _tried(call: Callable[[], None]) -> bool:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from ...controllers.files import write_text
 from ...controllers.model.robot import GRAVITY, RobotModel, Similarity
 from ..output.statistics import wilson_interval
-from ..output.tables import markdown_table
+from ..output.tables import Table, markdown_page, write_reports
 from .kick import FORCES, LEVELS, jump_of
 from .run import Results, Row
 from .tour import CEILING, FASTEST_X, FASTEST_Y, LENGTH, PUNCH_DURATION, force_share
@@ -102,9 +99,6 @@ FORMS = {
     "coded": "direction uniform, jumps with a vertical part of -0.1 to 0.2, as the program does",
     "force": "a force on the pelvis for 0.1 s with the impulse of the jump, 8 directions in turn",
 }
-TOUR_COLUMNS = (
-    "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]"
-)  # fmt: skip
 STOOD = "Share without a fall by RecoverFormer's criterion, % (Wilson, 95 %)"
 RATES = {"stood": STOOD, "survived": "Survived by this project's criterion, %", "recovered": "Recovered, %"}
 MEANS = {
@@ -123,22 +117,6 @@ def level_of(row: Row) -> int:
     return int(row["scenario_id"].split("-")[-2])
 
 
-def kick_columns(results: Results, key: str) -> tuple[str, ...]:
-    """Headings of `kick_cells`."""
-    return ("level", *results.rows, *(KICK_ROWS if key == "stood" else ()))
-
-
-def kick_cells(results: Results, key: str) -> list[tuple[str, ...]]:
-    """A rate or a mean of each policy, level by level; beside rates of `stood`, the published ones."""
-    cells, shown = [], rate_cell if key in RATES else mean_cell
-    for force in LEVELS:
-        own = [shown([row[key] for row in rows if level_of(row) == force]) for rows in results.rows.values()]
-        theirs = [f"{row[force]:.1f}" if force in row else "-" for row in KICK_ROWS.values()]
-        label = f"{jump_of(force):.3f} m/s, {force} N on the G1"
-        cells.append((label, *own, *(theirs if key == "stood" else ())))
-    return cells
-
-
 def rate_cell(values: Sequence[bool]) -> str:
     """Percentage with its Wilson interval."""
     count, of = sum(values), len(values)
@@ -151,20 +129,21 @@ def mean_cell(values: Sequence[float]) -> str:
     return f"{fmean(values):.2f}" if values else "-"
 
 
+def kick_table(results: Results, key: str, title: str) -> Table:
+    """A rate or a mean of each policy, level by level; beside rates of `stood`, the published ones."""
+    published, shown = KICK_ROWS if key == "stood" else {}, rate_cell if key in RATES else mean_cell
+    cells = []
+    for force in LEVELS:
+        own = [shown([row[key] for row in rows if level_of(row) == force]) for rows in results.rows.values()]
+        theirs = [f"{row[force]:.1f}" if force in row else "-" for row in published.values()]
+        cells.append((f"{jump_of(force):.3f} m/s, {force} N on the G1", *own, *theirs))
+    return Table(title, ("level", *results.rows, *published), cells)
+
+
 def kick_title(results: Results) -> str:
     """Title of a run of `kick`."""
     each = len(results.protocol.scenarios) // len(LEVELS)
     return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_collisions(results)}"
-
-
-def kick_markdown(results: Results) -> str:
-    """The report of `kick`."""
-    parts = [f"# Kick\n\n{kick_title(results)}: {FORMS[results.protocol.form]}.\n"]
-    parts += [
-        f"\n## {text}\n\n{markdown_table(kick_columns(results, key), kick_cells(results, key))}"
-        for key, text in (RATES | MEANS).items()
-    ]
-    return "".join([*parts, f"\n{KICK_CRITERION}\n{kick_note(results.protocol.robot)}"])
 
 
 def kick_summary(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
@@ -195,63 +174,44 @@ def tour_summary(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def tour_cells(results: Results) -> list[tuple[str, ...]]:
+def tour_table(results: Results) -> Table:
     """One row of cells for each policy, then the published ones, both engines."""
     cells = []
     for name, rows in results.rows.items():
-        found = tour_summary(rows)
-        share = 100 * found["completed"] / found["runs"]
-        interval = "-".join(f"{100 * bound:.1f}" for bound in found["ci95"])
-        means = (f"{found[key]:.1f}" for key in ("survival_s", "position_error_cm", "heading_error_deg"))
-        cells.append((name, str(found["runs"]), f"{share:.1f} %", interval, *means))
+        summary = tour_summary(rows)
+        low, high = summary["ci95"]
+        errors = f"{summary['position_error_cm']:.1f}", f"{summary['heading_error_deg']:.1f}"
+        share = f"{100 * summary['completed'] / summary['runs']:.1f} %"
+        interval, survival = f"{100 * low:.1f}-{100 * high:.1f}", f"{summary['survival_s']:.1f}"
+        cells.append((name, str(summary["runs"]), share, interval, survival, *errors))
     for name, row in TOUR_ROWS.items():
         both = ("{}/{}".format(*pair) for pair in (row.survival, row.position, row.heading))
         completed = "{}/{} %".format(*row.completed)
         cells.append((f"{name} (published)", str(row.runs), completed, "", *both))
-    return cells
+    runs = f"run ids 0-{len(results.protocol.scenarios) - 1}{_collisions(results)}"
+    columns = (
+        "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]"
+    )  # fmt: skip
+    return Table(f"{results.env_id}: tour, {runs}; published rows in MuJoCo / PhysX", columns, cells)
 
 
-def tour_title(results: Results) -> str:
-    """Title of a run of `tour`."""
-    return f"{results.env_id}: tour, run ids 0-{len(results.protocol.scenarios) - 1}{_collisions(results)}"
+def result_tables(results: Results) -> list[Table]:
+    """All tables of a protocol, the first one for the terminal too."""
+    if results.protocol.name == "tour":
+        return [tour_table(results)]
+    titles = (RATES | MEANS) | {"stood": f"{kick_title(results)}. {STOOD}"}
+    return [kick_table(results, key, title) for key, title in titles.items()]
 
 
 def _collisions(results: Results) -> str:
     return ", bodies collide" if results.protocol.collisions else ""
 
 
-def tour_markdown(results: Results) -> str:
-    """The report of `tour`."""
-    table, note = markdown_table(TOUR_COLUMNS, tour_cells(results)), tour_note(results.protocol.robot)
-    return f"# Tour\n\n{tour_title(results)}; published rows in MuJoCo / PhysX.\n\n{table}\n{note}"
-
-
-@dataclass(frozen=True)
-class Report:
-    """How the results of a protocol are rendered."""
-
-    summary: Callable[[Sequence[Row]], dict[str, Any]]  # of one policy, for JSON
-    markdown: Callable[[Results], str]
-    table: Callable[[Results], tuple[str, Sequence[str], list[tuple[str, ...]]]]  # title, columns, cells
-
-
-REPORTS = {
-    "kick": Report(
-        kick_summary,
-        kick_markdown,
-        lambda found: (
-            f"{kick_title(found)}. {STOOD}", kick_columns(found, "stood"), kick_cells(found, "stood")
-        ),
-    ),
-    "tour": Report(
-        tour_summary, tour_markdown, lambda found: (tour_title(found), TOUR_COLUMNS, tour_cells(found))
-    ),
-}  # fmt: skip
-
-
 def to_dict(results: Results) -> dict[str, Any]:
     """One JSON object of the results."""
-    summary = REPORTS[results.protocol.name].summary
+    summary: Callable[[Sequence[Row]], dict[str, Any]] = (
+        kick_summary if results.protocol.name == "kick" else tour_summary
+    )
     return {
         "protocol": results.protocol.summary() | {"collisions": results.protocol.collisions},
         "env": results.env_id,
@@ -260,9 +220,12 @@ def to_dict(results: Results) -> dict[str, Any]:
     }
 
 
-def write_reports(results: Results) -> Path:
+def write_protocol_reports(results: Results) -> Path:
     """Write report.json and report.md into the directory; returns the path of the latter."""
-    write_text(results.directory / "report.json", json.dumps(to_dict(results), indent=1) + "\n")
-    path = results.directory / "report.md"
-    write_text(path, REPORTS[results.protocol.name].markdown(results))
-    return path
+    protocol = results.protocol
+    page = markdown_page(protocol.name.capitalize(), result_tables(results))
+    if protocol.name == "kick":
+        note = f"{FORMS[protocol.form].capitalize()}.\n\n{KICK_CRITERION}\n{kick_note(protocol.robot)}"
+    else:
+        note = tour_note(protocol.robot)
+    return write_reports(results.directory, to_dict(results), f"{page}\n{note}")

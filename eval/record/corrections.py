@@ -1,11 +1,4 @@
-"""What a residual adds to the planner, by direction of the push: collected, as tables, as a figure.
-
-The corrections of a residual in pushed episodes, beside what becomes of the same pushes without them.
-
-Corrections by the direction of the push, as numbers and as tables.
-
-The corrections by direction as a figure: one panel a decision, and one of what became of the pushes.
-"""
+"""Corrections of a residual by direction of the push: collected, as tables, as a figure."""
 
 from __future__ import annotations
 
@@ -17,23 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
+from ...controllers.model.gait_box import GAIT_NAMES, GAIT_SIZE
 from ...controllers.model.observation import side_sign
 from ...controllers.policies.learned import NetworkPolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.tables import markdown_table
-from ..reproduction.style import ARM_STYLES, new_figure, print_style, save
 from ..rollout.episodes import rollout
-from .record import EpisodeRecord, record_episode
+from .record import Array, EpisodeRecord, RecordedPolicy, record_episode
+from .style import POLICY_STYLES, new_figure, print_style, save
 from .words import sector_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 STEPS = 3  # that are looked at: the one that is pushed in, and those after it
 
 
@@ -49,35 +41,6 @@ class PushCorrections:
     corrections: Array  # (STEPS, 7) mean over each step from the push on, gait variables; NaN: no such step
 
 
-class Watched:
-    """A residual policy that remembers what it was asked and what it did.
-
-    Raises:
-        InvalidValueError: the policy is no residual on gait actions.
-    """
-
-    def __init__(self, policy: Any):
-        rule = policy.rule if isinstance(policy, NetworkPolicy) else None
-        if rule is None:
-            raise InvalidValueError("only a residual on gait actions has corrections to look at")
-        self._policy, self.rule, self.limits = policy, rule, policy.description.limits
-        self.observations: list[Array] = []
-        self.actions: list[NDArray[np.float32]] = []
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        """What the policy does."""
-        action, state = self._policy.predict(observation, state, episode_start, deterministic)
-        self.observations.append(np.asarray(observation, np.float64))
-        self.actions.append(action)
-        return action, state
-
-
 def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterator[PushCorrections]:
     """Run every scenario with the residual and without it.
 
@@ -85,25 +48,32 @@ def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterato
         env: in which both act.
         policy: a residual on gait actions.
         scenarios: with one push or more, of which the first counts.
+
+    Raises:
+        InvalidValueError: the policy is no residual on gait actions.
     """
+    rule = policy.rule if isinstance(policy, NetworkPolicy) else None
+    if rule is None:
+        raise InvalidValueError("only a residual on gait actions has corrections to look at")
+    limits = policy.description.limits
     for scenario in scenarios:
-        watched = Watched(policy)
-        episode = record_episode(env, watched, scenario, "residual")
-        below = rollout(env, watched.rule.policy, scenario, "below")
-        yield corrections_of(episode, watched, below.recovered)
+        recorded = RecordedPolicy(policy)
+        episode = record_episode(env, recorded, scenario, "residual")
+        base = rule.below(np.array(recorded.observations)).base
+        added = limits.from_action(np.array(recorded.actions)) - limits.from_action(base)
+        below = rollout(env, rule.policy, scenario, "below")
+        yield corrections_of(episode, added, below.recovered)
 
 
-def corrections_of(episode: EpisodeRecord, watched: Watched, below_recovered: bool) -> PushCorrections:
-    """What the residual did from the first push on.
+def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) -> PushCorrections:
+    """Corrections of the residual from the first push on.
 
     Args:
         episode: with a sample before each action, and one after the last.
-        watched: the policy that acted.
+        added: (n, 7) gait variables of the actions less those of the actions below.
         below_recovered: whether the policy below recovers.
     """
-    n = len(watched.actions)
-    below = watched.rule.below(np.array(watched.observations)).base
-    added = gait_corrections(watched.limits, below, np.array(watched.actions))
+    n = len(added)
     time, step = episode["time"][:n], episode["step"][:n]
     pushed = int(np.searchsorted(time, episode.push_starts[0], side="right")) - 1
     means = np.full((STEPS, GAIT_SIZE), np.nan)
@@ -124,11 +94,6 @@ def corrections_of(episode: EpisodeRecord, watched: Watched, below_recovered: bo
     )
 
 
-def gait_corrections(limits: GaitLimits, below: ArrayLike, actions: ArrayLike) -> Array:
-    """Gait variables of actions (n, 7) less those of the actions (n, 7) below."""
-    return limits.from_action(actions) - limits.from_action(below)
-
-
 SECTORS = ("forward", "forward outward", "outward", "backward outward",
            "backward", "backward inward", "inward", "forward inward")  # fmt: skip
 UNITS = (("mm", 1e3),) * 2 + (("ms", 1e3),) + (("mm", 1e3),) * 2 + (("rad/s^2", 1.0),) * 2
@@ -138,7 +103,7 @@ STEP_NAMES = ("the step that is pushed in", "the next step", "the one after")
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """What many pushes have in common, by sector of 45 degrees about the directions of SECTORS."""
+    """Counts and mean corrections of many pushes, by sector of 45 degrees about the directions of SECTORS."""
 
     pushes: Array  # (8,)
     repaired: Array  # (8,) recovered only with the residual
@@ -179,12 +144,9 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
 
 
 def outcome_table(summary: Summary) -> str:
-    """Pushes by direction, and what became of them."""
-    rows = [
-        (name, *(f"{int(values[i])}" for values in counts))
-        for i, name in enumerate(SECTORS)
-        for counts in [(summary.pushes, summary.repaired, summary.lost, summary.left)]
-    ]
+    """Pushes by direction, and how they ended."""
+    counts = (summary.pushes, summary.repaired, summary.lost, summary.left)
+    rows = [(name, *(f"{int(values[i])}" for values in counts)) for i, name in enumerate(SECTORS)]
     return markdown_table(("push", "pushes", "repaired", "lost by it", "left"), rows)
 
 
@@ -203,7 +165,7 @@ def _cell(mean: float, spread: float) -> str:
 
 ANGLES = np.arange(-180.0, 181.0, 45.0)  # psi of the points [deg]
 ORDER = (ANGLES / 45.0).astype(np.int64) % len(SECTORS)
-LOOKS = [ARM_STYLES[name] for name in ("two-stage", "stage-1", "stage-1+cop")]  # of the steps
+LOOKS = [POLICY_STYLES[name] for name in ("two-stage", "stage-1", "stage-1+cop")]  # of the steps
 OUTCOMES = (("repaired", "#0b7a55", ""), ("lost", "#d7191c", "//"), ("left", "#bdbdbd", ".."))
 
 
@@ -235,7 +197,7 @@ def _decision(axes: Axes, summary: Summary, decision: int, name: str) -> None:
 
 
 def _outcomes(axes: Axes, summary: Summary) -> None:
-    """What became of the pushes that one of both loses, by direction."""
+    """Endings of the pushes that either policy loses, by direction."""
     bottom = np.zeros(len(ANGLES))
     for name, colour, hatch in OUTCOMES:
         values = getattr(summary, name)[ORDER]

@@ -1,26 +1,10 @@
-"""Films of episodes: frames, captions, contact sheets, and mp4 or GIF.
-
-Frames of an episode, and what its info told last.
-
-Frames of one or several policies beside each other, with words that say what is seen.
-
-Frames as mp4, or as a GIF that stays below a size.
-
-Six moments of a push side by side: a contact sheet.
-
-From shots to a film: which moments, how fast, and into which file.
-
-The same push under two policies, a row of pictures each: small enough to stand in a page.
-
-Films of the pushes on which policies disagree: one recovers, another one does not.
-"""
+"""Films of episodes as mp4 or GIF, several policies side by side, and contact sheets of a push."""
 
 from __future__ import annotations
 
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -37,7 +21,7 @@ from ..output.progress import Work, about, progress_bars, say
 from ..rollout.episodes import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 from ..score.evaluate import Evaluation
-from .words import ending_words, told_push
+from .words import ending_words, info_push_words
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
@@ -45,46 +29,6 @@ if TYPE_CHECKING:
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 FILM_RATE = 25.0  # frames per simulated second
-
-
-class Camera:
-    """Watches an episode, and keeps a frame of it at a rate of simulated time.
-
-    Args:
-        period: of planning [s].
-        rate: frames per simulated second.
-    """
-
-    def __init__(self, period: float, rate: float = FILM_RATE):
-        self.frames: list[Frame] = []
-        self.times: list[float] = []  # of the frames, since reset [s]
-        self.push_start = 0.0  # of the last push [s]
-        self.info: dict[str, Any] = {}  # of the last step
-        self._period = period
-        self._every = max(1, round(1.0 / (rate * period)))
-        self._count = 0
-
-    def __call__(self, robot: GymRobot) -> None:
-        """Look after reset or a step."""
-        if self._count % self._every == 0 or robot.ended:
-            self.frames.append(np.array(robot.env.render(), dtype=np.uint8))
-            self.times.append(float(robot.info.get("time", self._count * self._period)))
-        self._count += 1
-        start = (robot.info.get("push") or {}).get("start")
-        self.push_start = self.push_start if start is None else float(start)
-        self.info = robot.info
-
-    def frame_at(self, after: float) -> int:
-        """Index of the frame nearest to a time after the push began [s]; the first or last one beyond."""
-        return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
-
-
-def middle(frame: Frame, proportions: tuple[int, int]) -> Frame:
-    """The middle of a frame, at most as wide as width to height say."""
-    rows, columns = frame.shape[:2]
-    kept = min(columns, rows * proportions[0] // proportions[1])
-    left = (columns - kept) // 2
-    return frame[:, left : left + kept]
 
 
 PANEL = (330, 330)  # width, height of a policy's picture [pixels]
@@ -97,45 +41,83 @@ LEGEND = {
         "push": PUSH_COLOUR, "foothold": FOOTHOLD_COLOUR[:3], "DCM": DCM_COLOUR[:3], "CoP": COP_COLOUR[:3],
     }.items()
 }  # fmt: skip
-COLOURS = (PAPER, INK, GOOD, BAD, *LEGEND.values())  # that must be told apart in a small palette
+COLOURS = (PAPER, INK, GOOD, BAD, *LEGEND.values())  # that must stay apart in a small palette
 
 
-@dataclass(frozen=True, eq=False)
+def middle(frame: Frame, proportions: tuple[int, int]) -> Frame:
+    """The middle of a frame, at most as wide as width to height say."""
+    rows, columns = frame.shape[:2]
+    kept = min(columns, rows * proportions[0] // proportions[1])
+    left = (columns - kept) // 2
+    return frame[:, left : left + kept]
+
+
+def rendered(robot: GymRobot) -> Frame:
+    """A picture of the present moment."""
+    return np.array(robot.env.render(), dtype=np.uint8)
+
+
 class Shot:
-    """What a camera saw of an episode, and whose it was."""
+    """One policy's episode as a camera sees it: frames at a rate of simulated time, and how it ends.
 
-    policy: str
-    camera: Camera
+    Args:
+        policy: its name.
+        period: of planning [s].
+        rate: frames per simulated second.
+    """
+
+    def __init__(self, policy: str, period: float, rate: float = FILM_RATE):
+        self.policy = policy
+        self.frames: list[Frame] = []
+        self.times: list[float] = []  # of the frames, since reset [s]
+        self.push_start = 0.0  # of the latest push [s]
+        self.info: dict[str, Any] = {}  # of the last step
+        self._period, self._count = period, 0
+        self._every = max(1, round(1.0 / (rate * period)))
+
+    def __call__(self, robot: GymRobot) -> None:
+        """Look after reset or a step."""
+        self.info = robot.info
+        if self._count % self._every == 0 or robot.ended:
+            self.frames.append(rendered(robot))
+            self.times.append(float(self.info.get("time", self._count * self._period)))
+        self._count += 1
+        start = (self.info.get("push") or {}).get("start")
+        self.push_start = self.push_start if start is None else float(start)
+
+    def frame_at(self, after: float) -> int:
+        """Index of the frame nearest to a time after the push began [s]; the first or last one beyond."""
+        return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
 
     @property
     def push(self) -> str:
         """The push in words."""
-        push = self.camera.info.get("push")
-        return "no push" if push is None else told_push(push)
+        push = self.info.get("push")
+        return "no push" if push is None else info_push_words(push)
 
     @property
     def ending(self) -> str:
-        """What became of it, in words."""
-        return ending_words(self.camera.info)
+        """Ending of the episode in words."""
+        return ending_words(self.info)
 
     @property
     def fell(self) -> bool:
         """Whether it ended in a fall."""
-        return bool(self.camera.info.get("failure_reason"))
+        return bool(self.info.get("failure_reason"))
 
     @property
     def decided(self) -> float:
-        """When it is decided what becomes of it, after the push began [s]."""
-        settled = self.camera.info.get("recovered_at")
-        end = self.camera.times[-1] if self.fell or settled is None else float(settled)
-        return end - self.camera.push_start
+        """When it is decided whether the robot falls or recovers, after the push began [s]."""
+        settled = self.info.get("recovered_at")
+        end = self.times[-1] if self.fell or settled is None else float(settled)
+        return end - self.push_start
 
 
 def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     """One picture of the film: every policy at a time after its push began [s].
 
-    The push is written over all of them, each policy's name over its own picture, and below the name what
-    became of it once that is decided; a robot that has fallen stays as it fell.
+    The push is written over all of them, each policy's name over its own picture, and below the name how it
+    has ended once that is decided; a robot that has fallen stays as it fell.
     """
     from PIL import Image, ImageDraw
 
@@ -145,7 +127,7 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     draw.text((sheet.width / 2, 2), shots[0].push, INK, font(19, True), anchor="ma")
     for column, shot in enumerate(shots):
         left = column * (width + GAP)
-        frame = Image.fromarray(middle(shot.camera.frames[shot.camera.frame_at(after)], PANEL))
+        frame = Image.fromarray(middle(shot.frames[shot.frame_at(after)], PANEL))
         sheet.paste(frame.resize(PANEL, Image.Resampling.LANCZOS), (left, HEAD))
         _title(draw, left + width / 2, shot, after)
     draw_legend(draw, sheet.size, f"{after:+.2f} s{'' if speed == 1.0 else f', {speed:g} of real speed'}")
@@ -172,7 +154,7 @@ def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
 
 
 def _fitting(draw: ImageDraw, text: str) -> str:
-    """A text that is not wider than a picture: of the path of a file the end is what tells it apart."""
+    """A text cut at its front to the width of a picture: paths of files differ at their ends."""
     while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
         text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
     return text
@@ -261,36 +243,32 @@ def _palette(frames: Sequence[Frame], keep: Sequence[Colour]) -> Any:
     return palette
 
 
-STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # moments, after the push began [s]
+STRIP = (0.05, 0.25, 0.5, 0.8, 1.3, 2.0)  # times of the pictures, after the push began [s]
 STRIP_PANEL = (228, 250)  # width, height of one picture [pixels]
 
 
 def strip(shot: Shot) -> bytes:
     """The push and what follows: six frames side by side with their times after its begin, as PNG.
 
-    Below them stand what the markers mean, the push, and what became of it.
+    Below them stand what the markers mean, the push, and how it has ended.
     """
     from PIL import Image, ImageDraw
 
     width, height = STRIP_PANEL
     sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
-    for column, index in enumerate(moments(shot.camera)):
+    # Frames nearest to the times of STRIP, all of them earlier where the episode ends before the last
+    squeeze = min(1.0, (np.array(shot.times)[-1] - shot.push_start) / STRIP[-1])
+    for column, index in enumerate(shot.frame_at(squeeze * after) for after in STRIP):
         left = column * (width + GAP)
-        frame = Image.fromarray(middle(shot.camera.frames[index], STRIP_PANEL))
+        frame = Image.fromarray(middle(shot.frames[index], STRIP_PANEL))
         sheet.paste(frame.resize(STRIP_PANEL, Image.Resampling.LANCZOS), (left, LINE))
-        time = f"{shot.camera.times[index] - shot.camera.push_start:+.2f} s"
+        time = f"{shot.times[index] - shot.push_start:+.2f} s"
         draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
     draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
-
-
-def moments(camera: Camera) -> list[int]:
-    """Frames nearest to the moments of STRIP, all of them earlier where the episode ends before the last."""
-    squeeze = min(1.0, (np.array(camera.times)[-1] - camera.push_start) / STRIP[-1])
-    return [camera.frame_at(squeeze * after) for after in STRIP]
 
 
 SLOW = 0.5  # speed of a film of two policies against time
@@ -313,9 +291,9 @@ def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
         PushRecoveryError: the policy can't act, or nothing can be drawn here.
     """
     with acting_in(env_id, policy, render_mode="rgb_array") as (env, acting, label):
-        camera = Camera(planning_period(env), rate)
-        rollout(env, acting, scenario, label, camera)
-    return Shot(label, camera)
+        shot = Shot(label, planning_period(env), rate)
+        rollout(env, acting, scenario, label, shot)
+    return shot
 
 
 def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame]:
@@ -324,38 +302,30 @@ def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame
     return [compose(shots, float(after), speed) for after in np.arange(-BEFORE, last, speed / rate)]
 
 
-def whole_episode(shot: Shot) -> list[Frame]:
-    """Every frame of one episode, at the speed of time."""
-    return [compose([shot], time - shot.camera.push_start, 1.0) for time in shot.camera.times]
-
-
 def write_pair(shots: Sequence[Shot], stem: Path) -> list[Path]:
     """STEM.gif and STEM.mp4 of the same push under several policies; returns their paths."""
     frames = side_by_side(shots, SLOW, RATE)
     every = round(RATE / GIF_RATE)
-    found = []
     contents = {".gif": gif_bytes(frames[::every], GIF_RATE, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
     for suffix, content in contents.items():
-        path = stem.with_name(stem.name + suffix)
-        write_atomically(path, content)
-        found.append(path)
-    return found
+        write_atomically(stem.with_name(stem.name + suffix), content)
+    return [stem.with_name(stem.name + suffix) for suffix in contents]
 
 
 def episode_film(shot: Shot, suffix: str) -> bytes:
-    """One episode as mp4 or GIF."""
-    frames = whole_episode(shot)
-    return (
-        mp4_bytes(frames, FILM_RATE) if suffix == ".mp4" else gif_bytes(frames[::2], FILM_RATE / 2, COLOURS)
-    )
+    """One episode as mp4 or GIF, at the speed of time."""
+    frames = [compose([shot], time - shot.push_start, 1.0) for time in shot.times]
+    if suffix == ".mp4":
+        return mp4_bytes(frames, FILM_RATE)
+    return gif_bytes(frames[::2], FILM_RATE / 2, COLOURS)
 
 
 WIDTH = 1.5  # of a picture [inch]
 DPI, QUALITY = 100, 82  # dots an inch, of JPEG in per cent
 
 
-class Moments:
-    """Watches an episode, and draws it only at the moments of STRIP after its first push began.
+class StripCamera:
+    """Watches an episode, and draws it only at the times of STRIP after its first push began.
 
     An episode that ends before all of them ends with a picture of its end.
     """
@@ -374,31 +344,23 @@ class Moments:
             return
         after = float(robot.info["time"]) - self._start
         if robot.ended or after >= STRIP[len(self.frames)] - 1e-9:
-            self.frames.append(np.array(robot.env.render(), dtype=np.uint8))
+            self.frames.append(rendered(robot))
             self.after.append(after)
 
 
-@dataclass(frozen=True, eq=False)
-class Row:
-    """Pictures of one policy, and what stands above them."""
-
-    title: str
-    moments: Moments
-
-
-def watch(env_id: str, policy: str, scenario: Scenario) -> Moments:
-    """Run a scenario and draw it at its moments.
+def watch(env_id: str, policy: str, scenario: Scenario) -> StripCamera:
+    """Run a scenario and draw it at the times of STRIP.
 
     Raises:
         PushRecoveryError: the policy can't act, or nothing can be drawn here.
     """
     with acting_in(env_id, policy, render_mode="rgb_array") as (env, acting, label):
-        moments = Moments()
-        rollout(env, acting, scenario, label, moments)
-    return moments
+        camera = StripCamera()
+        rollout(env, acting, scenario, label, camera)
+    return camera
 
 
-def sheet(rows: Sequence[Row]) -> bytes:
+def sheet(rows: Sequence[tuple[str, StripCamera]]) -> bytes:
     """Rows of pictures under their titles, as JPEG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -407,10 +369,10 @@ def sheet(rows: Sequence[Row]) -> bytes:
     figure = Figure(figsize=(columns * WIDTH, len(rows) * (height + head)), dpi=DPI)
     figure.set_facecolor("white")
     share = 1.0 / len(rows)
-    for index, row in enumerate(rows):
+    for index, (title, camera) in enumerate(rows):
         top = 1.0 - index * share
-        figure.text(0.003, top - 0.1 * share, row.title, fontsize=10, fontweight="bold", va="center")
-        for column, (frame, after) in enumerate(zip(row.moments.frames, row.moments.after, strict=True)):
+        figure.text(0.003, top - 0.1 * share, title, fontsize=10, fontweight="bold", va="center")
+        for column, (frame, after) in enumerate(zip(camera.frames, camera.after, strict=True)):
             place = (column / columns, top - share, 0.99 / columns, share * height / (height + head))
             axes = figure.add_axes(place)
             axes.imshow(middle(frame, STRIP_PANEL), aspect="auto")
@@ -477,5 +439,5 @@ def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
 
 
 def film_name(index: int, scenario_id: str) -> str:
-    """Of the files of a film: place in the suite and id, without what the name of a file can't hold."""
+    """Stem of a film's files: place in the suite and id, without what the name of a file can't hold."""
     return f"{index:04d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', scenario_id)[:80]}"

@@ -1,4 +1,4 @@
-"""Learning curves as the files of policies tell them, and their figure."""
+"""Learning curves from the files of policies, and their figure."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from ...controllers.errors import InvalidValueError
 from ...controllers.policies.learned import policy_paths
 from ..output.statistics import wilson_interval
-from ..reproduction.style import arm_style, new_figure, print_style, save
 from ..rollout.load_policy import named_file, training_note
+from .style import curve_style, new_figure, print_style, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,10 +33,10 @@ class LearningCurve:
 
 
 def learning_curve(policy: str) -> LearningCurve:
-    """That of a shipped policy, by name, or of a policy file.
+    """Learning curve of a shipped policy, by name, or of a policy file.
 
     Raises:
-        InvalidValueError: the file can't be read, or tells of no training.
+        InvalidValueError: the file can't be read, or holds no record of a training.
     """
     path = policy_paths(named_file(policy))[1]
     training = training_note(path)
@@ -84,7 +84,7 @@ def save_learning_curves(
 
 
 def _draw(axes: Axes, curve: LearningCurve) -> None:
-    look = arm_style(curve.name)
+    look = curve_style(curve.name)
     x = [steps / MILLION for steps in curve.timesteps]
     bands = [wilson_interval(round(share * curve.pushes), curve.pushes) for share in curve.recovered]
     low, high = zip(*bands, strict=True)

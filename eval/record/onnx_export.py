@@ -1,9 +1,4 @@
-"""A learned policy's network as ONNX, written only where it computes what the policy does.
-
-A learned policy's network as an ONNX graph.
-
-An ONNX file of a learned policy, written only where it computes what the policy does.
-"""
+"""A learned policy's network as an ONNX graph, written only where it computes what the policy does."""
 
 from __future__ import annotations
 
@@ -23,6 +18,7 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import require_place
 from ..rollout.episodes import rollout
+from .record import RecordedPolicy
 
 OPSET, IR = 17, 8  # which runtimes of 2022 and later read
 INPUT = "inputs"
@@ -37,16 +33,11 @@ def require_onnx() -> None:
         raise MissingExtraError("onnx", "onnx") from error
 
 
-def output_name(policy: NetworkPolicy) -> str:
-    """What the graph's output is called: what a residual's network gives is no action."""
-    return "action" if policy.description.residual is None else "correction"
-
-
 def onnx_model(policy: NetworkPolicy) -> Any:
     """Normalisation, network and clip to [-1, 1]: float32 inputs (n, i) to float32 (n, a), as a ModelProto.
 
-    The normalisation is in double precision, as numpy's is: a large mean over a small deviation would cost
-    digits. What is to be done with the output stands in the metadata.
+    The normalisation clip((x - mean) / sqrt(variance + epsilon), -clip, clip) is in double precision, as
+    numpy's is: a large mean over a small deviation would cost digits. The metadata say how to use the output.
 
     Args:
         policy: of a file, or from Stable-Baselines3.
@@ -54,15 +45,19 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     require_onnx()
     from onnx import TensorProto, helper
 
-    parts = _Parts()
-    row = parts.normalised(policy)
+    parts, n = _Parts(), policy.normalisation
+    row = parts.add("Cast", INPUT, to=TensorProto.DOUBLE)
+    row = parts.add("Sub", row, parts.constant(n.mean))
+    row = parts.add("Div", row, parts.constant(np.sqrt(n.variance + n.epsilon)))
+    row = parts.add("Clip", row, *(parts.constant(np.float64(end)) for end in (-n.clip, n.clip)))
+    row = parts.add("Cast", row, to=TensorProto.FLOAT)
     network, last = policy.network, len(policy.network.weights) - 1
     for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         row = parts.add("Gemm", row, parts.constant(weight), parts.constant(bias), transB=1)
         kind = network.activation if i < last else network.output
         row = parts.add(NODES[kind], row) if kind in NODES else row
     bounds = [parts.constant(np.float32(bound)) for bound in (-1.0, 1.0)]
-    name = output_name(policy)
+    name = "action" if policy.description.residual is None else "correction"
     parts.add("Clip", row, *bounds, output=name)
     begin, end = (
         helper.make_tensor_value_info(end, TensorProto.FLOAT, ["n", size])
@@ -97,21 +92,9 @@ class _Parts:
         self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
         return name
 
-    def normalised(self, policy: NetworkPolicy) -> str:
-        """The name of clip((x - mean) / sqrt(variance + epsilon), -clip, clip) of the graph's input x."""
-        from onnx import TensorProto
-
-        n = policy.normalisation
-        deviation = np.sqrt(n.variance + n.epsilon)
-        row = self.add("Cast", INPUT, to=TensorProto.DOUBLE)
-        row = self.add("Sub", row, self.constant(n.mean))
-        row = self.add("Div", row, self.constant(deviation))
-        row = self.add("Clip", row, *(self.constant(np.float64(end)) for end in (-n.clip, n.clip)))
-        return self.add("Cast", row, to=TensorProto.FLOAT)
-
 
 def metadata(policy: NetworkPolicy) -> dict[str, str]:
-    """What the graph's input and output are, and what to do with the latter; records as JSON."""
+    """Meaning of the graph's input and output, and the use of the latter; dataclasses as JSON."""
     about = policy.description
     use = "The output is the action of env_id, in [-1, 1]"
     if about.residual is not None:
@@ -181,22 +164,14 @@ def random_inputs(policy: NetworkPolicy) -> NDArray[np.float64]:
 
 
 def met_inputs(policy: NetworkPolicy, env: gym.Env) -> NDArray[np.float64]:
-    """What the network sees (n, i) in an episode with a push."""
-    met: list[NDArray[np.float64]] = []
-
-    class Watched:
-        def predict(
-            self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-        ) -> tuple[Any, Any]:
-            met.append(policy.network_inputs(observation))
-            return policy.predict(observation, state, episode_start, deterministic)
-
-    rollout(env, Watched(), PUSHED, "export")
-    return np.concatenate(met)
+    """Inputs of the network (n, i) in an episode with a push."""
+    recorded = RecordedPolicy(policy)
+    rollout(env, recorded, PUSHED, "export")
+    return np.concatenate([policy.network_inputs(seen) for seen in recorded.observations])
 
 
 def largest_difference(content: bytes, policy: NetworkPolicy, inputs: NDArray[np.float32]) -> float:
-    """Of a file's outputs from those of numpy for the same inputs (n, i), in units of the action."""
+    """Largest difference of a file's outputs from numpy's for inputs (n, i), in units of the action."""
     import onnx
     from onnx.reference import ReferenceEvaluator
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...controllers.files import write_atomically
-from ..reproduction import style
+from . import style
 from .record import LIMIT, TORQUE, Array, EpisodeRecord
 from .words import push_words, verdict
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PLOT_FORMATS = (".png", ".svg")
 CMP_LINE: dict[str, Any] = {"color": "#7a5195", "ls": (0, (1, 1)), "lw": 1.6}
-JOINTS = ("waist", "hip", "knee", "ankle")  # whose torques are told apart
+JOINTS = ("waist", "hip", "knee", "ankle")  # whose torques are drawn apart
 JOINT_COLOURS = ("#0064a8", "#c44601", "#009e73", "#cc79a7")
 MARGIN = 0.06  # about what a panel of the floor holds [m]
 
@@ -48,26 +48,33 @@ def draw(record: EpisodeRecord) -> Figure:
     if met:
         _limits(panels[4], record, met)
     for axes in panels:
-        _moments(axes, record)
+        _mark_events(axes, record)
         axes.label_outer()
     time = record["time"]
     panels[-1].set(xlabel="time [s]", xlim=(time[0], time[-1]))
     figure.suptitle(
         f"{record.outcome.policy}, {push_words(record)}: {verdict(record.outcome)}", weight="bold"
     )
-    _legend(figure)
+    left, right = style.FOOT_COLOURS
+    looks = {
+        "DCM": style.DCM_LINE, "CoM": style.COM_LINE, "CoP": style.COP_LINE, "CMP": CMP_LINE,
+        "left sole, loaded": {"fc": left, "alpha": 0.4},
+        "right sole, loaded": {"fc": right, "alpha": 0.4},
+        "touchdown": {"color": style.STEP_COLOUR, "lw": 0.8},
+        "push": {"fc": style.PUSH_COLOUR, "alpha": 0.3},
+    }  # fmt: skip
+    style.legend(figure, looks, 4)
     return figure
 
 
-def _moments(axes: Axes, record: EpisodeRecord) -> None:
+def _mark_events(axes: Axes, record: EpisodeRecord) -> None:
     """Touchdowns as vertical lines, pushes as shaded intervals."""
     time, step = record["time"], record["step"]
     for i in np.flatnonzero(np.diff(step)) + 1:
         axes.axvline(time[i], color=style.STEP_COLOUR, lw=0.8, zorder=1)
     for start, push in zip(record.push_starts, record.scenario.pushes, strict=True):
         if start < time[-1]:
-            end = start + push.duration
-            axes.axvspan(start, end, color=style.PUSH_COLOUR, alpha=0.22, lw=0, zorder=0)
+            style.shade_push(axes, start, push.duration)
 
 
 def _floor(axes: Axes, record: EpisodeRecord, axis: str) -> None:
@@ -97,14 +104,13 @@ def _trunk(axes: Axes, record: EpisodeRecord) -> None:
         axes.plot(record["time"], record[name], color=colour, ls=line, label=labels[name])
     bound = record.bounds["trunk_pitch"]
     if max(np.abs(record[name]).max() for name in colours) > 0.5 * bound:
-        for sign in (-1.0, 1.0):
-            axes.axhline(sign * bound, color="#555555", ls="--", lw=1.0)
+        style.draw_bounds(axes, bound)
     axes.set_title("trunk: lean [rad]", loc="left")
     axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=0.9)
 
 
 def _torques(axes: Axes, record: EpisodeRecord) -> None:
-    """Of each kind of joint the torque that is largest against its bound, on either leg."""
+    """The largest torque against its bound of each kind of joint, on either leg."""
     shares = {
         name: np.abs(record[name]) / record.bounds[name] for name in record.columns if name.startswith(TORQUE)
     }
@@ -132,21 +138,3 @@ def _limits(axes: Axes, record: EpisodeRecord, met: list[str]) -> None:
     axes.set_yticks(range(len(met)), [name.removeprefix(LIMIT).replace("_", " ") for name in met])
     axes.set(ylim=(-0.6, len(met) - 0.4))
     axes.set_title("limits met since the first push", loc="left")
-
-
-def _legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    left, right = style.FOOT_COLOURS
-    entries = [
-        Line2D([], [], label="DCM", **style.DCM_LINE),
-        Line2D([], [], label="CoM", **style.COM_LINE),
-        Line2D([], [], label="CoP", **style.COP_LINE),
-        Line2D([], [], label="CMP", **CMP_LINE),
-        Patch(fc=left, alpha=0.4, label="left sole, loaded"),
-        Patch(fc=right, alpha=0.4, label="right sole, loaded"),
-        Line2D([], [], color=style.STEP_COLOUR, lw=0.8, label="touchdown"),
-        Patch(fc=style.PUSH_COLOUR, alpha=0.3, label="push"),
-    ]
-    figure.legend(handles=entries, loc="outside lower center", ncols=4)

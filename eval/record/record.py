@@ -1,53 +1,33 @@
-"""A recorded episode: its columns, what records it, and its files.
-
-What is true of a robot at one moment, as numbers by name: the columns of a recorded episode.
-
-A recorded episode, and what records one: the ordinary rollout with somebody who looks.
-
-A recorded episode as a file: NumPy's npz, or text with a column for each quantity.
-"""
+"""Recorded episodes: the recorder, its time histories as columns with units, and their files."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import write_atomically
-from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK
-from ...controllers.model.observation import (
-    COM,
-    COM_HEIGHT_ERROR,
-    SWING_POSITION,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-    canonical,
-    canonical_frame,
-    heading_frame,
-    in_world,
-    point_in_world,
-    side_sign,
-)
+from ...controllers.model import gait_box, observation
+from ...controllers.model.observation import canonical_frame, point_in_world, side_sign
 from ...controllers.policies.interface import Policy
 from ...controllers.whole_body.limits import BOUNDS
 from ...envs.biped.env import BipedEpisodes
+from ...envs.episode import period_end
 from ...envs.episode.episodes import GaitEpisodes
-from ...envs.episode.period_end import CMP, LOADED, MARGIN, TIME
-from ...envs.episode.period_end import COP as TOLD_COP
-from ...envs.episode.period_end import DCM as TOLD_DCM
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario, get_profile
 from ..rollout.environments import size_of
-from ..rollout.episodes import GymRobot, Watch, rollout
+from ..rollout.episodes import Watch, rollout
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import acting_in
@@ -73,139 +53,157 @@ UNITS = {  # of the columns that every robot has; places are in the world, x for
 NAN = float("nan")
 
 
-class Sampler:
-    """Reads the robot 0 of episodes between two planning periods; it only looks.
+class Recorder:
+    """Keeps a row of numbers of robot 0 of some episodes at each call; it only looks.
 
-    Pushes are the mean force since the sample before, so that their sum times the period is the impulse.
-    A limit's column is the share of that time for which it was met; limits count from the first push on.
-    Torques are those of the last physics step. The plan is not known where a step has just begun.
+    Call it after reset and after every planning period, or hand it to `rollout` as `watch`. Pushes are the
+    mean force since the row before, so that their sum times the period is the impulse. A limit's column is
+    the share of that time for which it was met; limits count from the first push on. Torques are those of the
+    last physics step. The plan is NaN where a step has just begun.
+
+    Args:
+        episodes: whose robot is recorded.
+        keep: how many rows are kept, the latest ones; None: all.
     """
 
-    def __init__(self, episodes: GaitEpisodes):
-        self._episodes, self._biped = episodes, isinstance(episodes, BipedEpisodes)
-        self.torques = _torques(episodes)
-        self.units = {**UNITS, **dict.fromkeys(self.torques, "N m")}
-        if self._biped:
-            self.units |= {LIMIT + name: "1" for name in BOUNDS}
-        self.begin()
+    def __init__(self, episodes: GaitEpisodes, keep: int | None = None):
+        self._episodes, robot = episodes, episodes.robot
+        self.rows: deque[Row] = deque(maxlen=keep)
+        self.sole = robot.foot_length, robot.foot_width  # [m]
+        names = (f"{TORQUE}trunk_pitch", f"{TORQUE}trunk_roll")
+        self.torques = dict.fromkeys(names, robot.trunk_torque_max)  # column -> largest torque [N m]
+        limits: dict[str, str] = {}
+        if isinstance(episodes, BipedEpisodes):
+            body = episodes.core.body
+            self.sole = 2.0 * body.half_sole[0], 2.0 * body.half_sole[1]
+            self.torques = {
+                TORQUE + body.model.joint(joint).name: float(bound)
+                for joint, bound in zip(body.indices.joints[1:], body.motors[0], strict=True)
+                if joint != MISSING
+            }
+            self._motors = [i for i, motor in enumerate(body.indices.motors) if motor != MISSING]
+            limits = {LIMIT + name: "1" for name in BOUNDS}
+        self._limits = tuple(limits)
+        self.units = {**UNITS, **dict.fromkeys(self.torques, "N m"), **limits}
 
     @property
     def bounds(self) -> dict[str, float]:
         """How far columns may go both ways, in their units, where the robot has such a bound."""
-        robot = self._episodes.robot
-        return {"trunk_pitch": robot.trunk_angle_max, "trunk_roll": robot.trunk_angle_max, **self.torques}
+        lean = self._episodes.robot.trunk_angle_max
+        return {"trunk_pitch": lean, "trunk_roll": lean, **self.torques}
 
-    def begin(self) -> None:
-        """Take the present moment as the one before the next sample."""
+    def __call__(self, robot: object = None) -> None:
+        """Keep a row of the present moment; `robot`, which `rollout` hands over, is not needed."""
+        if not self.rows:
+            self._note_present()
+        self.rows.append(self._row())
+        self._note_present()
+
+    def finish(self, scenario: Scenario, outcome: Outcome) -> EpisodeRecord:
+        """The record of an episode that has ended."""
+        columns = {name: np.array([row[name] for row in self.rows]) for name in self.units}
+        for column in columns.values():
+            column.flags.writeable = False
+        starts = self._episodes.core.pushes.start[0, : len(scenario.pushes)].tolist()
+        mass = self._episodes.robot.mass
+        return EpisodeRecord(
+            scenario, outcome, columns, self.units, self.bounds, self.sole, tuple(starts), mass
+        )
+
+    def _note_present(self) -> None:
+        """Take the present moment as the one before the next row."""
         core: Any = self._episodes.core
-        self._time, self._step = -1.0, -1
-        self._delivered = np.zeros(3)
-        self._span = np.zeros(len(BOUNDS))
-        if self._episodes.robots is not None:
-            self._time = float(self._episodes.motion().time[0])
-            self._step = int(self._episodes.motion().steps[0])
-            self._delivered = core.pushes.delivered[0].sum(axis=0)
-            if self._biped:
-                self._span = core.bounds_record.span[0].copy()
+        motion = self._episodes.motion()
+        self._time, self._step = float(motion.time[0]), int(motion.steps[0])
+        self._delivered = core.pushes.delivered[0].sum(axis=0)
+        self._met = core.bounds_record.span[0].copy() if self._limits else np.empty(0)
 
-    def row(self) -> Row:
+    def _row(self) -> Row:
         """The numbers of now, by column."""
-        episodes, core = self._episodes, self._episodes.core
-        told, motion = episodes.info_rows()[0], episodes.motion()
-        stance, heading = int(motion.side[0]), float(motion.heading[0])
+        core: Any = self._episodes.core
+        info, truth, motion = self._episodes.info_rows()[0], core.truth[0], self._episodes.motion()
+        stance, heading, com = int(motion.side[0]), float(motion.heading[0]), motion.com[0]
+        frame, sign = canonical_frame(heading, stance), float(side_sign(stance))
+        soles = np.zeros((2, 3))  # centres in the world, heights over the floor [m]
+        soles[stance, :2] = com - np.array(observation.in_world(frame, *truth[observation.COM].tolist()))
+        origin = soles[stance, :2].tolist()
+        x, y, z = truth[observation.SWING_POSITION].tolist()
+        soles[1 - stance] = (*point_in_world(frame, *origin, x, y), z)
         row: Row = {
-            "time": told[TIME], "step": motion.steps[0], "stance_side": stance, "heading": heading,
-            "capture_margin": told[MARGIN],
+            "time": info[period_end.TIME], "step": motion.steps[0], "stance_side": stance, "heading": heading,
+            "capture_margin": info[period_end.MARGIN],
+            "com_z": self._episodes.robot.com_height + truth[observation.COM_HEIGHT_ERROR],
         }  # fmt: skip
-        _put(row, ("com_x", "com_y"), motion.com[0])
-        row["com_z"] = episodes.robot.com_height + core.truth[0, COM_HEIGHT_ERROR]
-        for name, place in (("dcm", TOLD_DCM), ("cop", TOLD_COP), ("cmp", CMP)):
-            _put(row, (f"{name}_x", f"{name}_y"), told[place])
-        _put(row, ("left_contact", "right_contact"), told[LOADED])
-        _put(row, ("command_vx", "command_vy", "command_turn"), core.command[0])
-        soles = self._soles(stance, heading, motion.com[0])
-        for name, sole in zip(("left", "right"), soles, strict=True):
-            _put(row, (f"{name}_sole_x", f"{name}_sole_y", f"{name}_sole_z"), sole)
-        self._trunk(row, stance)
-        self._plan(row, stance, heading, soles[stance], int(motion.steps[0]))
-        self._since_before(row)
+
+        def put(form: str, parts: str, values: Any) -> None:
+            row.update(zip((form.format(part) for part in parts.split()), values, strict=True))
+
+        put("com_{}", "x y", com)
+        put("dcm_{}", "x y", info[period_end.DCM])
+        put("cop_{}", "x y", info[period_end.COP])
+        put("cmp_{}", "x y", info[period_end.CMP])
+        put("{}_contact", "left right", info[period_end.LOADED])
+        put("command_{}", "vx vy turn", core.command[0])
+        put("left_sole_{}", "x y z", soles[0])
+        put("right_sole_{}", "x y z", soles[1])
+        put("trunk_{}", "pitch roll", truth[observation.TRUNK_ANGLE] * (1.0, sign))  # roll to the left
+        put("trunk_{}_rate", "pitch roll", truth[observation.TRUNK_RATE] * (1.0, sign))
+        plan = (core.gait if self._limits else core.state).plan[0]
+        unknown = int(motion.steps[0]) != self._step
+        for form, place in (("planned_step_{}", gait_box.STEP), ("planned_cop_{}", gait_box.COP)):
+            point = point_in_world(frame, *origin, float(plan[place]), float(plan[place + 1]))
+            put(form, "x y", (NAN, NAN) if unknown else point)
+        row["planned_duration"] = NAN if unknown else plan[gait_box.DURATION]
+        turn = plan[gait_box.TRUNK : gait_box.TRUNK + 2] * (1.0, sign)
+        put("planned_trunk_{}_acceleration", "pitch roll", turn)
+        row.update(zip(self.torques, self._torque(row), strict=True))
+        span = row["time"] - self._time
+        push = core.pushes.delivered[0].sum(axis=0) - self._delivered
+        put("push_{}", "x y z", push / span if span > 0.0 else np.zeros(3))
+        if self._limits:
+            met = core.bounds_record.span[0] - self._met
+            share = np.clip(met / span, 0.0, 1.0) if span > 0.0 else np.zeros(len(BOUNDS))
+            row.update(zip(self._limits, share, strict=True))
         return {name: float(row[name]) for name in self.units}
 
-    def _soles(self, stance: int, heading: float, com: Array) -> Array:
-        """Centres of both soles in the world, (2, 3) [m]; heights over the floor."""
-        truth, frame = self._episodes.core.truth[0], canonical_frame(heading, stance)
-        soles = np.zeros((2, 3))
-        soles[stance, :2] = com - np.array(in_world(frame, *truth[COM].tolist()))
-        x, y, z = truth[SWING_POSITION].tolist()
-        soles[1 - stance] = (*point_in_world(frame, *soles[stance, :2].tolist(), x, y), z)
-        return soles
-
-    def _trunk(self, row: Row, stance: int) -> None:
-        """Lean and its rate, roll to the left; what the pendulum's trunk gives."""
-        truth, sign = self._episodes.core.truth[0], float(side_sign(stance))
-        for names, place in (
-            (("trunk_pitch", "trunk_roll"), TRUNK_ANGLE),
-            (("trunk_pitch_rate", "trunk_roll_rate"), TRUNK_RATE),
-        ):
-            _put(row, names, truth[place] * (1.0, sign))
+    def _torque(self, row: Row) -> Array:
+        """Torques of the motors; of a pendulum's trunk m g (cmp - cop), towards forward and left [N m]."""
         core: Any = self._episodes.core
-        if self._biped:
-            indices = core.body.indices.motors
-            motors = [i for i, motor in enumerate(indices) if motor != MISSING]
-            _put(row, tuple(self.torques), core.physics.ctrl[0, motors])
-        else:
-            lever = (row["cmp_x"] - row["cop_x"], row["cmp_y"] - row["cop_y"])
-            turned = canonical(heading_frame(row["heading"]), *lever)
-            _put(row, tuple(self.torques), self._episodes.robot.weight * np.array(turned))
-
-    def _plan(self, row: Row, stance: int, heading: float, sole: Array, step: int) -> None:
-        """The gait variables in force; the place of the step and its CoP in the world."""
-        core: Any = self._episodes.core
-        plan = (core.gait if self._biped else core.state).plan[0]
-        frame = canonical_frame(heading, stance)
-        places = {"planned_step": plan[STEP : STEP + 2], "planned_cop": plan[COP : COP + 2]}
-        begun = step != self._step and self._step >= 0
-        for name, (x, y) in places.items():
-            point = (NAN, NAN) if begun else point_in_world(frame, *sole[:2].tolist(), float(x), float(y))
-            _put(row, (f"{name}_x", f"{name}_y"), point)
-        row["planned_duration"] = NAN if begun else plan[DURATION]
-        turn = plan[TRUNK : TRUNK + 2] * (1.0, float(side_sign(stance)))
-        _put(row, ("planned_trunk_pitch_acceleration", "planned_trunk_roll_acceleration"), turn)
-
-    def _since_before(self, row: Row) -> None:
-        """Mean push and limits met since the sample before."""
-        core: Any = self._episodes.core
-        span = row["time"] - self._time
-        delivered = core.pushes.delivered[0].sum(axis=0)
-        push = (delivered - self._delivered) / span if span > 0.0 else np.zeros(3)
-        _put(row, ("push_x", "push_y", "push_z"), push)
-        if self._biped:
-            met = core.bounds_record.span[0] - self._span
-            share = np.clip(met / span, 0.0, 1.0) if span > 0.0 else np.zeros(len(BOUNDS))
-            _put(row, tuple(LIMIT + name for name in BOUNDS), share)
-        self.begin()
+        if self._limits:
+            return core.physics.ctrl[0, self._motors]
+        offset = row["cmp_x"] - row["cop_x"], row["cmp_y"] - row["cop_y"]
+        turned = observation.canonical(observation.heading_frame(row["heading"]), *offset)
+        return self._episodes.robot.weight * np.array(turned)
 
 
-def _put(row: Row, names: tuple[str, ...], values: Any) -> None:
-    row.update(zip(names, values, strict=True))
+class RecordedPolicy:
+    """A policy that keeps its observations and actions."""
 
+    def __init__(self, policy: Policy):
+        self._policy = policy
+        self.observations: list[Array] = []
+        self.actions: list[NDArray[np.float32]] = []
 
-def _torques(episodes: GaitEpisodes) -> dict[str, float]:
-    """Columns of torques and their bounds [N m]."""
-    if not isinstance(episodes, BipedEpisodes):
-        names = (f"{TORQUE}trunk_pitch", f"{TORQUE}trunk_roll")
-        return dict.fromkeys(names, episodes.robot.trunk_torque_max)
-    body = episodes.core.body
-    return {
-        TORQUE + body.model.joint(joint).name: float(bound)
-        for joint, bound in zip(body.indices.joints[1:], body.motors[0], strict=True)
-        if joint != MISSING
-    }
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Any, Any]:
+        """Action and state of the policy."""
+        action, state = self._policy.predict(observation, state, episode_start, deterministic)
+        self.observations.append(np.asarray(observation, np.float64))
+        self.actions.append(action)
+        return action, state
 
 
 @dataclass(frozen=True, eq=False)
 class EpisodeRecord:
-    """Time histories of one episode; a sample after reset and after every environment step, n of them."""
+    """Time histories of one episode; a sample after reset and after every environment step, n of them.
+
+    `record["dcm_y"]` is a column, `len(record)` the number of samples; iteration gives the columns' names.
+    """
 
     scenario: Scenario
     outcome: Outcome
@@ -221,51 +219,35 @@ class EpisodeRecord:
 
         Raises:
             UnknownNameError: no such column; lists the valid ones.
+            TypeError: an index of samples.
         """
+        if not isinstance(name, str):
+            raise TypeError(
+                f"a record is indexed by the name of a column, got {name!r}; for samples index the column: "
+                f"record['time'][{name if isinstance(name, int) else '...'}]"
+            )
         if name not in self.columns:
             raise UnknownNameError("column", name, self.columns)
         return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the columns, in their order."""
+        return iter(self.columns)
 
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.columns["time"])
 
-
-class Recorder:
-    """Watches a rollout, and keeps a row of every sample; another one may look with it."""
-
-    def __init__(self, beside: Watch | None = None):
-        self._rows: list[Row] = []
-        self._beside = beside
-        self._sampler: Sampler | None = None
-
-    def __call__(self, robot: GymRobot) -> None:
-        """Look after reset or a step."""
-        if self._sampler is None:
-            self._sampler = Sampler(gait_episodes(robot.env))
-        self._rows.append(self._sampler.row())
-        if self._beside is not None:
-            self._beside(robot)
-
-    def record(self, env: gym.Env, scenario: Scenario, outcome: Outcome) -> EpisodeRecord:
-        """What was seen of an episode that has ended."""
-        episodes, sampler = gait_episodes(env), self._sampler
-        assert sampler is not None  # noqa: S101  # a rollout looks at its start
-        columns = {name: np.array([row[name] for row in self._rows]) for name in sampler.units}
-        for column in columns.values():
-            column.flags.writeable = False
-        starts = episodes.core.pushes.start[0, : len(scenario.pushes)].tolist()
-        return EpisodeRecord(
-            scenario, outcome, columns, sampler.units, sampler.bounds, _sole(episodes), tuple(starts),
-            episodes.robot.mass,
-        )  # fmt: skip
+    def points(self, name: str) -> Array:
+        """The columns NAME_x and NAME_y side by side, (n, 2)."""
+        return np.column_stack([self[f"{name}_x"], self[f"{name}_y"]])
 
 
 def gait_episodes(env: gym.Env) -> GaitEpisodes:
     """The episodes of one of this project's environments.
 
     Raises:
-        InvalidValueError: one of another kind, which does not tell its state.
+        InvalidValueError: one of another project, whose state is unknown.
     """
     episodes = getattr(env.unwrapped, "episodes", None)
     if not isinstance(episodes, GaitEpisodes):
@@ -275,21 +257,19 @@ def gait_episodes(env: gym.Env) -> GaitEpisodes:
     return episodes
 
 
-def _sole(episodes: GaitEpisodes) -> tuple[float, float]:
-    if isinstance(episodes, BipedEpisodes):
-        length, width = episodes.core.body.half_sole
-        return 2.0 * length, 2.0 * width
-    return episodes.robot.foot_length, episodes.robot.foot_width
-
-
 def record_episode(
     env: gym.Env, policy: Policy, scenario: Scenario, policy_name: str, watch: Watch | None = None
 ) -> EpisodeRecord:
     """`rollout` with its time histories; the outcome is the same bit for bit."""
-    gait_episodes(env)
-    recorder = Recorder(watch)
-    outcome = rollout(env, policy, scenario, policy_name, recorder)
-    return recorder.record(env, scenario, outcome)
+    recorder = Recorder(gait_episodes(env))
+
+    def look(robot: Any) -> None:
+        recorder()
+        if watch is not None:
+            watch(robot)
+
+    outcome = rollout(env, policy, scenario, policy_name, look)
+    return recorder.finish(scenario, outcome)
 
 
 def record(

@@ -32,26 +32,45 @@ def direction_words(x: float, y: float) -> str:
     return DIRECTIONS[sector_of(math.degrees(math.atan2(y, x)))]
 
 
-def describe(info: Mapping[str, Any]) -> str:
+def describe(episode: EpisodeRecord | Mapping[str, Any]) -> str:
     """An episode in one line: "52.8 N s to the right: recovered after 1.4 s".
 
     Args:
-        info: of the episode's last step; it tells of the last push, and times are counted from its begin.
+        episode: a record, or the `info` of an episode's last step. Times are counted from the start of the
+            latest push.
     """
+    info = last_info(episode) if isinstance(episode, EpisodeRecord) else episode
     push = info.get("push")
-    if push is None:
-        return f"no push: {ending_words(info)}"
-    return f"{told_push(push)}: {ending_words(info)}"
+    return f"{'no push' if push is None else info_push_words(push)}: {ending_words(info)}"
 
 
-def told_push(push: Mapping[str, Any]) -> str:
-    """Impulse and direction of the push that an info tells of."""
+def last_info(record: EpisodeRecord) -> dict[str, Any]:
+    """Entries of the last step's `info` that `describe` needs: push, time, failure reason, recovery."""
+    outcome, push = record.outcome, None
+    if record.scenario.pushes:
+        begun = [start for start in record.push_starts if start < outcome.end_time]
+        index = record.push_starts.index(max(begun)) if begun else 0
+        start = record.push_starts[index]
+        push = {
+            "impulse": record.scenario.pushes[index].impulse,
+            "start": start if math.isfinite(start) else None,
+        }
+    return {
+        "push": push,
+        "time": outcome.end_time,
+        "failure_reason": outcome.failure_reason,
+        "recovered_at": outcome.recovered_at,
+    }
+
+
+def info_push_words(push: Mapping[str, Any]) -> str:
+    """Impulse and direction of a push in the form of `info["push"]`."""
     size = math.hypot(*push["impulse"])
     return f"{size:.1f} N s {direction_words(*push['impulse'][:2])}"
 
 
 def ending_words(info: Mapping[str, Any]) -> str:
-    """How an episode has ended by its last info: recovered, fell or neither, and how long after the push."""
+    """Ending of an episode in words by its last `info`, with the time after the push."""
     start = (info.get("push") or {}).get("start") or 0.0
     if info.get("failure_reason"):
         return f"fell after {info['time'] - start:.1f} s ({fall_words(info['failure_reason'])})"
@@ -81,7 +100,7 @@ def push_words(record: EpisodeRecord) -> str:
 
 
 def verdict(outcome: Outcome) -> str:
-    """What became of an episode."""
+    """Ending of an episode in words: recovered, survived or fell, and when."""
     if outcome.recovered_at is not None and outcome.recovered:
         return f"recovered, from {outcome.recovered_at:.2f} s on"
     if outcome.survived:

@@ -1,10 +1,6 @@
-"""What became of single pushes: endings, limits met, pictures, and a table of all.
+"""Single pushes: endings as bars, a line for each push, and pictures of the most telling ones.
 
-What became of the pushes of each policy, and which limits its falls and its recoveries met.
-
-Every push of a suite with what became of it, for a table with a filter.
-
-Pictures of the pushes that tell most: the weakest ones that one of two policies recovers from alone.
+Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
 from __future__ import annotations
@@ -15,94 +11,47 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...controllers.errors import PushRecoveryError
-from ...controllers.whole_body.limits import BOUNDS
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..record.film import Row, sheet, watch
+from ..record.film import sheet, watch
 from ..rollout.environments import make_env
-from ..score.evaluate import Evaluation, bound_summary
-from .headline import SEED, ranked
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    LIMITS,
-    PALE,
-    REASONS,
-    beside_axis,
-    effort_words,
-    new_panel,
-    outcome_words,
-    page_style,
-    scenario_words,
-    to_svg,
-)
+from ..score.evaluate import Evaluation
+from ..score.report import REASONS, brief_measures, ranked, reasons_of
+from . import page
+from .headline import SEED
 
-RECOVERED = "recovered"
 LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn
-    {"facecolor": BLUE},
+    {"facecolor": page.BLUE},
     {"facecolor": "white", "hatch": "////"},
-    {"facecolor": INK},
-    {"facecolor": PALE},
+    {"facecolor": page.INK},
+    {"facecolor": page.PALE},
     {"facecolor": "white", "hatch": "...."},
-    {"facecolor": GREY},
+    {"facecolor": page.GREY},
 )
 
 
-def reasons_of(evaluation: Evaluation) -> list[str]:
-    """Why episodes did not recover, in the order of REASONS, unknown ones last."""
-    met = {reason for name in evaluation.rows for reason in evaluation.score(name).failures}
-    return [*(reason for reason in REASONS if reason in met), *sorted(met - REASONS.keys())]
-
-
-def reason_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """Of each policy how many pushes it recovered from, and how many were lost for each of `reasons_of`."""
-    reasons = reasons_of(evaluation)
-    cells = []
-    for name in evaluation.rows:
-        score = evaluation.score(name)
-        cells.append((labels[name], str(score.recovered), *(str(score.failures.get(r, 0)) for r in reasons)))
-    return cells
-
-
-def ending_figure(evaluation: Evaluation, labels: Mapping[str, str]) -> str:
+def ending_figure(evaluation: Evaluation) -> str:
     """One bar for each policy: its pushes by what became of them."""
-    reasons, names = reasons_of(evaluation), list(evaluation.rows)
-    parts = [(RECOVERED, [evaluation.score(name).recovered for name in names])]
-    parts += [(r, [evaluation.score(name).failures.get(r, 0) for name in names]) for r in reasons]
-    with page_style():
-        figure, axes = new_panel(0.95 + 0.3 * len(names) + 0.16 * len(parts))
+    names = list(evaluation.rows)
+    scores = [evaluation.score(name) for name in names]
+    parts = [("recovered", [score.recovered for score in scores])]
+    parts += [(r, [score.failures.get(r, 0) for score in scores]) for r in reasons_of(evaluation)]
+    with page.panel(0.95 + 0.3 * len(names) + 0.16 * len(parts)) as (figure, axes):
         left = [0] * len(names)
         for index, (label, counts) in enumerate(parts):
             look = LOOKS[index % len(LOOKS)]
             axes.barh(
-                range(len(names)), counts, left=left, height=0.62, edgecolor=INK, linewidth=0.6,
+                range(len(names)), counts, left=left, height=0.62, edgecolor=page.INK, linewidth=0.6,
                 label=label, **look,
             )  # fmt: skip
             left = [start + count for start, count in zip(left, counts, strict=True)]
-        axes.set_yticks(range(len(names)), [beside_axis(labels[name]) for name in names])
+        axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.invert_yaxis()
         axes.set(xlabel="pushes", xlim=(0, len(evaluation.suite.scenarios)))
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Pushes of each policy by what became of them; the numbers stand in the table")
-
-
-def limit_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Headings and rows: of each limit met, what it is, and how long falls and recoveries were at it."""
-    summaries = {name: bound_summary(rows) for name, rows in evaluation.rows.items()}
-    cells = []
-    for limit in BOUNDS:
-        if not any(limit in part for summary in summaries.values() for part in summary.values()):
-            continue
-        shares = [_shares(summary, limit) for summary in summaries.values()]
-        cells.append((limit, LIMITS.get(limit, ""), *shares))
-    return ["limit", "met while", *(labels[name] for name in summaries)], cells
-
-
-def _shares(summary: Mapping[str, Mapping[str, Mapping[str, float]]], limit: str) -> str:
-    """Mean share of the time at a limit, of falls and of recoveries."""
-    times = (summary[part].get(limit, {}).get("time", 0.0) for part in ("falls", "recovered"))
-    return " / ".join(f"{100.0 * time:.0f} %" for time in times)
+        return page.to_svg(
+            figure, "Pushes of each policy by what became of them; the numbers stand in the table"
+        )
 
 
 def explained(reasons: Iterable[str]) -> list[tuple[str, str]]:
@@ -110,7 +59,6 @@ def explained(reasons: Iterable[str]) -> list[tuple[str, str]]:
     return [(reason, REASONS[reason]) for reason in dict.fromkeys(reasons) if reason in REASONS]
 
 
-ScenarioRow = Mapping[str, Any]
 SIGNS = {"recovered": "\N{CHECK MARK}", "survived": "\N{WHITE CIRCLE}", "fell": "\N{MULTIPLICATION X}"}
 
 
@@ -125,9 +73,11 @@ class ScenarioLine:
     share: str  # of F* at its moment; empty where there is none
 
 
-def sign_of(row: ScenarioRow) -> str:
-    """Of SIGNS."""
-    return SIGNS["recovered" if row["recovered"] else "survived" if row["survived"] else "fell"]
+def _sign(row: Mapping[str, Any]) -> tuple[str, str]:
+    """One of SIGNS, and the words behind it."""
+    ending = "recovered" if row["recovered"] else "survived" if row["survived"] else "fell"
+    words = "" if row["recovered"] else page.outcome_words(row), brief_measures(row)
+    return SIGNS[ending], "; ".join(filter(None, words))
 
 
 def scenario_lines(evaluation: Evaluation, shares: Mapping[str, float]) -> list[ScenarioLine]:
@@ -136,39 +86,25 @@ def scenario_lines(evaluation: Evaluation, shares: Mapping[str, float]) -> list[
     for scenario, rows in evaluation.by_scenario():
         recovered = [row["recovered"] for row in rows]
         kind = "all" if all(recovered) else "some" if any(recovered) else "none"
-        signs = tuple((sign_of(row), _behind(row)) for row in rows)
+        signs = tuple(map(_sign, rows))
         share = f"{shares[scenario.id]:.2f}" if scenario.id in shares else ""
-        lines.append(ScenarioLine(scenario.id, scenario_words(scenario), signs, kind, share))
+        lines.append(ScenarioLine(scenario.id, page.scenario_words(scenario), signs, kind, share))
     return lines
-
-
-def _behind(row: ScenarioRow) -> str:
-    """Words behind a sign."""
-    told = "" if row["recovered"] else outcome_words(row), effort_words(row)
-    return "; ".join(words for words in told if words)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One push under two policies."""
-
-    caption: str
-    content: str  # address of the data themselves
 
 
 @dataclass(frozen=True)
 class PicturePart:
-    """Pictures, or why there are none."""
+    """Captions and contents (addresses of the data themselves) of pictures, or why there are none."""
 
-    pictures: tuple[Picture, ...] = ()
+    pictures: tuple[tuple[str, str], ...] = ()
     reason: str = ""
 
 
-def opponents(evaluation: Evaluation, labels: Mapping[str, str]) -> tuple[str, str] | None:
+def opponents(evaluation: Evaluation) -> tuple[str, str] | None:
     """The policy that recovers most and the next one of another recipe; None where there is none."""
     best, *others = ranked(evaluation)
-    recipe = SEED.sub("", labels[best])
-    return next(((best, other) for other in others if SEED.sub("", labels[other]) != recipe), None)
+    recipe = SEED.sub("", best)
+    return next(((best, other) for other in others if SEED.sub("", other) != recipe), None)
 
 
 def telling_pushes(evaluation: Evaluation, a: str, b: str) -> list[Scenario]:
@@ -181,36 +117,30 @@ def telling_pushes(evaluation: Evaluation, a: str, b: str) -> list[Scenario]:
     return [evaluation.suite.scenarios[min(found)[1]] for found in sides.values() if found]
 
 
-def picture_part(evaluation: Evaluation, labels: Mapping[str, str]) -> PicturePart:
+def picture_part(evaluation: Evaluation) -> PicturePart:
     """Draw the telling pushes of a biped; where nothing can be drawn, the reason."""
-    pair = opponents(evaluation, labels)
-    if pair is None or not _is_biped(evaluation.env_id):
+    pair = opponents(evaluation)
+    if pair is None:
+        return PicturePart()
+    env = make_env(evaluation.env_id)
+    env.close()
+    if not isinstance(getattr(env.unwrapped, "episodes", None), BipedEpisodes):
         return PicturePart()
     try:
         return PicturePart(
-            tuple(
-                _drawn(evaluation, scenario, pair, labels) for scenario in telling_pushes(evaluation, *pair)
-            )
+            tuple(_drawn(evaluation, scenario, pair) for scenario in telling_pushes(evaluation, *pair))
         )
     except PushRecoveryError as error:
         return PicturePart(reason=str(error))
 
 
-def _is_biped(env_id: str) -> bool:
-    env = make_env(env_id)
-    env.close()
-    return isinstance(getattr(env.unwrapped, "episodes", None), BipedEpisodes)
-
-
-def _drawn(
-    evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str], labels: Mapping[str, str]
-) -> Picture:
+def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]) -> tuple[str, str]:
+    """Caption and content of the picture of one push under two policies."""
     place = evaluation.suite.scenarios.index(scenario)
-    rows, said = [], []
-    for policy in policies:
-        words = outcome_words(evaluation.rows[policy][place])
-        rows.append(Row(f"{labels[policy]} {words}", watch(evaluation.env_id, policy, scenario)))
-        said.append(f"{labels[policy]} {words}")
+    rows = []
+    for label in policies:
+        row = evaluation.rows[label][place]
+        rows.append((f"{label} {page.outcome_words(row)}", watch(evaluation.env_id, row["policy"], scenario)))
     content = base64.b64encode(sheet(rows)).decode()
-    caption = f"{scenario.id}: {scenario_words(scenario)}. {'; '.join(said)}."
-    return Picture(caption, f"data:image/jpeg;base64,{content}")
+    caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
+    return caption, f"data:image/jpeg;base64,{content}"

@@ -1,84 +1,69 @@
-"""The page of `frontier`: the hardest push that each policy withstands, by direction, beside F*."""
+"""The page of `frontier`: the hardest push that each policy withstands, by direction, beside F*.
+
+Frontiers here have the labels of policies as their names; rows keep the names that commands take.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
-from ..score.evaluate import fall_cell
-from ..score.frontier import OWN, PAPER, Frontier, limit_curves
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    Command,
-    code_hash,
-    manifest,
-    new_panel,
-    page_style,
-    rows_hash,
-    short_labels,
-    to_svg,
-    write_page,
-)
+from ..score.frontier import OWN, PAPER, Frontier, fall_cell, frontier_table, limit_curves
+from . import page
+from .page import Command
 
-FALL_COLUMNS = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")
 CURVE_STEP = 3.0  # between the points of a limit's curve [deg]
 Rows = Sequence[Mapping[str, Any]]
 
 
-def write_frontier_page(found: Frontier, command: Command) -> Path:
+def write_frontier_page(frontier: Frontier, command: Command) -> Path:
     """Write report.html beside the rows of a frontier; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    labels = short_labels(found.rows)
-    settings = found.settings
-    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
+    labels = page.short_labels(frontier.rows)
+    found = replace(frontier, rows={labels[name]: rows for name, rows in frontier.rows.items()})
+    seeds = "nothing random but the sensors' noise, which has one seed"
     content = {
         "title": "Largest push by direction",
-        "settings": settings,
-        "directions": len(found.limits),
-        "verdict": verdict(found, labels),
-        "figures": _figures(found, labels),
-        "columns": ["direction", "F*, own box [N]", "F*, paper's box [N]", *labels.values()],
-        "cells": force_cells(found),
-        "fall_columns": FALL_COLUMNS,
-        "falls": fall_lines(found, labels, command),
-        "manifest": manifest(command, hashes, "nothing random but the sensors' noise, which has one seed"),
+        "settings": found.settings,
+        "verdict": verdict(found),
+        "figures": _figures(found),
+        "forces": frontier_table(found, direction_text, falls=False),
+        "falls": falls_table(found, command),
+        "manifest": page.manifest(command, [page.rows_hash(found.directory)], seeds),
     }
-    return write_page(found.directory, "frontier.html", content)
+    return page.write_page(found.directory, "frontier.html", content)
 
 
 def mean_share(found: Frontier, policy: str) -> float:
     """Force before the first failure as a share of F* of the own box, mean over the directions."""
     shares = [entry["own_fraction"] for entry in found.to_dict(policy)["directions"]]
-    told = [share for share in shares if share is not None]
-    return sum(told) / len(told) if told else math.nan
+    known = [share for share in shares if share is not None]
+    return sum(known) / len(known) if known else math.nan
 
 
-def verdict(found: Frontier, labels: Mapping[str, str]) -> str:
+def verdict(found: Frontier) -> str:
     """Who withstands most in the mean, and in how many directions it is ahead of the next."""
     best, *others = sorted(found.rows, key=lambda name: -mean_share(found, name))
-    said = f"{labels[best]} withstands {100.0 * mean_share(found, best):.0f} % of F* in the mean"
+    text = f"{best} withstands {100.0 * mean_share(found, best):.0f} % of F* in the mean"
     if not others:
-        return f"{said} of {len(found.limits)} directions."
-    other = others[0]
-    pairs = [
-        (a["survived_N"], b["survived_N"]) for a, b in zip(found.rows[best], found.rows[other], strict=True)
-    ]
-    ahead, behind = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
-    share = f"{100.0 * mean_share(found, other):.0f} %"
+        return f"{text} of {len(found.limits)} directions."
+    rows = zip(found.rows[best], found.rows[others[0]], strict=True)
+    leads = [a["survived_N"] - b["survived_N"] for a, b in rows]
     return (
-        f"{said}, {labels[other]} {share}: the first takes the harder push in {ahead} of {len(pairs)} "
-        f"directions, the second in {behind}."
+        f"{text}, {others[0]} {100.0 * mean_share(found, others[0]):.0f} %: the first takes the harder push "
+        f"in {sum(lead > 0 for lead in leads)} of {len(leads)} directions, the second in "
+        f"{sum(lead < 0 for lead in leads)}."
     )
 
 
@@ -87,36 +72,21 @@ def direction_text(psi_deg: float) -> str:
     return f"{psi_deg:g}\N{DEGREE SIGN}, {DIRECTIONS[sector_of(psi_deg)]}"
 
 
-def force_cells(found: Frontier) -> list[tuple[str, ...]]:
-    """One row for each direction: both F*, and each policy's force with its share of the own box's."""
-    objects = [found.to_dict(name)["directions"] for name in found.rows]
-    cells = []
-    for index, (psi, limit) in enumerate(found.limits.items()):
-        forces = []
-        for entries in objects:
-            entry = entries[index]
-            share = entry["own_fraction"]
-            forces.append(
-                f"{entry['survived_N']:.0f} N" + ("" if share is None else f" ({100.0 * share:.0f} %)")
-            )
-        cells.append((direction_text(psi), f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces))
-    return cells
-
-
-def fall_lines(found: Frontier, labels: Mapping[str, str], command: Command) -> list[tuple[str, ...]]:
-    """In FALL_COLUMNS, the first failure of each policy in each direction that has one."""
+def falls_table(found: Frontier, command: Command) -> Table:
+    """The first failure of each policy in each direction that has one, with the command that replays it."""
     lines = []
-    for name, rows in found.rows.items():
+    for label, rows in found.rows.items():
         for row in rows:
             if row["falls"]:
                 force, psi = row["falls"][0]["force_N"], row["psi_deg"]
                 why = f"{force:.0f} N ({row['falls'][0]['failure_reason']})"
-                replay = command.replay_push(psi, force, name)
-                lines.append((labels[name], direction_text(psi), why, fall_cell(row["falls"]), replay))
-    return lines
+                replay = command.replay_push(psi, force, row["policy"])
+                lines.append((label, direction_text(psi), why, fall_cell(row["falls"]), replay))
+    columns = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")
+    return Table("What fells it", columns, lines)
 
 
-def _figures(found: Frontier, labels: Mapping[str, str]) -> list[tuple[str, str]]:
+def _figures(found: Frontier) -> list[tuple[str, str]]:
     """Label and map of each policy, all to one scale."""
     settings = found.settings
     angles = np.arange(0.0, 360.0 + CURVE_STEP / 2.0, CURVE_STEP)
@@ -125,10 +95,7 @@ def _figures(found: Frontier, labels: Mapping[str, str]) -> list[tuple[str, str]
     env.close()
     forces = [row["survived_N"] for rows in found.rows.values() for row in rows]
     furthest = 1.05 * max(*forces, *curves[OWN])
-    return [
-        (labels[name], _figure(labels[name], rows, angles, curves, furthest))
-        for name, rows in found.rows.items()
-    ]
+    return [(label, _figure(label, rows, angles, curves, furthest)) for label, rows in found.rows.items()]
 
 
 def _figure(
@@ -137,28 +104,24 @@ def _figure(
     """Forces of one policy around the robot, between both limits; forward is up."""
     from matplotlib.ticker import MaxNLocator
 
-    with page_style():
-        figure, axes = new_panel(3.6, polar=True)
+    with page.panel(3.6, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
-        axes.plot(np.radians(angles), curves[OWN], color=INK, linewidth=1.1, label=OWN)
-        axes.plot(
-            np.radians(angles), curves[PAPER], color=GREY, linewidth=1.1, linestyle=(0, (4, 2)), label=PAPER
-        )
+        for name, color, line in ((OWN, page.INK, "-"), (PAPER, page.GREY, (0, (4, 2)))):
+            axes.plot(
+                np.radians(angles), curves[name], color=color, linewidth=1.1, linestyle=line, label=name
+            )
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]
         axes.plot(
-            [*psi, psi[0]],
-            [*force, force[0]],
-            color=BLUE,
-            marker="o",
-            markersize=3.5,
-            linewidth=1.4,
+            [*psi, psi[0]], [*force, force[0]], color=page.BLUE, marker="o", markersize=3.5, linewidth=1.4,
             label=label,
-        )
+        )  # fmt: skip
         axes.set_thetagrids(range(0, 360, 45), ("forward", "", "left", "", "backward", "", "right", ""))
         axes.set_ylim(0.0, furthest)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, furthest) if 0.0 < tick < furthest])
         axes.set_rlabel_position(22.5)
         axes.grid(color="#cccccc", linewidth=0.5)
         figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)
-        return to_svg(figure, f"{label}: largest force before the first failure [N], by direction, and F*")
+        return page.to_svg(
+            figure, f"{label}: largest force before the first failure [N], by direction, and F*"
+        )

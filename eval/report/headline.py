@@ -1,75 +1,55 @@
-"""What a report begins with: who recovers more, how sure that is, pairs of policies, training seeds.
+"""The beginning of a page: who recovers more, how sure that is, pairs of policies, training seeds.
 
-What a report begins with: who recovers more, how sure that is, and the rates of every policy.
-
-Every two policies on the same pushes, and the pushes on which the best one and another differ.
-
-Policies that differ in their training seed alone: what the recipe is worth, not one lucky run of it.
+Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..output import statistics as seeds
-from ..output.statistics import PairedCounts, holm, wilson_interval
+from ..output.statistics import PairedCounts, wilson_interval
+from ..output.tables import Table
 from ..record.words import sector_of
 from ..score.evaluate import Evaluation
-from .page import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Command,
-    beside_axis,
-    new_panel,
-    outcome_words,
-    page_style,
-    scenario_words,
-    to_svg,
+from ..score.report import Evaluations, p_words, points, ranked
+from . import page
+from .page import Command
+
+RATE_LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": page.BLUE, "marker": "o"},
+    {"color": page.ORANGE, "marker": "s"},
 )
-
-Evaluations = Mapping[str, Evaluation]  # by profile
-RATE_COLUMNS = ("policy", "recovered", "95 % interval", "survived", "95 % interval")
-RATE_LOOKS: tuple[dict[str, Any], ...] = ({"color": BLUE, "marker": "o"}, {"color": ORANGE, "marker": "s"})
 SURE = 0.05  # p below which chance is taken for an unlikely cause
-VERY_SURE, LEAST_P = 0.001, 0.0001
-MINUS = "\N{MINUS SIGN}"
+VERY_SURE = 0.001
 
 
-def ranked(evaluation: Evaluation) -> list[str]:
-    """Policies, the one that recovers most first; equal ones in the order given."""
-    return sorted(evaluation.rows, key=lambda name: -evaluation.score(name).recovered)
-
-
-def verdict(evaluation: Evaluation, labels: Mapping[str, str]) -> str:
+def verdict(evaluation: Evaluation) -> str:
     """Who recovers from most pushes, by how many more than the next, and whether chance explains that."""
     first, *others = ranked(evaluation)
     score = evaluation.score(first)
-    low, high = (100.0 * end for end in score.ci95)
     share = f"{score.recovered} of {score.episodes} pushes ({100.0 * score.rate:.1f} %)"
     if not others:
-        return f"{labels[first]} recovers from {share}; 95 % interval {low:.1f} to {high:.1f} %."
+        low, high = (100.0 * end for end in score.ci95)
+        return f"{first} recovers from {share}; 95 % interval {low:.1f} to {high:.1f} %."
     pairs = PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[others[0]])
-    second = labels[others[0]]
-    if pairs.only_a == pairs.only_b:
-        return f"{labels[first]} and {second} recover from equally many pushes, {share}."
     more = pairs.only_a - pairs.only_b
-    return f"{labels[first]} recovers from {share}, {more} more than {second}: {sureness(pairs)}."
+    if not more:
+        return f"{first} and {others[0]} recover from equally many pushes, {share}."
+    return f"{first} recovers from {share}, {more} more than {others[0]}: {sureness(pairs)}."
 
 
 def sureness(pairs: PairedCounts) -> str:
     """Whether chance explains a difference, with Newcombe's interval and McNemar's p."""
     low, high = pairs.interval
     p = pairs.p_value
-    said = (
+    words = (
         "a lead that chance hardly makes"
         if p < VERY_SURE
         else "a lead that chance is unlikely to make"
@@ -77,50 +57,38 @@ def sureness(pairs: PairedCounts) -> str:
         else "too few to say that it is better"
     )
     found = f"{points(pairs.rate_difference)} points, 95 % interval {points(low)} to {points(high)}"
-    return f"{said} ({found}; exact McNemar {p_words(p)})"
+    return f"{words} ({found}; exact McNemar {p_words(p)})"
 
 
-def points(share: float) -> str:
-    """A difference of shares in points of per cent, with its sign."""
-    return f"{100.0 * share:+.1f}".replace("-", MINUS)
-
-
-def p_words(p: float) -> str:
-    """A p value as people write it."""
-    return f"p < {LEAST_P:g}" if p < LEAST_P else f"p = {p:.2g}"
-
-
-def rate_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """One row of cells for each policy, in COLUMNS."""
-    cells = []
+def rates_table(evaluation: Evaluation) -> Table:
+    """Shares recovered from and survived in per cent, with Wilson's intervals."""
+    lines = []
     for name in evaluation.rows:
-        score = evaluation.score(name)
-        parts = (_rate(count, score.episodes) for count in (score.recovered, score.survived))
-        cells.append((labels[name], *(text for part in parts for text in part)))
-    return cells
+        score, cells = evaluation.score(name), []
+        for count in (score.recovered, score.survived):
+            low, high = wilson_interval(count, score.episodes)
+            cells += [f"{100.0 * count / score.episodes:.1f} % ({count})",
+                      f"{100.0 * low:.1f} to {100.0 * high:.1f} %"]  # fmt: skip
+        lines.append((name, *cells))
+    columns = ("policy", "recovered", "95 % interval", "survived", "95 % interval")
+    return Table("Recovered and survived", columns, lines)
 
 
-def _rate(count: int, episodes: int) -> tuple[str, str]:
-    """A share and its Wilson interval."""
-    low, high = wilson_interval(count, episodes)
-    share = f"{100.0 * count / episodes:.1f} % ({count})"
-    return share, f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
-
-
-def rate_figure(evaluations: Evaluations, labels: Mapping[str, str]) -> str:
+def rate_figure(evaluations: Evaluations) -> str:
     """A line for each policy: filled marks for recovered with their interval, hollow ones for survived."""
-    names, count = list(labels), len(evaluations)
-    with page_style():
-        figure, axes = new_panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count)
+    names, count = list(next(iter(evaluations.values())).rows), len(evaluations)
+    with page.panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count) as (figure, axes):
         for index, (profile, evaluation) in enumerate(evaluations.items()):
             shift = 0.3 * (index - (count - 1) / 2.0)
             _draw(axes, evaluation, names, shift, RATE_LOOKS[index % len(RATE_LOOKS)], profile)
-        axes.set_yticks(range(len(names)), [beside_axis(labels[name]) for name in names])
+        axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="share of the pushes [%]")
         axes.grid(axis="x", color="#e4e4e4", linewidth=0.6)
         axes.set_axisbelow(True)
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Share of pushes recovered from and survived; the numbers stand in the table")
+        return page.to_svg(
+            figure, "Share of pushes recovered from and survived; the numbers stand in the table"
+        )
 
 
 def _draw(
@@ -141,13 +109,12 @@ def _draw(
         label=f"survived, {profile}", **look,
     )  # fmt: skip
     axes.errorbar(
-        rates, places, xerr=reach, linestyle="none", markersize=4.5, elinewidth=1.0, ecolor=GREY,
+        rates, places, xerr=reach, linestyle="none", markersize=4.5, elinewidth=1.0, ecolor=page.GREY,
         label=f"recovered, {profile}", **look,
     )  # fmt: skip
 
 
-PAIR_COLUMNS = ("A and B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
-MOST_SHOWN = 20  # pushes of one list
+SHOWN = 20  # pushes of one list
 
 
 @dataclass(frozen=True)
@@ -173,50 +140,24 @@ class Pair:
     only_b: tuple[Differing, ...]
 
 
-def pair_cells(evaluation: Evaluation, labels: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """One row of cells for every two policies, in COLUMNS."""
-    pairs = {
-        (a, b): PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
-        for a, b in combinations(ranked(evaluation), 2)
-    }
-    corrected = holm([counts.p_value for counts in pairs.values()])
-    cells = []
-    for ((a, b), counts), p in zip(pairs.items(), corrected, strict=True):
-        low, high = counts.interval
-        found = f"{points(counts.rate_difference)} ({points(low)} to {points(high)})"
-        numbers = (counts.both, counts.only_a, counts.only_b, counts.neither)
-        said = (p_words(value).removeprefix("p ").removeprefix("= ") for value in (counts.p_value, p))
-        cells.append((f"{labels[a]} and {labels[b]}", *map(str, numbers), found, *said))
-    return cells
-
-
-def pairs_with_best(
-    evaluation: Evaluation, labels: Mapping[str, str], profile: str, command: Command
-) -> list[Pair]:
+def pairs_with_best(evaluation: Evaluation, profile: str, command: Command) -> list[Pair]:
     """The policy that recovers most against each other one."""
-    if len(evaluation.rows) < 2:
-        return []
     best, *others = ranked(evaluation)
-    return [_pair(evaluation, best, other, labels, profile, command) for other in others]
+    return [_pair(evaluation, best, other, profile, command) for other in others]
 
 
-def _pair(
-    evaluation: Evaluation, a: str, b: str, labels: Mapping[str, str], profile: str, command: Command
-) -> Pair:
+def _pair(evaluation: Evaluation, a: str, b: str, profile: str, command: Command) -> Pair:
     counts = PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
     lists: tuple[list[Differing], list[Differing]] = ([], [])
     rows = zip(evaluation.suite.scenarios, evaluation.rows[a], evaluation.rows[b], strict=True)
     for scenario, of_a, of_b in rows:
-        if of_a["recovered"] == of_b["recovered"]:
-            continue
-        loser = of_b if of_a["recovered"] else of_a
-        commands = command.replay(profile, scenario.id, a), command.replay(profile, scenario.id, b)
-        found = Differing(
-            scenario.id, scenario_words(scenario), loser["impulse"], outcome_words(loser), commands
-        )
-        lists[0 if of_a["recovered"] else 1].append(found)
+        if of_a["recovered"] != of_b["recovered"]:
+            loser = of_b if of_a["recovered"] else of_a
+            first, second = (command.replay(profile, scenario.id, row["policy"]) for row in (of_a, of_b))
+            words = page.scenario_words(scenario), loser["impulse"], page.outcome_words(loser)
+            lists[loser is of_a].append(Differing(scenario.id, *words, (first, second)))
     only_a, only_b = (tuple(sorted(found, key=lambda one: one.impulse)) for found in lists)
-    return Pair(labels[a], labels[b], counts, sureness(counts), only_a, only_b)
+    return Pair(a, b, counts, sureness(counts), only_a, only_b)
 
 
 Array = NDArray[np.float64]
@@ -225,31 +166,29 @@ QUARTERS = 4  # of the pushes, by impulse
 DRAWS = 1000  # of a bootstrap
 THRESHOLDS = np.linspace(0.0, 1.0, 41)
 OTHERS = 2  # policies beside the recipes in the figure
-SEED_COLUMNS = ("recipe", "seeds", "recovered, lowest to highest seed", "interquartile mean")
-AGAINST = ("recipe", "against", "chance that a seed does better")
 SEED_LOOKS: tuple[dict[str, Any], ...] = (
-    {"color": BLUE, "linestyle": "-"},
-    {"color": ORANGE, "linestyle": (0, (4, 2))},
-    {"color": INK, "linestyle": (0, (1, 1))},
-    {"color": GREY, "linestyle": (0, (6, 2, 1, 2))},
+    {"color": page.BLUE, "linestyle": "-"},
+    {"color": page.ORANGE, "linestyle": (0, (4, 2))},
+    {"color": page.INK, "linestyle": (0, (1, 1))},
+    {"color": page.GREY, "linestyle": (0, (6, 2, 1, 2))},
 )
 
 
 @dataclass(frozen=True)
 class SeedPart:
-    """What the page shows of recipes with several seeds."""
+    """Scores of recipes with several seeds, as the page shows them."""
 
     strata: int
-    rows: list[tuple[str, ...]]
-    against: list[tuple[str, ...]]
+    recipes: Table
+    against: Table
     figure: str
 
 
-def recipes_of(labels: Mapping[str, str]) -> dict[str, list[str]]:
+def recipes_of(labels: Iterable[str]) -> dict[str, list[str]]:
     """Recipe -> its policies: those whose labels are the same but for the seed."""
     groups: dict[str, list[str]] = {}
-    for name, label in labels.items():
-        groups.setdefault(SEED.sub("", label), []).append(name)
+    for label in labels:
+        groups.setdefault(SEED.sub("", label), []).append(label)
     return groups
 
 
@@ -261,15 +200,15 @@ def strata_of(rows: Sequence[Mapping[str, Any]]) -> NDArray[np.int64]:
     return np.unique(QUARTERS * sector + quarter, return_inverse=True)[1]
 
 
-def seed_part(evaluation: Evaluation, labels: Mapping[str, str]) -> SeedPart | None:
+def seed_part(evaluation: Evaluation) -> SeedPart | None:
     """Tables and profiles; None where no recipe has several seeds."""
-    groups = recipes_of(labels)
+    groups = recipes_of(evaluation.rows)
     recipes = [name for name, members in groups.items() if len(members) > 1]
     if not recipes:
         return None
     strata = strata_of(next(iter(evaluation.rows.values())))
     scores = {name: _scores(evaluation, members) for name, members in groups.items()}
-    order = [SEED.sub("", labels[name]) for name in ranked(evaluation)]
+    order = [SEED.sub("", name) for name in ranked(evaluation)]
     others = [name for name in dict.fromkeys(order) if name not in recipes]
     shown = {name: scores[name] for name in (*recipes, *others[:OTHERS])}
     against = [
@@ -277,8 +216,14 @@ def seed_part(evaluation: Evaluation, labels: Mapping[str, str]) -> SeedPart | N
         for index, a in enumerate(recipes)
         for b in (*recipes[index + 1 :], *others)
     ]
+    columns = ("recipe", "seeds", "recovered, lowest to highest seed", "interquartile mean")
     rows = [(name, *_cells(scores[name], strata)) for name in recipes]
-    return SeedPart(int(strata.max()) + 1, rows, against, profile_figure(shown, strata))
+    return SeedPart(
+        int(strata.max()) + 1,
+        Table("Recipes", columns, rows, words=2),
+        Table("Against", ("recipe", "against", "chance that a seed does better"), against, words=2),
+        profile_figure(shown, strata),
+    )
 
 
 def _scores(evaluation: Evaluation, members: Sequence[str]) -> Array:
@@ -287,7 +232,7 @@ def _scores(evaluation: Evaluation, members: Sequence[str]) -> Array:
 
 
 def _cells(scores: Array, strata: NDArray[np.int64]) -> tuple[str, ...]:
-    """Of COLUMNS, after the first."""
+    """Number of seeds, counts of recoveries, and interquartile mean with its interval."""
     counts = scores.sum(axis=1)
     middle = seeds.interquartile_mean(seeds.stratum_rates(scores, strata))
     low, high = seeds.bootstrap_interval(
@@ -314,7 +259,7 @@ def _improvement(a: Array, b: Array, strata: NDArray[np.int64]) -> str:
 
 
 def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> str:
-    """Of each recipe the share of strata in which more than a share of the pushes is recovered from.
+    """Share of strata in which a recipe recovers from more than a share of the pushes, over that share.
 
     Args:
         scores: by recipe (seeds, scenarios).
@@ -324,19 +269,20 @@ def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> st
     def profile(drawn: Array) -> Array:
         return seeds.performance_profile(seeds.stratum_rates(drawn, strata), THRESHOLDS)
 
-    with page_style():
-        figure, axes = new_panel(2.6)
+    with page.panel(2.6) as (figure, axes):
         for (name, mine), look in zip(scores.items(), SEED_LOOKS, strict=False):
             band = seeds.bootstrap_band(profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata)
             axes.fill_between(
                 100.0 * THRESHOLDS, *(100.0 * band), color=look["color"], alpha=0.15, linewidth=0
             )
             axes.plot(
-                100.0 * THRESHOLDS, 100.0 * profile(mine), label=beside_axis(name), linewidth=1.4, **look
+                100.0 * THRESHOLDS, 100.0 * profile(mine), label=page.beside_axis(name), linewidth=1.4, **look
             )
         axes.set(
             xlim=(0.0, 100.0), ylim=(-3.0, 103.0), xlabel="recovered from more than [%]",
             ylabel="of groups and seeds [%]",
         )  # fmt: skip
         figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return to_svg(figure, "Share of strata in which more than a share of the pushes is recovered from")
+        return page.to_svg(
+            figure, "Share of strata in which more than a share of the pushes is recovered from"
+        )

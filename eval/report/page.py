@@ -1,19 +1,10 @@
-"""A page from a template: its figures, labels and commands; nothing in it is asked for elsewhere.
-
-Commands as a user would type them: the one behind a report, and those that replay its episodes.
-
-Figures as SVG inside a page: small enough for a phone, apart in grey print and for every eye.
-
-Names of policies and of what became of episodes, short enough for tables and figures, and in words.
-
-A page from a template: style and script inside it, nothing that is asked for elsewhere.
-"""
+"""Pages from templates: figures as SVG, short labels, commands to type; nothing is asked for elsewhere."""
 
 from __future__ import annotations
 
 import hashlib
+import html
 import io
-import math
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
-from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import machine_kind, source_commit, versions
 from ..record.words import direction_words
 from ..rollout.environments import code_digest
-from ..score.report import KINDS, measures_of
+from ..score.report import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,25 +43,27 @@ class Command:
     @property
     def text(self) -> str:
         """The line for a shell."""
-        said = [word for option, values in self.options for word in (option, *values)]
-        return shlex.join([PROGRAM, *self.words, *said])
+        words = [word for option, values in self.options for word in (option, *values)]
+        return shlex.join([PROGRAM, *self.words, *words])
 
     def replay(self, profile: str, scenario_id: str, policy: str) -> str:
         """The line that draws one scenario of a suite under a profile and says what became of it."""
-        said = () if profile == "exact" else (("--profile", profile),)
-        return self._play(OF_SUITE, (*said, ("--scenario", scenario_id)), scenario_id, policy)
+        more = {"--scenario": scenario_id} if profile == "exact" else {
+            "--profile": profile, "--scenario": scenario_id
+        }  # fmt: skip
+        return self._play(OF_SUITE, more, scenario_id, policy)
 
     def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
         """The line that draws the frontier's push of a force [N] towards psi [deg]."""
-        said = ("--psi", f"{psi_deg:g}"), ("--force", f"{force:g}")
-        return self._play(OF_PUSH, said, f"{psi_deg:g}deg-{force:g}N", policy)
+        more = {"--psi": f"{psi_deg:g}", "--force": f"{force:g}"}
+        return self._play(OF_PUSH, more, f"{psi_deg:g}deg-{force:g}N", policy)
 
-    def _play(self, kept: set[str], said: Sequence[tuple[str, str]], stem: str, policy: str) -> str:
+    def _play(self, kept: set[str], more: Mapping[str, str], stem: str, policy: str) -> str:
         """`play` with some of this command's options, others besides, and a picture's name."""
         picture = re.sub(r"[^\w+.-]+", "-", f"{stem}-{policy}").strip("-.") + ".png"
-        more = (*said, ("--policy", policy), ("--out", picture))
-        options = [entry for entry in self.options if entry[0] in kept]
-        return Command(("play",), (*options, *((name, (value,)) for name, value in more))).text
+        options = {name: values for name, values in self.options if name in kept}
+        added = {name: (value,) for name, value in {**more, "--policy": policy, "--out": picture}.items()}
+        return Command(("play",), (*options.items(), *added.items())).text
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
@@ -82,7 +74,7 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
         options: its fields are the options, as in `cli/options.py`.
         positional: fields whose values stand without an option.
     """
-    said = []
+    given = []
     for entry in fields(options):
         value = getattr(options, entry.name)
         default = entry.default if entry.default_factory is MISSING else entry.default_factory()
@@ -91,8 +83,8 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
         values = (
             () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
         )
-        said.append(("--" + entry.name.replace("_", "-"), values))
-    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(said))
+        given.append(("--" + entry.name.replace("_", "-"), values))
+    return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(given))
 
 
 BLUE, ORANGE, INK, GREY, PALE = "#0b5394", "#c4610a", "#1c1c1c", "#6f6f6f", "#d9d9d9"
@@ -102,9 +94,11 @@ POINTS = 72.0  # an inch
 
 
 @contextmanager
-def page_style() -> Iterator[None]:
-    """Fonts and axes of the page's figures; draw and turn into SVG inside it."""
+def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
+    """A figure [in] with one pair of axes that needs no display; draw it, and turn it into SVG."""
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
 
     settings: Any = {
         "font.family": "sans-serif", "font.size": 8.5, "axes.titlesize": 9.0, "axes.labelsize": 8.5,
@@ -113,17 +107,9 @@ def page_style() -> Iterator[None]:
         "hatch.linewidth": 0.6, "svg.fonttype": "none",
     }  # fmt: skip
     with matplotlib.rc_context(settings):
-        yield
-
-
-def new_panel(height: float, polar: bool = False) -> tuple[Figure, Any]:
-    """A figure [in] with one pair of axes, on a canvas that needs no display."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(PANEL, height), layout="constrained")
-    FigureCanvasSVG(figure)
-    return figure, figure.add_subplot(projection="polar" if polar else None)
+        figure = Figure(figsize=(PANEL, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        yield figure, figure.add_subplot(projection="polar" if polar else None)
 
 
 def to_svg(figure: Figure, text: str) -> str:
@@ -147,7 +133,7 @@ def to_svg(figure: Figure, text: str) -> str:
     width, height = (float(side) for side in box.groups()) if box else (PANEL * POINTS, PANEL * POINTS)
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{_attribute(text)}">'
+        f'viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(text)}">'
     )
     return re.sub(r"<svg[^>]*>", lambda _: head, drawn, count=1).strip()
 
@@ -160,72 +146,34 @@ def beside_axis(label: str) -> str:
     return f"{label[:half]}...{label[-half:]}"
 
 
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-
-
 Row = Mapping[str, Any]
-REASONS = {  # why an episode does not count as recovered
-    "not_settled": "stayed up, but was not back in its commanded walk at the end",
-    "com_height": "the centre of mass sank too low above the standing foot",
-    "pelvis_tilt": "the pelvis leaned over by more than 60 degrees",
-    "not_finite": "the simulation ran out of numbers",
-    "dcm_diverged": "its motion ran away farther than any step can catch",
-}
-LIMITS = {  # of controllers/whole_body/limits.py, in words
-    "step_length": "the planned step is as long as it may be",
-    "step_width": "the planned step is as wide or as narrow as it may be",
-    "step_time": "the foot cannot come down any sooner",
-    "cop": "the planned centre of pressure is at the edge of where it may be",
-    "trunk_torque": "the trunk is swung as hard as it may be",
-    "trunk_angle": "the trunk leans as far as it may",
-    "leg_reach": "the foothold is farther than the leg reaches",
-    "joint_torque": "a motor gives all it can",
-    "sole_edge": "the pressure under the sole is at its edge",
-    "contact": "friction or load under the foot is at its bound",
-    "touchdown_error": "the foot landed elsewhere or later than planned",
-    "dcm_tracking": "the robot's motion is not what was planned",
-}
 
 
 def short_labels(names: Iterable[str]) -> dict[str, str]:
     """Policy -> label: of a file its folder and stem, where that tells it apart; any other name as it is."""
-    names = list(names)
-    short = {name: _short(name) for name in names}
+    short = {}
+    for name in names:
+        path = PurePath(name)
+        in_folder = "/".join([*path.parts[-2:-1], path.stem])
+        short[name] = in_folder if path.suffix == ".safetensors" else name
     taken = list(short.values())
     return {name: label if taken.count(label) == 1 else name for name, label in short.items()}
 
 
-def _short(name: str) -> str:
-    path = PurePath(name)
-    return "/".join([*path.parts[-2:-1], path.stem]) if path.suffix == ".safetensors" else name
-
-
-def impulse_words(push: Push) -> str:
-    """Body, impulse, direction in the robot's frame and duration of a push."""
-    direction = direction_words(*push.force[:2])
-    return f"{push.body}, {push.impulse_magnitude:.0f} N s {direction} within {push.duration:.2f} s"
-
-
 def scenario_words(scenario: Scenario) -> str:
-    """What happens in a scenario: its first push, how many there are, and on which walk."""
+    """A scenario in words: its first push, how many there are, and on which walk."""
+    walk, count = KINDS["command"](scenario), KINDS["count"](scenario)
     if not scenario.pushes:
-        return f"no push, walking {KINDS['command'](scenario)}"
-    count, walk = KINDS["count"](scenario), KINDS["command"](scenario)
-    return f"{impulse_words(scenario.pushes[0])}, {count}, {'' if walk == 'turning' else 'walking '}{walk}"
-
-
-def effort_words(row: Row) -> str:
-    """What an episode took, as far as its row tells; empty where it does not."""
-    measures = measures_of(row)
-    margin, lean, energy = (measures.get(name) for name in ("smallest_margin", "trunk_excursion", "energy"))
-    if margin is None or lean is None or energy is None:
-        return ""
-    return f"margin {100.0 * margin:.0f} cm, lean {math.degrees(lean):.0f} deg, {energy / 1000.0:.1f} kJ"
+        return f"no push, walking {walk}"
+    push = scenario.pushes[0]
+    return (
+        f"{push.body}, {push.impulse_magnitude:.0f} N s {direction_words(*push.force[:2])} within "
+        f"{push.duration:.2f} s, {count}, {'' if walk == 'turning' else 'walking '}{walk}"
+    )
 
 
 def outcome_words(row: Row) -> str:
-    """What became of an episode, and the first limit that a fall met."""
+    """The end of an episode in words, and the first limit that a fall met."""
     if row["recovered"]:
         return "recovers"
     if row["survived"]:
@@ -263,34 +211,30 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Pa
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    env.filters["figure"] = Markup  # of to_svg, which escapes what it is told
+    env.filters["figure"] = Markup  # of to_svg, which escapes its text
     path = directory / PAGE
     write_text(path, env.get_template(template).render(content))
     return path
 
 
-def rows_hash(directory: Path) -> str:
-    """Of the rows in a directory of results."""
+def rows_hash(directory: Path) -> tuple[str, str]:
+    """Hash of the rows in a directory of results, as a line of the manifest."""
     rows = (directory / "outcomes.jsonl").read_bytes()
-    return f"sha256 {hashlib.sha256(rows).hexdigest()}"
-
-
-def code_hash() -> tuple[str, str]:
-    """Of the code that all rows come from, as a line of the manifest."""
-    return "code of controllers and envs", f"sha256 {code_digest()}"
+    return "outcomes.jsonl", f"sha256 {hashlib.sha256(rows).hexdigest()}"
 
 
 def manifest(command: Command, hashes: Sequence[tuple[str, str]], seeds: str) -> list[tuple[str, str]]:
-    """What a page is made from and by: names and values.
+    """Names and values of all that a page is made from.
 
     Args:
         command: that wrote it.
-        hashes: of what the numbers come from, by name.
+        hashes: of what the numbers come from besides the code, by name.
         seeds: what stands for the random part of the pushes.
     """
     return [
         ("command", command.text),
         *hashes,
+        ("code of controllers and envs", f"sha256 {code_digest()}"),
         ("seeds", seeds),
         ("versions", ", ".join(f"{name} {number}" for name, number in versions().items())),
         ("git commit", source_commit() or "none: installed from a package"),

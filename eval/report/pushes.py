@@ -1,16 +1,12 @@
-"""Recovery by direction, by impulse and over repeated pushes, as figures.
+"""Recovery by direction, by impulse and over repeated pushes, as figures and tables.
 
-Single pushes by direction and by their share of the closed-form limit, on a map around the robot.
-
-Recovery against the impulse of a push: a fitted curve for each body, and where it reaches 50 and 95 %.
-
-Survival over time where a robot is pushed more than once.
+Evaluations here have the labels of policies as their names.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,14 +17,14 @@ from numpy.typing import NDArray
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
+from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..score.evaluate import Evaluation
 from ..score.frontier import limit_share
 from ..score.report import KINDS
-from .page import BLUE, GREY, INK, ORANGE, beside_axis, new_panel, page_style, to_svg
+from .page import BLUE, GREY, INK, ORANGE, beside_axis, panel, to_svg
 
 Row = Mapping[str, Any]
-SECTORS = len(DIRECTIONS)
 FAINT = "#b4b4b4"
 SIDES = ("forward", "stance\nside", "backward", "swing\nside")  # counter-clockwise from the top
 
@@ -70,8 +66,7 @@ def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[st
         rows: of the policy, by scenario.
     """
     furthest = max(1.0, *(push.share for push in pushes))
-    with page_style():
-        figure, axes = new_panel(3.5, polar=True)
+    with panel(3.5, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
         _draw_pushes(axes, pushes, rows)
         around = np.linspace(0.0, 2.0 * math.pi, 181)
@@ -83,10 +78,10 @@ def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[st
         for push in pushes:
             recovered[sector_of(math.degrees(push.psi))].append(rows[push.scenario_id]["recovered"])
         for sector, inside in enumerate(recovered):
-            angle = sector * 2.0 * math.pi / SECTORS
+            angle = sector * 2.0 * math.pi / len(DIRECTIONS)
             text = f"{sum(inside)}/{len(inside)}" + (f"\n{SIDES[sector // 2]}" if sector % 2 == 0 else "")
             axes.text(angle, 1.2 * furthest, text, ha="center", va="center", fontsize=8.0)
-        edges = (np.arange(SECTORS) + 0.5) * 2.0 * math.pi / SECTORS
+        edges = (np.arange(len(DIRECTIONS)) + 0.5) * 2.0 * math.pi / len(DIRECTIONS)
         axes.vlines(edges, 0.0, furthest, color=FAINT, linewidth=0.5)
         axes.set(ylim=(0.0, 1.02 * furthest), xticks=[], yticks=[0.5])
         axes.set_yticklabels([])
@@ -113,7 +108,6 @@ def _draw_pushes(axes: Any, pushes: Sequence[MappedPush], rows: Mapping[str, Row
 Array = NDArray[np.float64]
 SHARES = (0.5, 0.95)  # of pushes recovered from, at J50 and J95
 BINS = 6  # of equally many pushes
-COLUMNS = ("policy", "pushed body", "pushes", "J50 [N s]", "J95 [N s]")
 BODY_LOOKS: tuple[dict[str, Any], ...] = (  # of the bodies in turn
     {"color": BLUE, "linestyle": "-", "marker": "o", "markerfacecolor": BLUE},
     {"color": ORANGE, "linestyle": (0, (4, 2)), "marker": "s", "markerfacecolor": "white"},
@@ -134,7 +128,7 @@ class Curve:
     def threshold(self, share: float) -> str:
         """Impulse up to which at least this share recovers, with its interval, in words [N s].
 
-        Nothing is told beyond the pushes that were given.
+        Beyond the pushes that were given there is no number.
         """
         low, high = float(self.impulse.min()), float(self.impulse.max())
         if self.recovered.all():
@@ -167,12 +161,14 @@ def curves_of(scenarios: Sequence[Scenario], rows: Sequence[Row], policy: str) -
     return curves
 
 
-def curve_cells(curves: Sequence[Curve]) -> list[tuple[str, ...]]:
-    """One row of cells for each curve, in COLUMNS."""
-    return [
-        (curve.policy, curve.body, str(curve.impulse.size), *(curve.threshold(share) for share in SHARES))
-        for curve in curves
+def curves_table(curves: Iterable[Curve]) -> Table:
+    """Number of pushes of each curve, and the impulses at which it comes down to SHARES."""
+    columns = ("policy", "pushed body", "pushes", "J50 [N s]", "J95 [N s]")
+    lines = [
+        (one.policy, one.body, str(one.impulse.size), *(one.threshold(share) for share in SHARES))
+        for one in curves
     ]
+    return Table("Recovery against impulse", columns, lines, words=2)
 
 
 def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
@@ -183,8 +179,7 @@ def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
         furthest: largest impulse on the axis [N s].
     """
     policy = curves[0].policy
-    with page_style():
-        figure, axes = new_panel(2.35)
+    with panel(2.35) as (figure, axes):
         for curve, look in zip(curves, BODY_LOOKS, strict=False):
             _draw(axes, curve, look)
         axes.axhline(0.5, color=GREY, linewidth=0.5, linestyle=(0, (1, 2)))
@@ -199,15 +194,9 @@ def _draw(axes: Any, curve: Curve, look: Mapping[str, Any]) -> None:
     """One curve with its band, its groups and their intervals."""
     centres, shares, below, above = binned(curve.impulse, curve.recovered)
     mark = {key: look[key] for key in ("color", "marker", "markerfacecolor")}
+    reach = below, above
     axes.errorbar(
-        centres,
-        shares,
-        (below, above),
-        linestyle="none",
-        markersize=4.0,
-        elinewidth=0.8,
-        label=curve.body,
-        **mark,
+        centres, shares, reach, linestyle="none", markersize=4.0, elinewidth=0.8, label=curve.body, **mark
     )
     if curve.fit is not None:
         at = np.linspace(curve.impulse.min(), curve.impulse.max(), 60)
@@ -231,7 +220,7 @@ def binned(impulse: Array, recovered: NDArray[np.bool_]) -> tuple[Array, Array, 
     return centres, share, np.maximum(share - ends[:, 0], 0.0), np.maximum(ends[:, 1] - share, 0.0)
 
 
-MARKS = 3  # moments that the table tells of
+MARKS = 3  # moments in the table
 COLORS, LINES = (BLUE, ORANGE, INK, GREY), ("-", (0, (4, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
     {"color": COLORS[k % 4], "linestyle": LINES[(k + k // 4) % 4]} for k in range(16)
@@ -240,15 +229,14 @@ SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
 
 @dataclass(frozen=True)
 class SurvivalPart:
-    """What the page shows of repeated pushes."""
+    """Survival under repeated pushes, as the page shows it."""
 
     episodes: int
-    columns: list[str]
-    rows: list[tuple[str, ...]]
+    table: Table
     figure: str
 
 
-def survival_part(evaluation: Evaluation, labels: Mapping[str, str]) -> SurvivalPart | None:
+def survival_part(evaluation: Evaluation) -> SurvivalPart | None:
     """Curves and a table over the scenarios with several pushes; None where there is none."""
     chosen = [i for i, scenario in enumerate(evaluation.suite.scenarios) if len(scenario.pushes) > 1]
     if not chosen:
@@ -257,8 +245,8 @@ def survival_part(evaluation: Evaluation, labels: Mapping[str, str]) -> Survival
     for name, rows in evaluation.rows.items():
         mine = [rows[i] for i in chosen]
         fell = [not row["survived"] for row in mine]
-        curves[labels[name]] = kaplan_meier([row["end_time"] for row in mine], fell)
-        falls[labels[name]] = sum(fell)
+        curves[name] = kaplan_meier([row["end_time"] for row in mine], fell)
+        falls[name] = sum(fell)
     longest = max(float(curve.times[-1]) for curve in curves.values())
     marks = [float(time) for time in np.linspace(0.0, longest, MARKS + 1)[1:]]
     rows = [
@@ -266,7 +254,9 @@ def survival_part(evaluation: Evaluation, labels: Mapping[str, str]) -> Survival
         for label, curve in curves.items()
     ]
     columns = ["policy", "falls", *(f"standing at {time:.1f} s" for time in marks)]
-    return SurvivalPart(len(chosen), columns, rows, survival_figure(curves, longest))
+    return SurvivalPart(
+        len(chosen), Table("Repeated pushes", columns, rows), survival_figure(curves, longest)
+    )
 
 
 def share_at(curve: SurvivalCurve, time: float) -> str:
@@ -285,8 +275,7 @@ def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
         curves: by label.
         longest: of the episodes [s].
     """
-    with page_style():
-        figure, axes = new_panel(2.2 + 0.1 * len(curves))
+    with panel(2.2 + 0.1 * len(curves)) as (figure, axes):
         for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
             axes.plot(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import base64
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ..reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim, claims
-from ..reproduction.run import SHOWN, Reproduction
-from .page import Command, code_hash, manifest, rows_hash, write_page
+from ..output.tables import Table
+from ..reproduction.page import DIFFERS, REPRODUCED, SHOWN, UNSTATED, Claim, claims
+from ..reproduction.run import Reproduction
+from .page import Command, manifest, rows_hash, write_page
 
-COLUMNS = ("claim", "paper", "here", "verdict")
 NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
 TYPES = {".png": "image/png", ".gif": "image/gif"}
 CODE = str.maketrans("", "", "`")  # marks of Markdown, which HTML has none of
@@ -23,31 +23,32 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    told = list(claims(found.content)) if found.content.keys() >= NEEDED else []
-    hashes = [("outcomes.jsonl", rows_hash(found.directory)), code_hash()]
+    known = list(claims(found.content)) if found.content.keys() >= NEEDED else []
     content = {
         "title": "The paper's results, measured again",
-        "verdict": verdict(told),
-        "claim_columns": COLUMNS,
-        "claims": [tuple(cell.translate(CODE) for cell in claim) for claim in told],
+        "verdict": verdict(known),
+        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), known, 4),
         "pictures": pictures(found.pictures, found.directory),
-        "tables": [
-            (title.translate(CODE), columns, [tuple(cell.translate(CODE) for cell in row) for row in cells])
-            for title, columns, cells in found.tables
-        ],
-        "manifest": manifest(command, hashes, "nothing is random"),
+        "tables": [_plain(table.title, table.columns, table.rows) for table in found.tables],
+        "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
     }
     return write_page(found.directory, "reproduction.html", content)
 
 
-def verdict(told: Sequence[Claim]) -> str:
-    """How many of the claims were reproduced, differ, or cannot be told."""
-    if not told:
+def _plain(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) -> Table:
+    """A table without marks of Markdown."""
+    cells = [tuple(cell.translate(CODE) for cell in row) for row in rows]
+    return Table(title.translate(CODE), columns, cells, words=words)
+
+
+def verdict(known: Sequence[Claim]) -> str:
+    """Counts of the claims that were reproduced, differ, or are not clear from the text."""
+    if not known:
         return "One part of the paper; its claims are told where all parts run: push-recovery reproduce."
-    counts = Counter(claim.verdict.split(":")[0] for claim in told)
+    counts = Counter(claim.verdict.split(":")[0] for claim in known)
     return (
-        f"Of {len(told)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
-        f"{counts[UNTOLD]} cannot be told from the text."
+        f"Of {len(known)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
+        f"{counts[UNSTATED]} cannot be told from the text."
     )
 
 

@@ -1,64 +1,212 @@
-"""Jobs of the reproduction: each gives one row, written as it finishes, found again on the next run.
-
-Tables of the reproduction: text cells under columns.
-"""
+"""Jobs of the reproduction: each gives one row, written as it finishes and found again by the next run."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar
+
+import numpy as np
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.model.nominal_gait import NominalGait
+from ...controllers.model.observation import side_sign
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import RowFile
-from ..output.tables import markdown_table
+from ..output.tables import Table, markdown_table
 from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
-
-
-class Table(NamedTuple):
-    """Text cells under columns."""
-
-    title: str
-    columns: Sequence[str]
-    cells: Sequence[Sequence[str]]
-
-
-def markdown(table: Table) -> str:
-    """The table in Markdown under its title."""
-    return f"**{table.title}**\n\n{markdown_table(table.columns, table.cells)}"
-
-
-ENV_ID = "PushRecovery/Pendulum-v0"
-SECONDS = 0.6  # of a core that a job takes, about
-DECIDING = ("rollout", "frontier", "reproduction", "reproduction/pendulum", "reproduction/sections")  # rooms
+from ..score.frontier import BEYOND, Scanned, multiples, scan_upwards
+from .pendulum import PushKind, Variant, Walk, record
 
 Row = dict[str, Any]
 Rows = Mapping[str, Row]  # by key of the job
 
 
-class Job(Protocol):
-    """Something to compute; frozen and picklable."""
+def table_text(table: Table) -> str:
+    """A table in Markdown under a line in bold."""
+    return f"**{table.title}**\n\n{markdown_table(table.columns, table.rows)}"
 
-    FIELDS: ClassVar[tuple[str, ...]]  # that every row of it has, besides those of its identity
+
+class Job(ABC):
+    """A computation that gives one row; frozen and picklable."""
+
+    FIELDS: ClassVar[tuple[str, ...]]  # that every row has, besides those of the job's identity
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """All that decides the row, as JSON."""
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """Words for the progress bar."""
+
+    @abstractmethod
+    def run(self) -> Row:
+        """The row, as JSON."""
+
+
+CHUNK = 640.0  # range of forces that are tried side by side; changes no number [N]
+Survives = Callable[[Sequence[float]], Sequence[bool]]
+
+
+@dataclass(frozen=True)
+class ScanJob(Job):
+    """Scan of one direction of one variant.
+
+    `grids` go from coarse to fine, in newtons for 0.1 s. The coarse one is scanned from its first multiple to
+    BEYOND past the first failure; every finer one fills the interval that ends at the first failure so far.
+    """
+
+    FIELDS: ClassVar[tuple[str, ...]] = ("unit", "survived", "largest_survived", "failed")
+    variant: Variant
+    push: PushKind
+    grids: tuple[float, ...] = (5.0, 1.0)
+    seeds: tuple[int, ...] = (0,)  # of noise; a strength counts as survived where all of them are
 
     def identity(self) -> dict[str, Any]:
         """All that decides the row, as JSON."""
-        ...
+        scan = {"grids": list(self.grids), "seeds": list(self.seeds), "variant": self.variant.identity()}
+        return {"kind": "scan", **asdict(self.push), **scan}
 
     @property
     def text(self) -> str:
-        """For the progress bar."""
-        ...
+        """Words for the progress bar."""
+        return f"{self.variant.label}, {self.push.psi_deg:g} deg"
 
     def run(self) -> Row:
-        """The row, as JSON."""
-        ...
+        """Scan; strengths in the unit of the push."""
+        return {"unit": self.push.unit, **scan(self._survives, self.grids, self.push.unit_strength)}
+
+    def _survives(self, strengths: Sequence[float]) -> list[bool]:
+        outcomes = self.variant.run([self.push.scenario(s, seed) for s in strengths for seed in self.seeds])
+        n = len(self.seeds)
+        return [all(one.survived for one in outcomes[n * k : n * (k + 1)]) for k in range(len(strengths))]
+
+
+def scan(survives: Survives, grids: Sequence[float], unit: float = 1.0) -> Row:
+    """Largest strength before the first failure, the largest survived at all, and the failures.
+
+    Args:
+        survives: whether each of several strengths is survived.
+        grids: coarse to fine, in units of `unit`.
+        unit: of grids, BEYOND and the cap.
+    """
+    side_by_side = max(1, round(CHUNK / grids[0]))
+
+    def in_chunks(strengths: Iterator[float]) -> Iterator[tuple[float, bool]]:
+        while chunk := list(islice(strengths, side_by_side)):
+            yield from zip(chunk, survives(chunk), strict=True)
+
+    strengths = (round(force * unit, 9) for force in multiples(grids[0]))
+    survived = scan_upwards(in_chunks, strengths, BEYOND * unit, bool)
+    for grid in grids[1:]:
+        first = min((s for s, ok in survived.items() if not ok), default=None)
+        if first is None:
+            break
+        below = max((s for s, ok in survived.items() if ok and s < first), default=0.0)
+        count = math.ceil((first - below) / (grid * unit) - 1e-9)
+        between = [round(below + k * grid * unit, 9) for k in range(1, count)]
+        survived.update(zip(between, survives(between), strict=True) if between else ())
+    found = asdict(Scanned.of(survived))
+    return {**found, "failed": list(found["failed"])}
+
+
+@dataclass(frozen=True)
+class EpisodeJob(Job):
+    """Outcome of one push of one variant."""
+
+    FIELDS: ClassVar[tuple[str, ...]] = (
+        "survived", "recovered", "recovered_at", "failure_reason", "end_time",
+    )  # fmt: skip
+    kind: ClassVar[str] = "episode"  # of the row
+    variant: Variant
+    push: PushKind
+    strength: float
+
+    def identity(self) -> dict[str, Any]:
+        """All that decides the row, as JSON."""
+        about = {**asdict(self.push), "strength": self.strength}
+        return {"kind": self.kind, **about, "variant": self.variant.identity()}
+
+    @property
+    def text(self) -> str:
+        """Words for the progress bar."""
+        return f"{self.variant.label}, {self.strength:g} {self.push.unit}"
+
+    def run(self) -> Row:
+        """Fields of the outcome."""
+        (outcome,) = self.variant.run([self.push.scenario(self.strength)])
+        return {name: getattr(outcome, name) for name in self.FIELDS}
+
+
+SWAY_TIME = 1.0  # the sway is that within this time of the push's onset [s]
+LAST_STEPS = 2  # the final speed is that of so many steps
+
+
+@dataclass(frozen=True)
+class CaseJob(EpisodeJob):
+    """Gait, CoP and lean in one push of one variant, in numbers."""
+
+    FIELDS: ClassVar[tuple[str, ...]] = (
+        "survived", "end_time", "step_error_before", "duration_error_before", "pushed_step",
+        "cop_to_inner_edge", "peak_lean_within_1_s", "peak_lean", "final_lean",
+    )  # fmt: skip
+    kind: ClassVar[str] = "case"
+
+    def run(self) -> Row:
+        """Record the push and measure it."""
+        return case_numbers(record(self.variant, self.push, self.strength), self.variant.gait(self.push.vx))
+
+
+def case_numbers(walk: Walk, gait: NominalGait) -> Row:
+    """Numbers of one case as JSON; lengths [m], times [s], angles [rad], speed [m/s].
+
+    Args:
+        walk: a recorded push, from before its onset on.
+        gait: nominal gait of its command.
+    """
+    time, survived = walk["time"], walk.outcome.survived
+    pushed = int(np.searchsorted(walk.touchdown, walk.push_start + 1e-9, side="right")) - 1
+    strides, durations = np.diff(walk.foothold, axis=0), np.diff(walk.touchdown)
+    nominal = np.array([gait.length, gait.width])
+    steps = np.stack([strides[:, 0], np.abs(strides[:, 1])], axis=1)
+    inside = walk["step"] == pushed
+    outward = side_sign(walk.foothold_side[pushed])
+    inner = outward * (walk["cop_y"][inside] - walk.foothold[pushed, 1])
+    lean = np.maximum(np.abs(walk["trunk_pitch"]), np.abs(walk["trunk_roll"]))
+    swaying = (time >= walk.push_start) & (time <= walk.push_start + SWAY_TIME)
+    numbers = {
+        "survived": survived,
+        "end_time": float(time[-1]),
+        "step_error_before": float(np.abs(steps[:pushed] - nominal).max()),
+        "duration_error_before": float(np.abs(durations[:pushed] - gait.duration).max()),
+        "pushed_step": {"length": float(steps[pushed, 0]), "width": float(steps[pushed, 1]),
+                        "duration": float(durations[pushed])},
+        "cop_to_inner_edge": float(inner.max()),
+        "peak_lean_within_1_s": float(lean[swaying].max()),
+        "peak_lean": float(lean.max()),
+        "final_lean": float(lean[-1]),
+    }  # fmt: skip
+    if survived:
+        first, last = np.searchsorted(time, walk.touchdown[[-1 - LAST_STEPS, -1]])
+        run = walk["com_x"][last] - walk["com_x"][first]
+        numbers["final_speed"] = float(run / (time[last] - time[first]))
+    return numbers
+
+
+ENV_ID = "PushRecovery/Pendulum-v0"
+SECONDS = 0.6  # of a core that a job takes, about
+DECIDING = ("rollout", "score/frontier.py", "record/record.py", "reproduction")  # folders and files of eval
 
 
 def key(job: Job) -> str:
@@ -68,22 +216,23 @@ def key(job: Job) -> str:
 
 
 def run_job(runner: Runner, job: Job) -> Row:
-    """The task of `parallel`: the row with its key and what it belongs to."""
+    """The task of `parallel`: the row with its key and the job's identity."""
     return {"key": key(job), **job.identity(), "label": job.text, **job.run()}
 
 
 @cache
 def reproduction_digest() -> str:
-    """SHA-256 over controllers, envs and the rooms of eval that decide a number here."""
+    """SHA-256 over controllers, envs and the files of eval that decide a number here."""
     digest = hashlib.sha256(code_digest().encode())
     root = Path(importlib.import_module("...eval", __package__).__path__[0])
-    for path in (path for room in DECIDING for path in sorted((root / room).glob("*.py"))):
-        digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    for place in (root / name for name in DECIDING):
+        for path in sorted(place.glob("*.py")) if place.is_dir() else [place]:
+            digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 
 
 def config() -> dict[str, Any]:
-    """What a directory of rows belongs to."""
+    """The configuration that a directory of rows belongs to."""
     return {"reproduce": ENV_ID, "code": reproduction_digest()}
 
 
@@ -100,7 +249,7 @@ def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
     """Run what the store does not hold, on several processes with a progress bar; all rows by key.
 
     Raises:
-        InvalidValueError: a row of the store lacks what its job finds.
+        InvalidValueError: a row of the store lacks a field of its job.
     """
     wanted = {key(job): job for job in jobs}
     for name, job in wanted.items():
@@ -119,3 +268,14 @@ def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
             done += 1
             bars.set("reproduce", done, row["label"])
     return {name: store.rows[name,] for name in wanted}
+
+
+@dataclass(frozen=True)
+class Section:
+    """One part of the paper; `directions` is the number of them in scenario 2."""
+
+    name: str
+    jobs: Callable[[int], Iterable[Job]]  # directions -> what has to be computed
+    summary: Callable[[Rows, int], dict[str, Any]]  # rows, directions -> its part of the result object
+    tables: Callable[[dict[str, Any]], list[Table]]  # that part for people
+    draw: Callable[[dict[str, Any], Path], list[Path]] = lambda content, directory: []  # its pictures

@@ -1,34 +1,19 @@
-"""The closed loop of many pendulums: sensors, variants, and the scan for the largest push.
-
-What a policy sees of a pendulum: the truth, or a noisy and late measurement of its motion.
-
-The measured DCM of period k is xi_k + n_k with white noise n_k. The CoM is shifted alike, so that
-xi = com + v / omega still holds, and the push estimate (xi_k - predicted xi_k) / (e - 1), e = exp(omega dt),
-becomes that of an observer who knows no other DCM: it gains (n_k - e n_{k-1}) / (e - 1). A delay of d periods
-shows DCM, CoM, velocity and push estimate of d periods ago; feet, trunk and clock are those of now.
-
-The closed loop of many pendulums at once, without Gymnasium.
+"""Closed loop of many pendulums without Gymnasium: measurement errors, variants of a policy, recorded walks.
 
 Physics, actions and end of the episode are those of `rollout` on `PushRecovery/Pendulum-v0`, bit for bit, but
 one compiled pass plans for all robots that still stand, and one moves them.
-
-What is varied: an arm with other weights, on another robot, at another rate, with a worse measurement.
-
-The largest push that a variant survives in one direction: one job, one row.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cache
-from itertools import islice
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, is_finite_number
 from ...controllers.model.capturability import max_recoverable_force, max_recoverable_impulse
@@ -42,13 +27,14 @@ from ...controllers.settings import preset_config
 from ...envs.pendulum.env import PendulumCore, PendulumEpisodes
 from ...envs.scenario.push import GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
+from ..record.record import Array, EpisodeRecord, Recorder
 from ..rollout.episodes import Ints, Looking, Slots, Watch, run_episodes
 from ..rollout.outcome import Outcome
-from ..score.frontier import BEYOND, NOMINAL_STEPS, Scanned, multiples, scan_upwards
-
-Array = NDArray[np.float64]
+from ..score.frontier import NOMINAL_STEPS
 
 BLOCK = 256  # periods whose noise is drawn at once; changes no number
+JUMP_TIME = 1e-4  # a push this short stands for a velocity jump: 0.02 % less shift of the DCM [s]
+PUSH_TIME = 0.1  # the paper's [s]
 
 
 @dataclass(frozen=True)
@@ -71,7 +57,11 @@ EXACT = Measurement()
 class PendulumSensor:
     """Observations of the pendulums of a core under measurement errors.
 
-    The noise of a pendulum is a function of its scenario's seed and the period alone.
+    The measured DCM of period k is xi_k + n_k with white noise n_k, a function of the scenario's seed and k
+    alone. The CoM is shifted alike, so that xi = com + v / omega still holds, and the push estimate
+    (xi_k - predicted xi_k) / (e - 1), e = exp(omega dt), becomes that of an observer who knows no other DCM:
+    it gains (n_k - e n_{k-1}) / (e - 1). A delay of d periods shows DCM, CoM, velocity and push estimate of d
+    periods ago; feet, trunk and clock are those of now.
     """
 
     def __init__(self, core: PendulumCore, scenarios: Sequence[Scenario], measurement: Measurement = EXACT):
@@ -127,44 +117,30 @@ class PendulumSensor:
         return self._measurement.dcm_noise * self._noise[:, index]
 
 
-@dataclass(frozen=True)
-class Plant:
-    """The pendulum that is walked with, and how often."""
-
-    robot: RobotModel = field(default_factory=RobotModel)
-    limits: GaitLimits | None = None  # of the action; the paper's for the robot by default
-    preset: str = "default"  # its touchdown delay and double support are the gait's
-    control_hz: float = 100.0  # [Hz]
-
-    def episodes(self, n: int) -> PendulumEpisodes:
-        """N such pendulums."""
-        return PendulumEpisodes(n, self.robot, self.limits, self.preset, self.control_hz)
-
-
 def run_batch(
     policy: Policy,
     scenarios: Sequence[Scenario],
-    plant: Plant | None = None,
+    episodes: PendulumEpisodes | None = None,
     measurement: Measurement = EXACT,
     watch: Watch | None = None,
 ) -> list[Outcome]:
-    """Run scenarios side by side, each to its own end; what comes out does not depend on its neighbours.
+    """Run scenarios side by side, each to its own end; no outcome depends on its neighbours.
 
     Args:
         policy: takes a batch of observations and remembers nothing.
         scenarios: what happens to each pendulum.
-        plant: robot, limits and planning rate; the environment's defaults without it.
+        episodes: one for each scenario; by default of the environment's own pendulum.
         measurement: errors of what the policy sees.
         watch: called with the slots at the start of an episode and after every period, to look, not to touch.
 
     Raises:
         InvalidValueError: actions of another shape or not finite, or an episode that never ends.
     """
-    episodes = (Plant() if plant is None else plant).episodes(len(scenarios))
+    episodes = PendulumEpisodes(len(scenarios)) if episodes is None else episodes
     slots = _MeasuredSlots(episodes, scenarios, measurement)
     observer = None if watch is None else Looking(watch)
-    found = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum", observer))
-    return [found[number] for number in range(len(scenarios))]
+    outcomes = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum", observer))
+    return [outcomes[number] for number in range(len(scenarios))]
 
 
 class _MeasuredSlots(Slots):
@@ -180,7 +156,7 @@ class _MeasuredSlots(Slots):
         self._sensor = PendulumSensor(episodes.core, scenarios, measurement)
 
     def observe(self, rows: Ints) -> Array:
-        """What the sensor shows of the pendulums `rows`."""
+        """Measured observations of the pendulums `rows`."""
         return self._sensor.look()[rows]
 
 
@@ -213,8 +189,8 @@ class Variant:
     """A policy on a pendulum; equal variants give equal numbers, whatever they are called."""
 
     label: str  # for people
-    policy: str = "two-stage"  # arm of `make_policy`
-    planner: Pairs = ()  # fields of PlannerConfig that differ from the arm's
+    policy: str = "two-stage"  # name for `make_policy`
+    planner: Pairs = ()  # fields of PlannerConfig that differ from the policy's
     robot: Pairs = ()  # fields of RobotModel that differ from the paper's
     control_hz: float = 100.0  # [Hz]
     preset: str = "default"
@@ -223,15 +199,8 @@ class Variant:
 
     def identity(self) -> dict[str, Any]:
         """All that decides the numbers, as JSON."""
-        return {
-            "policy": self.policy,
-            "planner": dict(self.planner),
-            "robot": dict(self.robot),
-            "control_hz": self.control_hz,
-            "preset": self.preset,
-            "dcm_noise": self.dcm_noise,
-            "delay": self.delay,
-        }
+        fields = {name: value for name, value in asdict(self).items() if name != "label"}
+        return {**fields, "planner": dict(self.planner), "robot": dict(self.robot)}
 
     @property
     def robot_model(self) -> RobotModel:
@@ -239,14 +208,9 @@ class Variant:
         return replace(RobotModel(), **dict(self.robot))
 
     @property
-    def measurement(self) -> Measurement:
-        """Errors of what the policy sees."""
-        return Measurement(self.dcm_noise, self.delay)
-
-    @property
     def jerk_form(self) -> bool:
         """Whether stage 2 runs in the paper's form, which is solved one robot at a time and so costs most."""
-        config = getattr(built(self)[0], "config", None)
+        config = getattr(self.made_policy(), "config", None)
         return config is not None and config.form == "jerk" and (config.use_cop or config.use_trunk)
 
     def gait(self, vx: float) -> NominalGait:
@@ -255,26 +219,30 @@ class Variant:
         delay = preset_config(self.preset).touchdown_delay
         return nominal_gait(robot, GaitLimits.of(robot), (vx, 0.0), delay)
 
+    def episodes(self, n: int) -> PendulumEpisodes:
+        """Episodes of n such pendulums."""
+        return PendulumEpisodes(n, self.robot_model, preset=self.preset, control_hz=self.control_hz)
 
-@cache
-def built(variant: Variant) -> tuple[Policy, Plant]:
-    """Policy and pendulum of a variant, made once in a process."""
-    robot = variant.robot_model
-    limits = GaitLimits.of(robot)
-    plant = Plant(robot, limits, variant.preset, variant.control_hz)
-    arm = make_policy(variant.policy, robot, limits, variant.preset)
-    if not isinstance(arm, TwoStagePolicy):
-        return arm, plant
-    config = replace(arm.config, first_interval_min=1.0 / variant.control_hz)
-    config = replace(config, **dict(variant.planner))
-    adapt = variant.policy != "passive"
-    return TwoStagePolicy(robot, limits, config, adapt=adapt, name=variant.policy), plant
+    @cache  # noqa: B019  # a variant is small, and there are some hundred
+    def made_policy(self) -> Policy:
+        """The policy, made once in a process."""
+        robot = self.robot_model
+        limits = GaitLimits.of(robot)
+        policy = make_policy(self.policy, robot, limits, self.preset)
+        if not isinstance(policy, TwoStagePolicy):
+            return policy
+        config = replace(policy.config, first_interval_min=1.0 / self.control_hz)
+        config = replace(config, **dict(self.planner))
+        return TwoStagePolicy(robot, limits, config, adapt=self.policy != "passive", name=self.policy)
 
+    @property
+    def measurement(self) -> Measurement:
+        """Errors of what the policy sees."""
+        return Measurement(self.dcm_noise, self.delay)
 
-CHUNK = 640.0  # range of forces that are tried side by side; changes no number [N]
-JUMP_TIME = 1e-4  # a push this short stands for a velocity jump: 0.02 % less shift of the DCM [s]
-PUSH_TIME = 0.1  # the paper's [s]
-Survives = Callable[[Sequence[float]], Sequence[bool]]
+    def run(self, scenarios: Sequence[Scenario]) -> list[Outcome]:
+        """Outcomes of scenarios side by side."""
+        return run_batch(self.made_policy(), scenarios, self.episodes(len(scenarios)), self.measurement)
 
 
 @dataclass(frozen=True)
@@ -287,7 +255,7 @@ class PushKind:
 
     @property
     def unit(self) -> str:
-        """Of the strength."""
+        """Unit of the strength."""
         return "N" if self.duration > 0 else "N s"
 
     @property
@@ -306,127 +274,59 @@ class PushKind:
         return Scenario(name, (push,), Command(self.vx), "left", noise_seed=seed)
 
     def limit(self, variant: Variant, **options: Any) -> float:
-        """The closed form's largest strength for the variant's robot and gait; options as for the force."""
+        """Largest strength of the closed form for the variant's robot and gait.
+
+        Args:
+            variant: its robot and nominal gait.
+            options: of `max_recoverable_force`, or of `max_recoverable_impulse` for a velocity jump.
+        """
         robot, gait, psi = variant.robot_model, variant.gait(self.vx), math.radians(self.psi_deg)
         if self.duration > 0:
             return max_recoverable_force(robot, psi, self.duration, gait=gait, **options)
         return max_recoverable_impulse(robot, psi, gait=gait, **options)
 
-    def identity(self) -> dict[str, Any]:
-        """As JSON."""
-        return {"psi_deg": self.psi_deg, "duration": self.duration, "vx": self.vx}
 
+@dataclass(frozen=True, eq=False)
+class Walk(EpisodeRecord):
+    """A recorded push of one variant of the pendulum, with the steps that it takes, m of them."""
 
-@dataclass(frozen=True)
-class ScanJob:
-    """Scan one direction of one variant.
-
-    `grids` go from coarse to fine, in newtons for 0.1 s. The coarse one is scanned from its first multiple to
-    BEYOND past the first failure; every finer one fills the interval that ends at the first failure so far.
-    """
-
-    FIELDS: ClassVar[tuple[str, ...]] = ("unit", "survived", "largest_survived", "failed")
-    variant: Variant
-    push: PushKind
-    grids: tuple[float, ...] = (5.0, 1.0)
-    seeds: tuple[int, ...] = (0,)  # of noise; a strength counts as survived where all of them are
-
-    def identity(self) -> dict[str, Any]:
-        """All that decides the row, as JSON."""
-        return {
-            "kind": "scan",
-            **self.push.identity(),
-            "grids": list(self.grids),
-            "seeds": list(self.seeds),
-            "variant": self.variant.identity(),
-        }
+    label: str  # of the variant
+    com_height: float  # [m]
+    foothold: Array  # (m, 2) centre of every sole that was stood on, in order [m]
+    foothold_side: Ints  # (m,) 0 left, 1 right
+    touchdown: Array  # (m,) when it was set down, 0 for the first [s]
 
     @property
-    def text(self) -> str:
-        """For the progress bar."""
-        return f"{self.variant.label}, {self.push.psi_deg:g} deg"
+    def push_start(self) -> float:
+        """Onset of the push [s]."""
+        return self.push_starts[0]
 
-    def run(self) -> dict[str, Any]:
-        """Scan; strengths in the unit of the push."""
-        unit = self.push.unit_strength
-        found = scan(self._survives, self.grids, unit)
-        return {"unit": self.push.unit, **found}
+    @property
+    def push_duration(self) -> float:
+        """Duration of the push [s]."""
+        return self.scenario.pushes[0].duration
 
-    def _survives(self, strengths: Sequence[float]) -> list[bool]:
-        policy, plant = built(self.variant)
-        scenarios = [self.push.scenario(strength, seed) for strength in strengths for seed in self.seeds]
-        endings = run_batch(policy, scenarios, plant, self.variant.measurement)
-        n = len(self.seeds)
-        return [all(e.survived for e in endings[n * k : n * (k + 1)]) for k in range(len(strengths))]
+    @property
+    def push_force(self) -> Array:
+        """Horizontal force of the push, (2,) [N]."""
+        return np.array(self.scenario.pushes[0].force[:2])
 
 
-@dataclass(frozen=True)
-class EpisodeJob:
-    """One push of one variant."""
+def record(variant: Variant, push: PushKind, strength: float) -> Walk:
+    """The time histories and the steps of one push of one variant."""
+    episodes, scenario, steps = variant.episodes(1), push.scenario(strength), []
+    recorder = Recorder(episodes)
 
-    FIELDS: ClassVar[tuple[str, ...]] = (
-        "survived", "recovered", "recovered_at", "failure_reason", "end_time",
+    def look(_: object) -> None:
+        recorder()
+        state = episodes.core.state
+        if not steps or state.steps[0] != steps[-1][0]:
+            steps.append((state.steps[0], state.stance[0].copy(), state.side[0], state.step_start[0]))
+
+    (outcome,) = run_batch(variant.made_policy(), [scenario], episodes, variant.measurement, look)
+    _, foothold, side, touchdown = map(np.array, zip(*steps, strict=True))
+    return Walk(
+        **vars(recorder.finish(scenario, outcome)), label=variant.label,
+        com_height=variant.robot_model.com_height, foothold=foothold,
+        foothold_side=side.astype(np.int64), touchdown=touchdown,
     )  # fmt: skip
-    kind: ClassVar[str] = "episode"  # of the row
-    variant: Variant
-    push: PushKind
-    strength: float
-
-    def identity(self) -> dict[str, Any]:
-        """All that decides the row, as JSON."""
-        about = {**self.push.identity(), "strength": self.strength}
-        return {"kind": self.kind, **about, "variant": self.variant.identity()}
-
-    @property
-    def text(self) -> str:
-        """For the progress bar."""
-        return f"{self.variant.label}, {self.strength:g} {self.push.unit}"
-
-    def run(self) -> dict[str, Any]:
-        """Run it."""
-        policy, plant = built(self.variant)
-        scenario = self.push.scenario(self.strength)
-        ending = run_batch(policy, [scenario], plant, self.variant.measurement)[0]
-        return {
-            "survived": ending.survived,
-            "recovered": ending.recovered,
-            "recovered_at": ending.recovered_at,
-            "failure_reason": ending.failure_reason,
-            "end_time": ending.end_time,
-        }
-
-
-def scan(survives: Survives, grids: Sequence[float], unit: float = 1.0) -> dict[str, Any]:
-    """Largest strength before the first failure, the largest survived at all, and what failed.
-
-    Args:
-        survives: whether each of several strengths is survived.
-        grids: coarse to fine, in units of `unit`.
-        unit: of grids, BEYOND and the cap.
-    """
-    outcome = scan_upwards(
-        lambda wanted: _in_chunks(survives, wanted, max(1, round(CHUNK / grids[0]))),
-        (round(force * unit, 9) for force in multiples(grids[0])),
-        BEYOND * unit,
-        bool,
-    )
-    for grid in grids[1:]:
-        first = min((s for s, ok in outcome.items() if not ok), default=None)
-        if first is None:
-            break
-        below = max((s for s, ok in outcome.items() if ok and s < first), default=0.0)
-        count = math.ceil((first - below) / (grid * unit) - 1e-9)
-        between = [round(below + k * grid * unit, 9) for k in range(1, count)]
-        outcome.update(zip(between, survives(between), strict=True) if between else ())
-    found = Scanned.of(outcome)
-    return {
-        "survived": found.survived,
-        "largest_survived": found.largest_survived,
-        "failed": list(found.failed),
-    }
-
-
-def _in_chunks(survives: Survives, strengths: Iterator[float], count: int) -> Iterator[tuple[float, bool]]:
-    """Whether strengths are survived, `count` of them side by side."""
-    while chunk := list(islice(strengths, count)):
-        yield from zip(chunk, survives(chunk), strict=True)

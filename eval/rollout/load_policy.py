@@ -22,7 +22,7 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies.interface import Policy, RandomPolicy, as_policy
+from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.learned import NetworkPolicy, policy_paths
 from ...controllers.validation import parse_json
 from ..sampling_mpc import NAME as SAMPLING_MPC
@@ -186,6 +186,7 @@ def make_policy(name: str, env: Any) -> Policy:
         InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
             policy was made for another environment, or its file is not there.
     """
+    from ...controllers.policies.two_stage import RandomPolicy
     from ...controllers.policies.two_stage import make_policy as make_analytic
 
     if name in NAMES:

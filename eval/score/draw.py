@@ -1,17 +1,12 @@
 """How suites are drawn: stratified points, pushes of every kind, and shifts of one thing each.
 
-Scenarios from points that fill a unit cube evenly: every pair of factors has every pair of levels once.
+Points fill a unit cube evenly: every pair of factors has every pair of levels once. A scenario of every kind
+of push has a coordinate for each field of `Point`; its ranges were chosen on a draw of another seed, with two
+policies, so that strong ones lose some pushes and weak ones not all.
 
-Pushes of every kind: where, how long, how often, at which moment of which walk.
-
-A scenario is a point of the unit cube with a coordinate for each field of `Point`. The ranges were chosen on
-a draw of another seed, with two arms, so that strong arms lose some pushes and weak arms not all.
-
-Pushes that differ from those that learned policies are trained on in one thing each.
-
-The base of every shift is a push like those of `hard`, 80-200 N s for 0.1 s through the pelvis' CoM of the
-nominal robot on a level floor. A shift takes such a scenario and further coordinates of its point in the unit
-cube, and changes one thing. The ranges were looked at once, with two-stage on 64 pushes of another seed.
+A shift changes one thing of a push like those of `hard`, 80-200 N s for 0.1 s through the pelvis' CoM of the
+nominal robot on a level floor, by further coordinates of its point. The ranges were looked at once, with
+two-stage on 64 pushes of another seed.
 """
 
 from __future__ import annotations
@@ -213,10 +208,12 @@ def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Target
     bits = int(u.sides * LEVELS)
     stance: Side = "left" if bits & 2 else "right"
     event = GaitEvent(FIRST_STEP, "left" if bits & 4 else "right", round(u.phase, 4))
+    walk, sign = WALKS[int(u.walk * LEVELS)], 1.0 if bits & 8 else -1.0
+    velocity = u.speed * walk.vx, sign * u.speed * walk.vy, sign * u.turn * walk.turn
     return Scenario(
         id=scenario_id,
         pushes=_pushes(u, "trunk" if bits & 1 else "pelvis", event, stance, targets),
-        command=_command(u, to_left=bool(bits & 8)),
+        command=Command(*(round(value, 4) + 0.0 for value in velocity)),  # + 0.0: no -0.0
         stance_side=stance,
         noise_seed=noise_seed,
     )
@@ -228,20 +225,11 @@ def count_of(scenario: Scenario) -> str:
 
 
 def walk_of(scenario: Scenario) -> str:
-    """What the robot is told at the start: in place, turning, sideways (also aslant), forward or backward."""
+    """Command at the start: turning, sideways (also aslant), in place, forward or backward."""
     command = scenario.command
-    if command.turn:
-        return "turning"
-    if command.vy:
-        return "sideways"
+    if command.turn or command.vy:
+        return "turning" if command.turn else "sideways"
     return "in place" if not command.vx else "forward" if command.vx > 0.0 else "backward"
-
-
-def _command(u: Point, to_left: bool) -> Command:
-    """Command of the point, sideways and turning to one side."""
-    walk, sign = WALKS[int(u.walk * LEVELS)], 1.0 if to_left else -1.0
-    vx, vy, turn = u.speed * walk.vx, sign * u.speed * walk.vy, sign * u.turn * walk.turn
-    return Command(*(round(value, 4) + 0.0 for value in (vx, vy, turn)))  # + 0.0: no -0.0
 
 
 def _pushes(u: Point, body: Body, event: GaitEvent, stance: Side, targets: Targets) -> tuple[Push, ...]:
@@ -288,10 +276,9 @@ MOST_PUSHES, LONGEST_GAP = 5, 3  # of repeated pushes: how many at most, and ste
 TURN = 2.0 * math.pi
 
 Coordinates = Sequence[float]  # each in [0, 1)
-Range = tuple[float, float]
 
 
-def between(bounds: Range, u: float, digits: int = 4) -> float:
+def between(bounds: tuple[float, float], u: float, digits: int = 4) -> float:
     """The point of a range at a share u in [0, 1), rounded far below what matters."""
     low, high = bounds
     return round(low + u * (high - low), digits) + 0.0  # no -0.0
@@ -310,10 +297,8 @@ def elsewhere(scenario: Scenario, u: Coordinates) -> Scenario:
     """Half at the trunk with TRUNK_SHARE of the impulse, half at the pelvis; off the body's CoM."""
     (push,) = scenario.pushes
     body: Body = "trunk" if u[0] < 0.5 else "pelvis"
-    low, high = TARGETS[body].offset_low, TARGETS[body].offset_high
-    x, y, z = (
-        between(bounds, share) for bounds, share in zip(zip(low, high, strict=True), u[1:], strict=True)
-    )
+    bounds = zip(TARGETS[body].offset_low, TARGETS[body].offset_high, strict=True)
+    x, y, z = (between(ends, share) for ends, share in zip(bounds, u[1:], strict=True))
     force = _scaled(push.force, TRUNK_SHARE) if body == "trunk" else push.force
     return replace(scenario, pushes=(replace(push, force=force, body=body, offset=(x, y, z)),))
 
@@ -371,7 +356,7 @@ def _scaled(force: tuple[float, float, float], share: float) -> tuple[float, flo
 
 @dataclass(frozen=True)
 class Shift:
-    """What is changed of a push, and from which coordinates."""
+    """A change of pushes, and the coordinates that it takes."""
 
     change: Callable[[Scenario, Coordinates], Scenario] | None  # None: the ranges alone are others
     coordinates: int  # that the change takes

@@ -1,29 +1,18 @@
-"""The largest recoverable push by direction, beside the closed-form limit F*.
+"""The largest recoverable push by direction, beside the closed-form limit F* of two boxes of steps.
 
-A scan of pushes: strengths of a grid, weakest first, until enough past the first failure is known.
+Forces of a grid are tried, weakest first, until `BEYOND` past the first failure: survival is not monotone in
+the force, and beyond the first failure there may be islands that are survived.
 
-Survival is not monotone in the strength: beyond the first failure there may be islands that are survived.
-
-F*, the yardstick of every frontier: the closed-form limit of two boxes of steps, each named.
-
-The robot's own box says what its controller could at best have reached. The paper's (Tables I and II, l_p
-0.2 m, foot 0.2 x 0.1 m) is the same for every robot and cannot be moved by choosing other limits.
-
-How large a push is beside the largest that the closed form leaves to any controller at that moment.
-
-The largest recoverable push by direction, beside the closed-form limit.
-
-The frontier as a table and as a report, with the limits that the first failures met.
-
-Polar picture of a frontier: force by direction, against the closed-form limits.
+F* of the robot's own box of steps says what its controller could at best have reached. F* of the paper's box
+(Tables I and II, l_p 0.2 m, foot 0.2 x 0.1 m) is the same for every robot and cannot be moved by choosing
+other limits.
 """
 
 from __future__ import annotations
 
 import io
-import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,22 +22,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import write_atomically, write_text
+from ...controllers.files import write_atomically
 from ...controllers.model.capturability import max_recoverable_force, recoverable_offset
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from ...controllers.model.robot import RobotModel
+from ...controllers.whole_body.limits import BOUNDS
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, Push, polar_push
 from ...envs.scenario.scenario import EXACT, Command, Scenario, get_profile
 from ..output.progress import Work, about, progress_bars, robot_seconds
-from ..output.tables import markdown_table
+from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
-from .evaluate import fall_bounds, fall_cell
 
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
 FORCE_CAP = 4000.0  # no scan goes further [N]
@@ -59,7 +48,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Scanned:
-    """What a scan found, in the unit of its strengths."""
+    """Result of a scan, in the unit of its strengths."""
 
     survived: float  # largest before the first failure; 0 where none was survived
     largest_survived: float  # at all
@@ -180,15 +169,14 @@ def direction_limits(env: gym.Env, psi_deg: float, duration: float, command: Com
 
 
 def limit_curves(
-    env: gym.Env, psi_deg: list[float], duration: float, command: Command
+    env: gym.Env, psi_deg: Sequence[float], duration: float, command: Command
 ) -> dict[str, list[float]]:
     """Limits [N] over directions [deg]: both yardsticks, and the own box with a point foot."""
-    limits = [direction_limits(env, psi, duration, command) for psi in psi_deg]
-    angles = map(math.radians, psi_deg)
+    pushes = [(math.radians(psi), duration, command) for psi in psi_deg]
     return {
-        OWN: [limit.own for limit in limits],
-        PAPER: [limit.paper for limit in limits],
-        POINT_FOOT: [own_limit_force(env, psi, duration, command, point_foot=True) for psi in angles],
+        OWN: [own_limit_force(env, *push) for push in pushes],
+        PAPER: [limit_force(env, *push) for push in pushes],
+        POINT_FOOT: [own_limit_force(env, *push, point_foot=True) for push in pushes],
     }
 
 
@@ -300,7 +288,16 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         "survived_N": found.survived,
         "largest_survived_N": found.largest_survived,
         "failed_N": list(found.failed),
-        "falls": [fall_bounds(force, outcomes[force]) for force in found.failed],
+        "falls": [
+            {
+                "force_N": force,
+                "failure_reason": outcomes[force].failure_reason,
+                "first_limit": outcomes[force].first_limit,
+                "limits_met": dict(outcomes[force].limits_met),
+                "limit_shares": dict(outcomes[force].limit_shares),
+            }
+            for force in found.failed
+        ],
     }
 
 
@@ -395,32 +392,16 @@ def frontier(
     return Frontier(settings, rows, limits, store.directory)
 
 
-NOTE = (
-    "Largest force before the first failure [N] (share of F* of the robot's own box, of the paper's; largest "
-    "survived at all). The paper's box is that of its Tables I and II. Falls by: the bound "
-    "that the first failure met first, then the three that it met for the longest share of the time.\n"
-)
+def fall_cell(falls: Sequence[Mapping[str, Any]]) -> str:
+    """Fall of the weakest force that failed: the limit met first, the three met for the longest time."""
+    if not falls or falls[0]["first_limit"] is None:
+        return "-"
+    shares = falls[0]["limit_shares"]
+    longest = sorted(shares, key=lambda name: (-shares[name], BOUNDS.index(name)))[:3]
+    return f"{falls[0]['first_limit']}; " + ", ".join(f"{name} {shares[name]:.2f}" for name in longest)
 
 
-def frontier_columns(frontier: Frontier) -> tuple[str, ...]:
-    """Headings of `frontier_cells`."""
-    names = list(frontier.rows)
-    falls = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
-    return ("psi [deg]", "own F* [N]", "paper's F* [N]", *names, *falls)
-
-
-def frontier_cells(frontier: Frontier) -> list[tuple[str, ...]]:
-    """One row of cells for each direction."""
-    objects = {name: frontier.to_dict(name)["directions"] for name in frontier.rows}
-    cells = []
-    for index, (psi, limit) in enumerate(frontier.limits.items()):
-        forces = [_force_cell(entries[index]) for entries in objects.values()]
-        falls = [fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()]
-        cells.append((f"{psi:g}", f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces, *falls))
-    return cells
-
-
-def _force_cell(entry: dict[str, Any]) -> str:
+def _force_cell(entry: Mapping[str, Any]) -> str:
     """Force before the first failure, its shares of both F*, and the largest survived where that is more."""
     shares = (entry["own_fraction"], entry["fraction"])
     share = ", ".join("-" if part is None else f"{part:.2f}" for part in shares)
@@ -428,18 +409,42 @@ def _force_cell(entry: dict[str, Any]) -> str:
     return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 
 
-def write_frontier_reports(frontier: Frontier, title: str) -> Path:
+def frontier_table(
+    frontier: Frontier, name_of: Callable[[float], str] = "{:g}".format, falls: bool = True
+) -> Table:
+    """Both F*, the force of each policy, and what fells it (`falls`), by direction, named by `name_of`."""
+    entries = [frontier.to_dict(name)["directions"] for name in frontier.rows]
+    lines = []
+    for index, (psi, limit) in enumerate(frontier.limits.items()):
+        forces = (_force_cell(directions[index]) for directions in entries)
+        cells = (fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()) if falls else ()
+        lines.append((name_of(psi), f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces, *cells))
+    names = list(frontier.rows)
+    falls_by = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
+    return Table(
+        f"{frontier.settings.env_id}: largest force before the first failure [N]",
+        ("psi [deg]", "own F* [N]", "paper's F* [N]", *names, *(falls_by if falls else ())),
+        lines,
+        "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
+        "the largest force survived at all where that is more."
+        + (
+            " Falls by: the limit that the first failure met first, then the three that it met for the "
+            "longest share of the time."
+            if falls
+            else ""
+        ),
+    )
+
+
+def write_frontier_reports(frontier: Frontier) -> Path:
     """Write report.md, whose path is returned, and report.json, with the limits of every failed force."""
     policies = {}
     for name, rows in frontier.rows.items():
         policies[name] = frontier.to_dict(name)
         for entry, row in zip(policies[name]["directions"], rows, strict=True):
             entry["falls"] = row["falls"]
-    write_text(frontier.directory / "report.json", json.dumps({"policies": policies}, indent=1) + "\n")
-    table = markdown_table(frontier_columns(frontier), frontier_cells(frontier))
-    path = frontier.directory / "report.md"
-    write_text(path, f"# Frontier\n\n{title}\n\n{table}\n{NOTE}")
-    return path
+    markdown = markdown_page("Frontier", [frontier_table(frontier)])
+    return write_reports(frontier.directory, {"policies": policies}, markdown)
 
 
 STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:"}

@@ -1,10 +1,7 @@
 """The leaderboard: results that are handed in, checked by running a sample again, and shown.
 
-A directory of `evaluate` as somebody hands it in: read, and every row held against its scenario.
-
-A random sample of the rows that somebody hands in, run again: every bit has to be the same.
-
-The board: a file for each policy on a suite, and the page that is made of them.
+A directory of `evaluate` is read and every row held against its scenario; a random sample of the rows is run
+again, of which every bit has to be the same; the board has a file for each policy on a suite, and a page.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from ..output.tables import markdown_table
 from ..rollout.environments import EnvName, profile_on
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Ending, Outcome, Score
-from ..rollout.policy_source import Sources, guessed_seconds, policy_sources
+from ..rollout.policy_source import guessed_seconds, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
@@ -79,11 +76,15 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     return Submission(directory, pushes, env_id, config["code"], rows)
 
 
-def _object(path: Path) -> dict[str, Any]:
+def _content(path: Path) -> bytes:
     try:
-        content = parse_json(repr(str(path)), read_file(path))
+        return read_file(path)
     except OSError as error:
         raise InvalidValueError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
+
+
+def _object(path: Path) -> dict[str, Any]:
+    content = parse_json(repr(str(path)), _content(path))
     if not isinstance(content, dict):
         raise InvalidValueError(f"{str(path)!r} holds no JSON object")
     return content
@@ -105,12 +106,8 @@ def _suite(name: str, given: str | None, env_id: str) -> Suite:
 
 def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
     """Rows by policy in the suite's order, every one of them there once."""
-    try:
-        lines = read_file(path).splitlines()
-    except OSError as error:
-        raise InvalidValueError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
     scenarios, found = {s.id: s for s in suite.scenarios}, {}
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(_content(path).splitlines(), start=1):
         row = parse_json(f"{str(path)!r} line {number}", line)
         policy, scenario_id = (
             row.get(key) if isinstance(row, dict) else None for key in ("policy", "scenario_id")
@@ -141,27 +138,27 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     Raises:
         InvalidValueError: naming the fields that do not.
     """
-    said = {key: value for key, value in row.items() if key != DIGEST}
+    outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
-        bounds = BoundsReport(dict(said["limits_met"]), dict(said["limit_shares"]))
+        bounds = BoundsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
         ending = Ending(
-            not said["survived"],
-            said["end_time"],
-            said["recovered_at"],
-            said["failure_reason"],
-            said["total_reward"],
+            not outcome["survived"],
+            outcome["end_time"],
+            outcome["recovered_at"],
+            outcome["failure_reason"],
+            outcome["total_reward"],
             bounds,
-            said.get("measures", {}),
+            outcome.get("measures", {}),
         )
-        follows = Outcome.of(scenario, said["policy"], ending, said["env_steps"]).to_dict()
+        follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
         if DIGEST not in row:
             raise KeyError(DIGEST)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidValueError(
             f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error!r}"
         ) from error
-    differs = [key for key in sorted({*said, *follows}) if said.get(key) != follows.get(key)]
-    if differs or not isinstance(said["survived"], bool):
+    differs = [key for key in sorted({*outcome, *follows}) if outcome.get(key) != follows.get(key)]
+    if differs or not isinstance(outcome["survived"], bool):
         raise InvalidValueError(
             f"row {scenario.id!r} of {row['policy']!r} contradicts its scenario or itself in: "
             f"{', '.join(differs or ['survived'])}"
@@ -173,10 +170,10 @@ def _check_report(path: Path, rows: Mapping[str, Sequence[Row]]) -> None:
     """Where there is a report, its counts are those of the rows."""
     if not path.is_file():
         return
-    told = _object(path).get("policies")
+    reported = _object(path).get("policies")
     for policy, mine in rows.items():
         score = Score.of(mine).to_dict()
-        entry = told.get(policy, {}) if isinstance(told, dict) else {}
+        entry = reported.get(policy, {}) if isinstance(reported, dict) else {}
         if differs := [key for key in score if entry and entry.get(key) != score[key]]:
             raise InvalidValueError(
                 f"{str(path)!r} tells other numbers of {policy!r} than the rows give: {', '.join(differs)}"
@@ -198,7 +195,12 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
         PushRecoveryError: a policy cannot be loaded.
     """
     sources = policy_sources(list(submission.rows))
-    _check_digests(submission, sources)
+    for name, source in sources.items():
+        if source.digest() != submission.digest(name):
+            raise InvalidValueError(
+                f"policy {name!r} is not the one of the rows: they state SHA-256 {submission.digest(name)}, "
+                f"it has {source.digest()}"
+            )
     rows = {(name, row["scenario_id"]): row for name, given in submission.rows.items() for row in given}
     chunks = make_chunks(samples, chunk_sizes(submission.env_id, sources), workers)
     done = dict.fromkeys(samples, 0)
@@ -212,25 +214,16 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
                 bars.set(outcome.policy, done[outcome.policy])
 
 
-def _check_digests(submission: Submission, sources: Sources) -> None:
-    for name, source in sources.items():
-        if source.digest() != submission.digest(name):
-            raise InvalidValueError(
-                f"policy {name!r} is not the one of the rows: they state SHA-256 {submission.digest(name)}, "
-                f"it has {source.digest()}"
-            )
-
-
 def _compare(given: Row, outcome: dict[str, Any]) -> None:
     """Raise InvalidValueError where an outcome is not the row that was handed in."""
-    came = json.loads(json.dumps(outcome))
-    said = {key: value for key, value in given.items() if key != DIGEST}
-    if differs := [key for key in sorted({*said, *came}) if said.get(key) != came.get(key)]:
+    again = json.loads(json.dumps(outcome))
+    stated = {key: value for key, value in given.items() if key != DIGEST}
+    if differs := [key for key in sorted({*stated, *again}) if stated.get(key) != again.get(key)]:
         key = "recovered" if "recovered" in differs else differs[0]
         raise InvalidValueError(
             f"row {given['scenario_id']!r} of {given['policy']!r} is not what running it again gives: {key} "
-            f"is {said.get(key)!r}, again {came.get(key)!r} ({len(differs)} fields differ); on another kind "
-            "of machine last bits may differ"
+            f"is {stated.get(key)!r}, again {again.get(key)!r} ({len(differs)} fields differ); on another "
+            "kind of machine last bits may differ"
         )
 
 
@@ -250,7 +243,7 @@ def policy_key(entry: Entry) -> str:
 
 
 def entry_of(submission: Submission, policy: str, checked: int) -> Entry:
-    """What the board keeps of a policy; `checked` of its rows were run again."""
+    """Entry of the board for a policy; `checked` of its rows were run again."""
     rows = submission.rows[policy]
     lines = "\n".join(json.dumps(row, sort_keys=True) for row in rows)
     return {
@@ -294,19 +287,17 @@ def read_board(board: Path) -> list[Entry]:
 
 def board_page(entries: Sequence[Entry]) -> str:
     """A table for each suite and environment, the best recovery first."""
+    parts = ["# Leaderboard\n\nMade by `push-recovery submit` from the files beside it; don't edit it.\n"]
+    if not entries:
+        return f"{parts[0]}\nNo results yet.\n"
     groups: dict[tuple[str, str, str], list[Entry]] = {}
     for entry in entries:
         suite = entry["suite"]
         groups.setdefault((suite["name"], suite["sha256"], entry["env"]), []).append(entry)
-    parts = ["# Leaderboard\n\nMade by `push-recovery submit` from the files beside it; don't edit it.\n"]
     for (name, digest, env), group in sorted(groups.items()):
-        ranked = sorted(
-            group, key=lambda entry: (-entry["score"]["recovered"], entry["policy"], policy_key(entry))
-        )
-        table = markdown_table(COLUMNS, [_cells(entry) for entry in ranked])
+        group.sort(key=lambda entry: (-entry["score"]["recovered"], entry["policy"], policy_key(entry)))
+        table = markdown_table(COLUMNS, [_cells(entry) for entry in group])
         parts.append(f"\n## {name}, {env}\n\nSuite SHA-256 `{digest}`.\n\n{table}")
-    if not entries:
-        return f"{parts[0]}\nNo results yet.\n"
     parts.append(
         "\nRecovered counts; intervals are Wilson's, 95 %. Checked: rows that were run again, bit for bit, "
         "when the entry was made. Rows of different code are not of one robot: compare those of equal code.\n"

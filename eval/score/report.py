@@ -1,109 +1,165 @@
-"""An evaluation as tables: rates, kinds of push, effort, profiles.
-
-What recovering took: medians over the pushes that all policies recover from, so that they compare.
-
-Recovered and survived by kind of push: which body, how often, on which walk.
-
-A kind is a question about a scenario; its answers split a suite into groups.
-
-An evaluation as a table and as a report.
-
-The same pushes on robots of several profiles, side by side: recovered and survived, and what is kept.
-"""
+"""An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits, profiles side by side."""
 
 from __future__ import annotations
 
 import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from ...controllers.files import write_text
+from ...controllers.whole_body.limits import BOUNDS
 from ...envs.scenario.scenario import Scenario
-from ..output.statistics import PairedCounts
-from ..output.tables import markdown_table
+from ..output.statistics import PairedCounts, holm
+from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.outcome import Score
 from .draw import count_of, walk_of
-from .evaluate import BOUNDS_NOTE, Evaluation, bound_cells, first_bounds
-from .evaluate import COLUMNS as BOUND_COLUMNS
+from .evaluate import Comparison, Evaluation, limit_summary, limits_met
 
 Row = Mapping[str, Any]
-EFFORT_COLUMNS = (
-    "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
-    "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
-)  # fmt: skip
-_SHOWN = {  # measure of a row -> factor to the unit of its column, digits
-    "recovered_after": (1.0, 2), "steps": (1.0, 0), "smallest_margin": (100.0, 1),
-    "trunk_excursion": (math.degrees(1.0), 1), "peak_torque": (1.0, 0), "mean_torque": (1.0, 1),
-    "energy": (1e-3, 2),
-}  # fmt: skip
-MEASURED = tuple(_SHOWN)[1:]  # what only rows with measures tell
-EFFORT_NOTE = (
-    "Medians over the pushes that all policies recover from. Recovered after: from the end of the last push "
-    "to the touchdown at which the recovery criterion holds. docs/evaluation.md says what each is.\n"
+Evaluations = Mapping[str, Evaluation]  # by profile, the first one what the others are held against
+RECOVERED_NOTE = (
+    "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
+    "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %."
 )
-Summary = dict[str, float | None]
-
-
-def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, Summary]]:
-    """How many pushes all policies recover from, and medians over them by policy, in the rows' own units.
-
-    None where no row tells of a measure, as of a pendulum's motors.
-    """
-    together = [pair for pair in evaluation.by_scenario() if all(row["recovered"] for row in pair[1])]
-    found: dict[str, Summary] = {}
-    for place, policy in enumerate(evaluation.rows):
-        told = [
-            {
-                "recovered_after": recovered_after(rows[place], scenario.settle_time),
-                **measures_of(rows[place]),
-            }
-            for scenario, rows in together
-            if scenario.duration is None
-        ]
-        found[policy] = {name: _median([one.get(name) for one in told]) for name in _SHOWN}
-    return len(together), found
-
-
-def recovered_after(row: Row, settle_time: float) -> float | None:
-    """Time from the end of the last push to recovery [s]; the episode ends `settle_time` after that push."""
-    if row.get("recovered_at") is None:
-        return None
-    return max(row["recovered_at"] - (row["end_time"] - settle_time), 0.0)
-
-
-def measures_of(row: Row) -> Mapping[str, float | None]:
-    """The measures of a row; none of another robot's."""
-    return row.get("measures", {})
-
-
-def effort_cells(evaluation: Evaluation, labels: Mapping[str, str] | None = None) -> list[tuple[str, ...]]:
-    """One row of cells for each policy, in COLUMNS; none where no row tells of any effort."""
-    _, summary = effort_summary(evaluation)
-    if all(value is None for one in summary.values() for name, value in one.items() if name in MEASURED):
-        return []
-    return [
-        ((labels or {}).get(policy, policy), *(_cell(one[name], *look) for name, look in _SHOWN.items()))
-        for policy, one in summary.items()
-    ]
-
-
-def _median(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return statistics.median(known) if known else None
-
-
-def _cell(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"
-
-
-KINDS: dict[str, Callable[[Scenario], str]] = {
+PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and corrected for several pairs."
+LIMITS_NOTE = (
+    "Limits count from the start of the first push on; docs/evaluation.md says what each is. First: falls "
+    "that met it first. Met: share of the episodes that met it. Time: mean share of the time until the end."
+)
+SMALLEST_P = 0.0001  # that is written out
+MINUS = "\N{MINUS SIGN}"
+REASONS = {  # why an episode does not count as recovered
+    "not_settled": "stayed up, but was not back in its commanded walk at the end",
+    "com_height": "the centre of mass sank too low above the standing foot",
+    "pelvis_tilt": "the pelvis leaned over by more than 60 degrees",
+    "not_finite": "the simulation ran out of numbers",
+    "dcm_diverged": "its motion ran away farther than any step can catch",
+}
+LIMITS = {  # of controllers/whole_body/limits.py, in words
+    "step_length": "the planned step is as long as it may be",
+    "step_width": "the planned step is as wide or as narrow as it may be",
+    "step_time": "the foot cannot come down any sooner",
+    "cop": "the planned centre of pressure is at the edge of where it may be",
+    "trunk_torque": "the trunk is swung as hard as it may be",
+    "trunk_angle": "the trunk leans as far as it may",
+    "leg_reach": "the foothold is farther than the leg reaches",
+    "joint_torque": "a motor gives all it can",
+    "sole_edge": "the pressure under the sole is at its edge",
+    "contact": "friction or load under the foot is at its bound",
+    "touchdown_error": "the foot landed elsewhere or later than planned",
+    "dcm_tracking": "the robot's motion is not what was planned",
+}
+KINDS: dict[str, Callable[[Scenario], str]] = {  # a question about a scenario, whose answers split a suite
     "body": lambda scenario: " and ".join(sorted({push.body for push in scenario.pushes})) or "none",
     "count": count_of,
     "command": walk_of,
 }
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number of an episode, as tables and pages show it."""
+
+    label: str
+    unit: str
+    digits: int
+    factor: float = 1.0  # from the unit of the row to that of the table
+    about: str = ""  # what the label leaves open
+    brief: str = ""  # the number in a line about one episode, as a format; none: it has no place there
+    value: Callable[[Row, Scenario], float | None] | None = None  # by default the row's measure of that name
+
+    def text(self, value: float | None) -> str:
+        """A value of a row, in the unit of the table."""
+        return "-" if value is None else f"{value * self.factor:.{self.digits}f}"
+
+
+def recovered_after(row: Row, scenario: Scenario) -> float | None:
+    """Time from the end of the last push to recovery [s]; an episode ends `settle_time` after that push."""
+    if row.get("recovered_at") is None:
+        return None
+    return max(row["recovered_at"] - (row["end_time"] - scenario.settle_time), 0.0)
+
+
+MEASURES = {  # by their names in a row
+    "recovered_after": Measure(
+        "recovered after", "s", 2, value=recovered_after,
+        about="from the end of the last push to the touchdown at which the recovery criterion holds",
+    ),
+    "steps": Measure("steps", "", 0),
+    "smallest_margin": Measure(
+        "smallest margin", "cm", 1, 100.0, brief="margin {:.0f} cm",
+        about="by how much the DCM could still be off before no step catches it; the smallest of an episode "
+        "says how near a fall was",
+    ),
+    "trunk_excursion": Measure(
+        "largest lean", "deg", 1, math.degrees(1.0), "of the trunk, in pitch or roll", "lean {:.0f} deg"
+    ),
+    "peak_torque": Measure("peak torque", "N m", 0, about="of a single motor"),
+    "mean_torque": Measure("mean torque", "N m", 1, about="over motors and time"),
+    "energy": Measure(
+        "energy", "kJ", 2, 1e-3, brief="{:.1f} kJ",
+        about="the sum of |torque times joint speed| over motors and time, braking included",
+    ),
+}  # fmt: skip
+
+
+def measure_of(name: str, row: Row, scenario: Scenario) -> float | None:
+    """A measure of an episode in the row's own unit; None where the row has none."""
+    value = MEASURES[name].value
+    return row.get("measures", {}).get(name) if value is None else value(row, scenario)
+
+
+def brief_measures(row: Row) -> str:
+    """Measures of an episode in few words; empty where the row lacks one of the measures for it."""
+    words = []
+    for name, measure in MEASURES.items():
+        if measure.brief:
+            value = row.get("measures", {}).get(name)
+            if value is None:
+                return ""
+            words.append(measure.brief.format(value * measure.factor))
+    return ", ".join(words)
+
+
+def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, float | None]]]:
+    """How many pushes all policies recover from, and medians over them by policy, in the rows' own units.
+
+    None where no row has a measure, as of a pendulum's motors.
+    """
+    together = [pair for pair in evaluation.by_scenario() if all(row["recovered"] for row in pair[1])]
+    found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
+    for place, summary in enumerate(found.values()):
+        for name in MEASURES:
+            values = [
+                measure_of(name, rows[place], scenario)
+                for scenario, rows in together
+                if scenario.duration is None
+            ]
+            known = [value for value in values if value is not None]
+            summary[name] = statistics.median(known) if known else None
+    return len(together), found
+
+
+def effort_table(evaluation: Evaluation) -> Table:
+    """Medians of what recovering took; no rows where no episode has measures."""
+    together, summary = effort_summary(evaluation)
+    in_rows = [name for name, measure in MEASURES.items() if measure.value is None]
+    measured = any(one[name] is not None for one in summary.values() for name in in_rows)
+    headings = (f"{one.label} [{one.unit}]" if one.unit else one.label for one in MEASURES.values())
+    pushes = f"{together} of {len(evaluation.suite.scenarios)} pushes"
+    return Table(
+        "Effort",
+        ("policy", *headings),
+        [
+            (policy, *(measure.text(one[name]) for name, measure in MEASURES.items()))
+            for policy, one in (summary.items() if measured else ())
+        ],
+        f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is.",
+    )
 
 
 def groups_of(scenarios: Sequence[Scenario]) -> dict[str, tuple[str, ...]]:
@@ -118,49 +174,31 @@ def groups_of(scenarios: Sequence[Scenario]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def kind_cells(scenarios: Sequence[Scenario], rows: Sequence[Row]) -> dict[str, str]:
-    """Group -> "recovered / survived of scenarios", from the rows of one policy."""
-    by_id = {row["scenario_id"]: row for row in rows}
-    cells = {}
-    for group, ids in groups_of(scenarios).items():
-        inside = [by_id[name] for name in ids]
-        recovered, survived = (sum(row[key] for row in inside) for key in ("recovered", "survived"))
-        cells[group] = f"{recovered} / {survived} of {len(inside)}"
-    return cells
+def kinds_table(evaluation: Evaluation) -> Table:
+    """Recovered and survived by kind of push; no rows where all pushes are of one kind."""
+    place = {scenario.id: i for i, scenario in enumerate(evaluation.suite.scenarios)}
 
+    def cell(rows: Sequence[Row], ids: Sequence[str]) -> str:
+        recovered, survived = (
+            sum(rows[place[name]][key] for name in ids) for key in ("recovered", "survived")
+        )
+        return f"{recovered} / {survived} of {len(ids)}"
 
-COLUMNS = ("policy", "recovered", "rate", "95 % interval", "survived")
-PAIR_COLUMNS = ("A", "B", "only A recovers", "only B recovers", "p")
-REASONS = ("not recovered", "first limit of the falls")  # columns of the report besides
-RECOVERED_NOTE = (
-    "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
-    "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %.\n"
-)
+    return Table(
+        "Kinds of push",
+        ("kind of push", *evaluation.rows),
+        [
+            (group, *(cell(rows, ids) for rows in evaluation.rows.values()))
+            for group, ids in groups_of(evaluation.suite.scenarios).items()
+        ],
+        "Recovered / survived.",
+    )
 
 
 def rate_cells(score: Score) -> tuple[str, str]:
     """Rate and Wilson interval as text."""
     low, high = score.ci95
     return f"{score.rate:.3f}", f"{low:.3f}-{high:.3f}"
-
-
-def evaluation_cells(evaluation: Evaluation) -> list[tuple[str, ...]]:
-    """One row of cells for each policy, in COLUMNS."""
-    cells = []
-    for name in evaluation.rows:
-        score = evaluation.score(name)
-        cells.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}"))
-    return cells
-
-
-def reason_cells(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Why each policy did not recover, and what its falls met first, in REASONS."""
-    cells = []
-    for name, rows in evaluation.rows.items():
-        failures = evaluation.score(name).failures
-        reasons = ", ".join(f"{reason} {count}" for reason, count in failures.items()) or "-"
-        cells.append((reasons, first_bounds(rows)))
-    return cells
 
 
 def evaluation_title(evaluation: Evaluation) -> str:
@@ -172,75 +210,173 @@ def evaluation_title(evaluation: Evaluation) -> str:
     )
 
 
-def evaluation_markdown(evaluation: Evaluation) -> str:
-    """The report as Markdown."""
-    rates, reasons = evaluation_cells(evaluation), reason_cells(evaluation)
-    cells = [(*cell, *why) for cell, why in zip(rates, reasons, strict=True)]
-    table = markdown_table((*COLUMNS, *REASONS), cells)
-    told = pairs_markdown, kinds_markdown, effort_markdown, limits_markdown
-    parts = "".join(part(evaluation) for part in told)
-    return f"# Evaluation\n\n{evaluation_title(evaluation)}\n\n{table}\n{RECOVERED_NOTE}{parts}"
+def rates_table(evaluation: Evaluation) -> Table:
+    """Recovered and survived of each policy."""
+    scores = {name: evaluation.score(name) for name in evaluation.rows}
+    return Table(
+        evaluation_title(evaluation),
+        ("policy", "recovered", "rate", "95 % interval", "survived"),
+        [
+            (name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}")
+            for name, score in scores.items()
+        ],
+        RECOVERED_NOTE,
+    )
 
 
-def pairs_markdown(evaluation: Evaluation) -> str:
-    """A table of every two policies on the same pushes; nothing where there is one alone."""
-    lines = []
-    for a, b in combinations(evaluation.rows, 2):
-        pairs = PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
-        lines.append((a, b, str(pairs.only_a), str(pairs.only_b), f"{pairs.p_value:.2g}"))
-    table = markdown_table(PAIR_COLUMNS, lines)
-    return f"\n## Pairs\n\n{table}\np: exact McNemar.\n" if lines else ""
+def reasons_of(evaluation: Evaluation) -> list[str]:
+    """Why episodes did not recover, in the order of REASONS, unknown ones last."""
+    met = {reason for name in evaluation.rows for reason in evaluation.score(name).failures}
+    return [*(reason for reason in REASONS if reason in met), *sorted(met - REASONS.keys())]
 
 
-def kinds_markdown(evaluation: Evaluation) -> str:
-    """A table of recovered and survived by kind of push; nothing where all pushes are of one kind."""
-    scenarios = evaluation.suite.scenarios
-    groups = tuple(groups_of(scenarios))
-    if not groups:
-        return ""
-    cells = {name: kind_cells(scenarios, rows) for name, rows in evaluation.rows.items()}
-    lines = [(group, *(cells[name][group] for name in cells)) for group in groups]
-    table = markdown_table(("kind of push", *cells), lines)
-    return f"\n## Kinds of push\n\n{table}\nRecovered / survived.\n"
+def first_limits(rows: Sequence[Row]) -> str:
+    """Limits that falls met first, the most frequent first, with their counts."""
+    falls = limits_met(row for row in rows if not row["survived"])
+    counts = sorted((-entry["first"], name) for name, entry in falls.items() if entry["first"])
+    return ", ".join(f"{name} {-count}" for count, name in counts) or "-"
 
 
-def effort_markdown(evaluation: Evaluation) -> str:
-    """A table of what recovering took; nothing where no row tells."""
-    cells = effort_cells(evaluation)
-    return f"\n## Effort\n\n{markdown_table(EFFORT_COLUMNS, cells)}\n{EFFORT_NOTE}" if cells else ""
+def reasons_table(evaluation: Evaluation) -> Table:
+    """Number of pushes that each policy recovered from and lost for each reason, and what falls met first."""
+    reasons, lines = reasons_of(evaluation), []
+    for name, rows in evaluation.rows.items():
+        score = evaluation.score(name)
+        lost = (str(score.failures.get(reason, 0)) for reason in reasons)
+        lines.append((name, str(score.recovered), *lost, first_limits(rows)))
+    columns = ("policy", "recovered", *reasons, "first limit of the falls")
+    return Table("Why pushes are lost", columns, lines)
 
 
-def limits_markdown(evaluation: Evaluation) -> str:
-    """A table of the limits met for each policy; nothing where none was."""
-    tables = {name: bound_cells(rows) for name, rows in evaluation.rows.items()}
-    parts = [f"\n{name}\n\n{markdown_table(BOUND_COLUMNS, cells)}" for name, cells in tables.items() if cells]
-    return f"\n## Limits\n{''.join(parts)}\n{BOUNDS_NOTE}" if parts else ""
+def ranked(evaluation: Evaluation) -> list[str]:
+    """Policies, the one that recovers most first; equal ones in the order given."""
+    return sorted(evaluation.rows, key=lambda name: -evaluation.score(name).recovered)
 
 
-KEPT_COLUMNS = ("policy", "recovers of its own", "survives of its own", "lost", "gained", "p")
-Evaluations = Mapping[str, Evaluation]  # by profile, the first one what the others are held against
+def points(share: float) -> str:
+    """A difference of shares in points of per cent, with its sign."""
+    return f"{100.0 * share:+.1f}".replace("-", MINUS)
 
 
-def profile_columns(evaluations: Evaluations) -> tuple[str, ...]:
-    """Headings of `profile_cells`."""
-    return ("policy", *(heading for name in evaluations for heading in (f"recovered, {name}", "survived")))
+def p_words(p: float) -> str:
+    """A p value as people write it."""
+    return f"p < {SMALLEST_P:g}" if p < SMALLEST_P else f"p = {p:.2g}"
 
 
-def profile_cells(evaluations: Evaluations) -> list[tuple[str, ...]]:
+def pairs_table(evaluation: Evaluation) -> Table:
+    """Every two policies on the same pushes, the better ones first; no rows where there is one alone."""
+    pairs = {
+        (a, b): PairedCounts.of_rows(evaluation.rows[a], evaluation.rows[b])
+        for a, b in combinations(ranked(evaluation), 2)
+    }
+    corrected, lines = holm([counts.p_value for counts in pairs.values()]), []
+    for ((a, b), counts), p in zip(pairs.items(), corrected, strict=True):
+        low, high = counts.interval
+        difference = f"{points(counts.rate_difference)} ({points(low)} to {points(high)})"
+        numbers = map(str, (counts.both, counts.only_a, counts.only_b, counts.neither))
+        ps = (p_words(value).removeprefix("p ").removeprefix("= ") for value in (counts.p_value, p))
+        lines.append((f"{a} and {b}", *numbers, difference, *ps))
+    columns = ("A and B", "both", "only A", "only B", "neither", "A minus B [points]", "p", "p, Holm")
+    return Table("Pairs", columns, lines, PAIRS_NOTE)
+
+
+def limits_table(evaluation: Evaluation) -> Table:
+    """Mean share of the time at each limit that was met, of falls and of recoveries."""
+    summaries = [limit_summary(rows) for rows in evaluation.rows.values()]
+
+    def cell(summary: Mapping[str, Mapping[str, Mapping[str, float]]], limit: str) -> str:
+        times = (summary[part].get(limit, {}).get("time", 0.0) for part in ("falls", "recovered"))
+        return " / ".join(f"{100.0 * time:.0f} %" for time in times)
+
+    return Table(
+        "Limits met",
+        ("limit", "met while", *evaluation.rows),
+        [
+            (limit, LIMITS.get(limit, ""), *(cell(summary, limit) for summary in summaries))
+            for limit in BOUNDS
+            if any(limit in part for summary in summaries for part in summary.values())
+        ],
+        f"Mean share of the time, of falls / of recoveries. {LIMITS_NOTE}",
+        words=2,
+    )
+
+
+def limit_details(evaluation: Evaluation) -> list[Table]:
+    """Limits that each policy met: how often first and at all, and for how long."""
+    columns = [f"{what} in {part}" for part in ("falls", "recovered") for what in ("first", "met", "time")]
+    columns.remove("first in recovered")
+    nothing, tables = {"first": 0, "met": 0.0, "time": 0.0}, []
+    for name, rows in evaluation.rows.items():
+        summary, lines = limit_summary(rows), []
+        for limit in BOUNDS:
+            if any(limit in part for part in summary.values()):
+                fell, stood = (part.get(limit, nothing) for part in summary.values())
+                numbers = (f"{part[what]:.2f}" for part in (fell, stood) for what in ("met", "time"))
+                lines.append((limit, str(fell["first"]), *numbers))
+        tables.append(Table(f"Limits of {name}", ("limit", *columns), lines))
+    return tables
+
+
+def evaluation_tables(evaluation: Evaluation) -> dict[str, Table]:
+    """The tables of an evaluation by the part of a report that they are in."""
+    return {
+        "rates": rates_table(evaluation),
+        "pairs": pairs_table(evaluation),
+        "kinds": kinds_table(evaluation),
+        "effort": effort_table(evaluation),
+        "reasons": reasons_table(evaluation),
+        "limits": limits_table(evaluation),
+    }
+
+
+def write_evaluation_reports(evaluation: Evaluation, reported: Evaluation) -> Path:
+    """Write report.json of an evaluation, and report.md of what is reported of it; returns the latter's path.
+
+    Args:
+        evaluation: whose directory the reports go to.
+        reported: the same, or with a stored ceiling among its policies.
+    """
+    content = evaluation.to_dict()
+    for name, entry in content["policies"].items():
+        entry["limits"] = limit_summary(evaluation.rows[name])
+    content["wall_time_s"] = round(evaluation.wall_time, 3)
+    tables = [*evaluation_tables(reported).values(), *limit_details(reported)]
+    return write_reports(evaluation.directory, content, markdown_page("Evaluation", tables))
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """Pairs of outcomes of two policies, the difference of their rates, and its p."""
+    a, b, content = comparison.a, comparison.b, comparison.to_dict()
+    low, high = content["ci95"]
+    return Table(
+        f"{comparison.evaluation.env_id}: {content['pairs']} pairs of suite {content['suite']}",
+        ("", "value"),
+        [
+            ("both recovered", str(content["both"])),
+            (f"only {a}", str(content["only_a"])),
+            (f"only {b}", str(content["only_b"])),
+            ("neither", str(content["neither"])),
+            (f"rate of {a} minus rate of {b}",
+             f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})"),
+            (f"survived {a}, {b}", f"{content['survived_a']}, {content['survived_b']}"),
+            ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
+        ],
+    )  # fmt: skip
+
+
+def profiles_table(evaluations: Evaluations) -> Table:
     """Rates of each policy, that of recovery with its Wilson interval, profile beside profile."""
-    lines = []
-    for policy in next(iter(evaluations.values())).rows:
-        line = [policy]
-        for evaluation in evaluations.values():
-            score = evaluation.score(policy)
-            rate, interval = rate_cells(score)
-            line += [f"{rate} ({interval})", f"{score.survived / score.episodes:.3f}"]
-        lines.append(tuple(line))
-    return lines
+    first, lines = next(iter(evaluations.values())), []
+    for policy in first.rows:
+        scores = [evaluation.score(policy) for evaluation in evaluations.values()]
+        cells = [("{} ({})".format(*rate_cells(one)), f"{one.survived / one.episodes:.3f}") for one in scores]
+        lines.append((policy, *(text for pair in cells for text in pair)))
+    headings = (heading for name in evaluations for heading in (f"recovered, {name}", "survived"))
+    return Table(evaluation_title(first), ("policy", *headings), lines, RECOVERED_NOTE)
 
 
-def kept_cells(a: Evaluation, b: Evaluation) -> list[tuple[str, ...]]:
-    """What each policy keeps under b of what it does under a, in KEPT_COLUMNS.
+def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
+    """Recoveries and survivals under b, beside those under a.
 
     Shares of its own number under a; lost and gained recoveries on the same pushes; exact McNemar p.
     """
@@ -249,28 +385,16 @@ def kept_cells(a: Evaluation, b: Evaluation) -> list[tuple[str, ...]]:
         pairs = PairedCounts.of_rows(a.rows[policy], b.rows[policy])
         before, after = a.score(policy), b.score(policy)
         shares = (after.recovered, before.recovered), (after.survived, before.survived)
-        kept = [f"{new / old:.3f}" if old else "-" for new, old in shares]
-        counts = str(pairs.only_a), str(pairs.only_b)
-        lines.append((policy, *kept, *counts, f"{pairs.p_value:.2g}"))
-    return lines
-
-
-def profiles_markdown(evaluations: Evaluations) -> str:
-    """The page: rates side by side, then each profile held against the first."""
-    (first, base), *others = evaluations.items()
-    parts = [
-        f"# Profiles\n\n{evaluation_title(base)}\n\n"
-        f"{markdown_table(profile_columns(evaluations), profile_cells(evaluations))}\n{RECOVERED_NOTE}"
-    ]
-    parts += [
-        f"\n## {name} against {first}\n\n{markdown_table(KEPT_COLUMNS, kept_cells(base, evaluation))}"
-        for name, evaluation in others
-    ]
-    return "".join(parts)
+        kept = (f"{new / old:.3f}" if old else "-" for new, old in shares)
+        lines.append((policy, *kept, str(pairs.only_a), str(pairs.only_b), f"{pairs.p_value:.2g}"))
+    columns = ("policy", "recovers of its own", "survives of its own", "lost", "gained", "p")
+    return Table(title, columns, lines)
 
 
 def write_profiles(evaluations: Evaluations, directory: Path) -> Path:
-    """Write profiles.md into a directory; returns its path."""
+    """Write profiles.md: rates side by side, then each profile against the first; returns its path."""
+    (first, base), *others = evaluations.items()
+    tables = [kept_table(base, one, f"{name} against {first}") for name, one in others]
     path = directory / "profiles.md"
-    write_text(path, profiles_markdown(evaluations))
+    write_text(path, markdown_page("Profiles", [profiles_table(evaluations), *tables]))
     return path

@@ -1,15 +1,11 @@
 """What outcomes depend on: a sample of a suite under other solvers, steps, losses and delays.
 
-Robots and physics to compare with the exact one: one thing at a time, and some together.
-
-A sample of a suite under every variation, and what each has lost and gained against the exact robot.
-
-The sensitivity of outcomes as a table and as a report.
+Each variation is a profile that changes one thing of the exact robot or its physics, and some together; each
+is held against the exact robot on the same pushes.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,12 +13,11 @@ from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import write_text
 from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from ...envs.scenario.scenario import EXACT, HARDWARE, ONBOARD, Profile
 from ..output.statistics import PairedCounts
-from ..output.tables import markdown_table
+from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.outcome import Score
 from .evaluate import Evaluation, evaluate
 from .suites import Suite
@@ -105,7 +100,7 @@ class Sensitivity:
     evaluation: Evaluation
 
     def changes(self, policy: str) -> list[Change]:
-        """What becomes of a policy under each variation, in order."""
+        """Outcomes of a policy under each variation, in order."""
         rows = self.evaluation.rows[policy]
         parts = [rows[i : i + self.pushes] for i in range(0, len(rows), self.pushes)]
         found = []
@@ -188,44 +183,36 @@ def sensitivity(
     return Sensitivity(suite, count, names, evaluation)
 
 
-COLUMNS = ("variation", "recovered", "survived", "lost", "gained", "difference of rates", "p")
 NOTE = (
     "Lost and gained: pushes that the exact robot recovers from and this one does not, and the other way "
     "round. Difference: rate of recovery minus that of the exact robot, with its 95 % score interval "
-    "(Newcombe). p: exact McNemar. What a variation is: docs/generated/sensitivity.md.\n"
+    "(Newcombe). p: exact McNemar. What a variation is: docs/generated/sensitivity.md."
 )
 
 
-def sensitivity_title(result: Sensitivity, policy: str) -> str:
-    """Environment, policy and suite in one line."""
-    return (
-        f"{result.evaluation.env_id}: {policy}, {result.pushes} pushes of suite {result.suite.name} "
-        f"v{result.suite.version}, sha256 {result.suite.sha256[:12]}"
-    )
-
-
-def sensitivity_cells(changes: list[Change]) -> list[tuple[str, ...]]:
-    """One row of cells for each variation, in COLUMNS."""
-    cells = []
-    for change in changes:
-        score, pairs = change.score, change.recovered
-        low, high = pairs.interval
-        difference = f"{pairs.rate_difference:+.3f} ({low:+.3f} to {high:+.3f})"
-        counts = (str(n) for n in (score.recovered, score.survived, pairs.only_b, pairs.only_a))
-        compared = (difference, f"{pairs.p_value:.2g}") if change is not changes[0] else ("-", "-")
-        cells.append((change.variation, *counts, *compared))
-    return cells
+def sensitivity_tables(result: Sensitivity) -> list[Table]:
+    """Counts of each policy under every variation, and how they differ from those of the exact robot."""
+    suite, tables = result.suite, []
+    for policy in result.evaluation.rows:
+        lines = []
+        for change in result.changes(policy):
+            pairs, compared = change.recovered, ("-", "-")
+            if change.variation != EXACT.name:
+                low, high = pairs.interval
+                difference = f"{pairs.rate_difference:+.3f} ({low:+.3f} to {high:+.3f})"
+                compared = difference, f"{pairs.p_value:.2g}"
+            counts = change.score.recovered, change.score.survived, pairs.only_b, pairs.only_a
+            lines.append((change.variation, *map(str, counts), *compared))
+        title = (
+            f"{result.evaluation.env_id}: {policy}, {result.pushes} pushes of suite {suite.name} "
+            f"v{suite.version}, sha256 {suite.sha256[:12]}"
+        )
+        columns = "variation", "recovered", "survived", "lost", "gained", "difference of rates", "p"
+        tables.append(Table(title, columns, lines, NOTE))
+    return tables
 
 
 def write_sensitivity_reports(result: Sensitivity) -> Path:
     """Write report.json and report.md into the directory; returns the path of the latter."""
-    directory = result.evaluation.directory
-    write_text(directory / "report.json", json.dumps(result.to_dict(), indent=1) + "\n")
-    parts = [
-        f"## {sensitivity_title(result, policy)}\n\n"
-        + markdown_table(COLUMNS, sensitivity_cells(result.changes(policy)))
-        for policy in result.evaluation.rows
-    ]
-    path = directory / "report.md"
-    write_text(path, "# Sensitivity\n\n" + "\n".join(parts) + f"\n{NOTE}")
-    return path
+    markdown = markdown_page("Sensitivity", sensitivity_tables(result))
+    return write_reports(result.evaluation.directory, result.to_dict(), markdown)

@@ -1,6 +1,6 @@
 """Versioned suites of scenarios: the same pushes for every policy, addressed by a hash of their content.
 
-A suite of one's own, drawn from a seed: pushes of a known kind that nobody has met.
+Built-in suites have names, to which `register_suite` adds; `new_suite` draws one from a seed.
 """
 
 from __future__ import annotations
@@ -42,6 +42,15 @@ PROFILED = {  # suites of a profile that have names of their own
 PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+=,@-]{0,999}")
 
 
+def check_name(part: str, text: object) -> None:
+    """Raise InvalidValueError where a name or version of a suite is not plain text."""
+    if not (isinstance(text, str) and PLAIN_NAME.fullmatch(text)):
+        raise InvalidValueError(
+            f"a suite's {part} must be 1 to 1000 letters, digits, spaces and ._+=,@- that begin with "
+            f"a letter or digit, got {shown(text)}"
+        )
+
+
 @dataclass(frozen=True)
 class Suite:
     """A named, versioned, ordered set of scenarios with distinct ids."""
@@ -51,12 +60,8 @@ class Suite:
     scenarios: tuple[Scenario, ...]
 
     def __post_init__(self) -> None:
-        for part, text in (("name", self.name), ("version", self.version)):
-            if not (isinstance(text, str) and PLAIN_NAME.fullmatch(text)):
-                raise InvalidValueError(
-                    f"a suite's {part} must be 1 to 1000 letters, digits, spaces and ._+=,@- that begin with "
-                    f"a letter or digit, got {shown(text)}"
-                )
+        check_name("name", self.name)
+        check_name("version", self.version)
         if not self.scenarios:
             raise InvalidValueError(f"suite {self.name!r} has no scenarios")
         ids = [scenario.id for scenario in self.scenarios]
@@ -126,7 +131,11 @@ def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
             f"suite {suite.name!r} has model errors already: scenario {taken[0].id!r} has "
             f"{taken[0].errors.to_dict()}"
         )
-    label = "+".join(f"{name}={_text(value)}" for name, value in errors.to_dict().items())
+    values = {
+        name: ",".join(map(str, value)) if isinstance(value, list) else value
+        for name, value in errors.to_dict().items()
+    }
+    label = "+".join(f"{name}={value}" for name, value in values.items())
     scenarios = tuple(replace(scenario, errors=errors) for scenario in suite.scenarios)
     return Suite(f"{suite.name}+{label}", suite.version, scenarios)
 
@@ -159,10 +168,6 @@ def of_size(suite: Suite, robot: str, size: Similarity) -> Suite:
     return Suite(f"{suite.name}{OF_ROBOT}{robot}", suite.version, scenarios)
 
 
-def _text(value: float | list[float]) -> str:
-    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     """1024 pushes from `ranges`, one each, in four blocks of 256."""
     return Suite(name, VERSION, pelvis_scenarios(name, ranges, BLOCKS, seed))
@@ -175,12 +180,6 @@ def standard_suite() -> Suite:
 
 
 @cache
-def quick_1_suite() -> Suite:
-    """`quick` until its version 2: the first 256 of `standard`, stratified too; the pendulum's still."""
-    return Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])
-
-
-@cache
 def quick_suite() -> Suite:
     """256 pushes of every kind like those of `varied`, up to harder ones."""
     return Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST)))
@@ -188,13 +187,13 @@ def quick_suite() -> Suite:
 
 @cache
 def hard_suite() -> Suite:
-    """Like `standard`, but 80-200 N s: pushes that tell strong controllers apart."""
+    """Like `standard`, but 80-200 N s: pushes that separate strong controllers."""
     return _stratified_suite("hard", HARD, HARD_SEED)
 
 
 @cache
 def varied_suite() -> Suite:
-    """1024 pushes of every kind, see `varied`."""
+    """1024 pushes of every kind, see `varied_scenarios`."""
     return Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED))
 
 
@@ -224,38 +223,43 @@ def hardware_suite() -> Suite:
     return with_profile(varied_suite(), HARDWARE)
 
 
-@cache
-def hardware_sealed_suite() -> Suite:
-    """The pushes of `varied-sealed` on robots of the profile `hardware`."""
-    return with_profile(varied_sealed_suite(), HARDWARE)
-
-
-@cache
-def kick_suite(form: str) -> Suite:
-    """1200 jumps of the velocity in place, of a form of `protocols.kick`."""
-    return Suite("kick" if form == "stated" else f"kick-{form}", VERSION, every_kick(form))
-
-
-@cache
-def shift_suite(name: str) -> Suite:
-    """256 pushes like those of `hard`, one thing changed of each: see `shifts`."""
+def _shift_suite(name: str) -> Suite:
     return Suite(name, VERSION, shifted_scenarios(name, name, 1, SHIFTS[name].seed))
 
 
 SUITES: dict[str, Callable[[], Suite]] = {
-    "quick": quick_suite,
+    "quick": quick_suite,  # 256 of every kind
     "standard": standard_suite,
     "hard": hard_suite,
     "varied": varied_suite,
     "hardware": hardware_suite,
     "varied-sealed": varied_sealed_suite,
-    "hardware-sealed": hardware_sealed_suite,
+    "hardware-sealed": cache(lambda: with_profile(varied_sealed_suite(), HARDWARE)),
     "hard-sealed": hard_sealed_suite,
-    "quick-1": quick_1_suite,
-    **{name: partial(shift_suite, name) for name in SHIFTS},
-    "kick": partial(kick_suite, "stated"),
-    "kick-coded": partial(kick_suite, "coded"),
+    # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
+    "quick-1": cache(lambda: Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])),
+    # 256 pushes like those of `hard`, one thing changed of each
+    **{name: cache(partial(_shift_suite, name)) for name in SHIFTS},
+    # 1200 jumps of the velocity in place
+    "kick": cache(lambda: Suite("kick", VERSION, every_kick("stated"))),
+    "kick-coded": cache(lambda: Suite("kick-coded", VERSION, every_kick("coded"))),
 }
+
+
+def register_suite(name: str, maker: Callable[[], Suite]) -> None:
+    """Give a suite of one's own a name, which `evaluate` and all others in this process then take.
+
+    Args:
+        name: that no suite has; the suite may call itself something else.
+        maker: makes the suite, the same each time; called when it is first asked for.
+
+    Raises:
+        InvalidValueError: the name is taken, or is none.
+    """
+    check_name("name", name)
+    if name in SUITES:
+        raise InvalidValueError(f"there is a suite {name!r} already")
+    SUITES[name] = cache(maker)
 
 
 def default_suite(env_id: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.settings import PresetFile, load_preset
 from ..output.rows import Writer, default_directory
-from ..output.tables import print_table
+from ..output.tables import Table
 from ..rollout.environments import code_digest
 from .study import OnTrial, Study, TuningSettings, space_of, tune, whose
 
@@ -93,20 +93,20 @@ def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[st
     return each
 
 
-def print_variants(found: VariantStudies) -> None:
-    """Print the tables of every variant, and where the presets lie."""
+def result_tables(found: VariantStudies) -> list[Table]:
+    """Scores of each variant on both suites, and the fields that moved most."""
+    tables = []
     for study in found.studies.values():
-        settings, entry = study.settings, study.preset.found
-        print_table(
-            f"{settings.env_id}: {settings.policy}, {entry['trials']} trials, {entry['episodes']} episodes",
-            ("suite", "start", "best", "difference", "McNemar p"),
-            [score_cells(name, entry[name]) for name in ("tuning", "held_out")],
+        settings, content = study.settings, study.preset.found
+        title = (
+            f"{settings.env_id}: {settings.policy}, {content['trials']} trials, "
+            f"{content['episodes']} episodes ({study.path})"
         )
-        print_table(
-            "Fields that moved most", ("field", "start", "best", "change [units]"), field_cells(study)
-        )
-        print(f"preset: {study.path}")
-    print(f"preset of all of these arms: {found.path}")
+        scores = [score_cells(name, content[name]) for name in ("tuning", "held_out")]
+        tables.append(Table(title, ("suite", "start", "best", "difference", "McNemar p"), scores))
+        moved = field_cells(study)
+        tables.append(Table("Fields that moved most", ("field", "start", "best", "change [units]"), moved))
+    return tables
 
 
 def summary(found: VariantStudies) -> dict[str, Any]:

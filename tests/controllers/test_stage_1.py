@@ -1,7 +1,4 @@
-"""The capture-point rule, with footholds worked out by hand.
-
-Plans of stage 1 in states that a walk seldom meets, against their equations written out here.
-"""
+"""Stage 1 against general solvers, fine grids, optimality conditions, and its equations written out here."""
 
 import math
 from dataclasses import replace
@@ -9,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import DURATION, STEP, GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.nominal_gait import nominal_gait, transfer_weight
 from push_recovery.controllers.model.observation import (
     COMMAND,
     DCM,
@@ -148,7 +144,6 @@ def test_bad_problems_are_refused(change):
 
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
-OMEGA_CAPTURE_STEP = ROBOT.omega
 CONFIG = PlannerConfig(foothold="capture_point", push_carry=0.0, freeze=0.0)
 
 
@@ -164,7 +159,7 @@ def plan(elapsed, dcm, command=(0.0, 0.0), config=CONFIG, swing=(0.0, 0.2)):
 def nominal_dcm(gait, elapsed, delay=0.0):
     """(u + b) exp(-omega (T + delay - t)), (2,)."""
     end = np.array([gait.length + gait.offset_x, gait.width + gait.offset_y])
-    return end * math.exp(-OMEGA_CAPTURE_STEP * (gait.duration + delay - elapsed))
+    return end * math.exp(-ROBOT.omega * (gait.duration + delay - elapsed))
 
 
 @pytest.mark.parametrize("elapsed", [0.0, 0.2, 0.6])
@@ -178,7 +173,7 @@ def test_the_capture_points_error_moves_the_foothold_one_for_one_at_any_moment(e
     pushed = plan(elapsed, expected + [0.05, -0.03], command)
     np.testing.assert_allclose(pushed[STEP : STEP + 2], [gait.length + 0.05, gait.width - 0.03], atol=1e-12)
     assert pushed[DURATION] == gait.duration
-    growth = math.exp(OMEGA_CAPTURE_STEP * (gait.duration - elapsed))
+    growth = math.exp(ROBOT.omega * (gait.duration - elapsed))
     left = gait.offset + (growth - 1.0) * np.array([0.05, -0.03])  # what one for one leaves to the next step
     np.testing.assert_allclose(pushed[OFFSET : OFFSET + 2], left, atol=1e-12)
 
@@ -209,7 +204,7 @@ def test_a_step_that_is_late_ends_a_margin_from_now_and_its_delay_counts():
     late = plan(0.9, (0.0, 0.1), config=config)
     assert late[DURATION] == pytest.approx(0.92)
     assert late[REMAINING] == pytest.approx(0.03)
-    nominal = (0.2 + gait.offset_y) * math.exp(-OMEGA_CAPTURE_STEP * 0.03)
+    nominal = (0.2 + gait.offset_y) * math.exp(-ROBOT.omega * 0.03)
     assert late[STEP + 1] == pytest.approx(0.2 + 0.1 - nominal, abs=1e-12)
 
 
@@ -220,7 +215,7 @@ def test_in_double_support_a_foot_that_follows_to_the_end_leaves_the_nominal_g()
     gait = nominal_gait(ROBOT, LIMITS, (0.2, 0.0), 0.0, d)
     end = np.array([gait.length + gait.offset_x, gait.width + gait.offset_y])
     row = plan(gait.duration, end + [0.02, 0.01], (0.2, 0.0), config)
-    c = 1.0 - (1.0 - math.exp(-OMEGA_CAPTURE_STEP * d)) / (OMEGA_CAPTURE_STEP * d)  # kappa(0)
+    c = 1.0 - (1.0 - math.exp(-ROBOT.omega * d)) / (ROBOT.omega * d)  # kappa(0)
     g = row[OFFSET : OFFSET + 2] + c * row[STEP : STEP + 2]
     np.testing.assert_allclose(g, gait.offset + c * np.array([gait.length, gait.width]), atol=1e-12)
 
@@ -231,10 +226,7 @@ def test_another_foothold_is_refused_and_the_nearest_named():
         PlannerConfig(foothold="capture")  # pyright: ignore[reportArgumentType]
 
 
-OMEGA_PLANNER = ROBOT.omega
-
-
-def planner_plan(observation: np.ndarray, config: PlannerConfig, adapt: bool = True) -> np.ndarray:
+def row_of(observation: np.ndarray, config: PlannerConfig, adapt: bool = True) -> np.ndarray:
     """The row (ROW_SIZE,) of one observation (36,)."""
     rows = np.zeros((1, ROW_SIZE))
     StepPlanner(ROBOT, LIMITS, config, adapt).plan(observation[None], rows)
@@ -249,10 +241,10 @@ def test_a_step_that_is_held_ends_where_its_dcm_drifts_to(elapsed):
     asked = np.array([0.1, 0.25, 0.4, 0.0, 0.0, 0.0, 0.0])
     observation[PREVIOUS_ACTION] = LIMITS.to_action(asked)
     observation[ELAPSED], observation[DCM] = elapsed, (0.12, 0.2)
-    row = planner_plan(observation, config)
+    row = row_of(observation, config)
     assert row[HELD] == 1.0
     np.testing.assert_allclose(row[STEP : STEP + 3], asked[:3], atol=1e-6)
-    growth = math.exp(OMEGA_PLANNER * (max(0.4 - elapsed, 0.0) + 0.02))
+    growth = math.exp(ROBOT.omega * (max(0.4 - elapsed, 0.0) + 0.02))
     np.testing.assert_allclose(
         row[OFFSET : OFFSET + 2], growth * np.array([0.12, 0.2]) - asked[:2], atol=1e-5
     )
@@ -265,8 +257,8 @@ def test_only_a_push_beyond_its_threshold_is_carried_on():
     for observation in (quiet, below, above):
         observation[DCM] = 0.02, 0.1
     below[PUSH_ESTIMATE], above[PUSH_ESTIMATE] = (0.12, 0.15), (0.13, 0.16)  # 0.192 and 0.206 m
-    assert planner_plan(below, config).tobytes() == planner_plan(quiet, config).tobytes()
-    assert abs(planner_plan(above, config)[STEP] - planner_plan(quiet, config)[STEP]) > 1e-3
+    assert row_of(below, config).tobytes() == row_of(quiet, config).tobytes()
+    assert abs(row_of(above, config)[STEP] - row_of(quiet, config)[STEP]) > 1e-3
 
 
 def test_in_double_support_the_step_keeps_its_price():
@@ -277,23 +269,23 @@ def test_in_double_support_the_step_keeps_its_price():
     observation = np.zeros(36)
     observation[ELAPSED], observation[DCM], observation[COMMAND] = 0.05, (0.03, 0.16), (0.2, 0.0)
     observation[SWING_POSITION] = -0.1, 0.2, 0.0
-    row = planner_plan(observation, config)
+    row = row_of(observation, config)
     nominal = nominal_gait(ROBOT, LIMITS, (0.2, 0.0), 0.0, d)
-    c, now = transfer_weight(0.0, d, OMEGA_PLANNER), transfer_weight(0.05, d, OMEGA_PLANNER)
+    c, now = transfer_weight(0.0, d, ROBOT.omega), transfer_weight(0.05, d, ROBOT.omega)
     reach = 1.0 - c
-    gain = (observation[DCM] - now * observation[SWING_POSITION][:2]) * math.exp(-OMEGA_PLANNER * 0.05)
+    gain = (observation[DCM] - now * observation[SWING_POSITION][:2]) * math.exp(-ROBOT.omega * 0.05)
     step = np.array([nominal.length, nominal.width])
     offset = nominal.offset + c * step
     exact = solve_step(
         StepProblem(
             gain=(gain[0], gain[1]),
             step_nominal=(reach * step[0], reach * step[1]),
-            tau_nominal=math.exp(OMEGA_PLANNER * nominal.duration),
+            tau_nominal=math.exp(ROBOT.omega * nominal.duration),
             offset_nominal=(offset[0], offset[1]),
             step_low=(reach * LIMITS.length_min, reach * LIMITS.width_min),
             step_high=(reach * LIMITS.length_max, reach * LIMITS.width_max),
-            tau_low=math.exp(OMEGA_PLANNER * LIMITS.duration_min),
-            tau_high=math.exp(OMEGA_PLANNER * LIMITS.duration_max),
+            tau_low=math.exp(ROBOT.omega * LIMITS.duration_min),
+            tau_high=math.exp(ROBOT.omega * LIMITS.duration_max),
             alpha_step=50.0 / reach**2,
             alpha_duration=config.alpha_duration,
             alpha_offset=5.0,
@@ -302,7 +294,7 @@ def test_in_double_support_the_step_keeps_its_price():
     found = np.array(exact.step) / reach
     assert abs(found[0] - nominal.length) > 0.01  # the price is felt
     np.testing.assert_allclose(row[STEP : STEP + 2], found, atol=1e-9)
-    assert row[DURATION] == pytest.approx(exact.duration(OMEGA_PLANNER), abs=1e-9)
+    assert row[DURATION] == pytest.approx(exact.duration(ROBOT.omega), abs=1e-9)
     np.testing.assert_allclose(row[OFFSET : OFFSET + 2], np.array(exact.offset) - c * found, atol=1e-9)
     np.testing.assert_allclose(
         row[TARGET : TARGET + 2], found + nominal.offset + c * (step - found), atol=1e-9
@@ -313,11 +305,11 @@ def test_a_swing_foot_that_cannot_be_in_time_gets_the_longest_step():
     """With hardly any acceleration every place needs longer than T_max, which stays the bound."""
     observation = np.zeros(36)
     observation[DCM], observation[SWING_POSITION] = (0.2, 0.25), (-0.5, 0.3, 0.0)
-    row = planner_plan(observation, PlannerConfig(swing_acceleration=0.5))
+    row = row_of(observation, PlannerConfig(swing_acceleration=0.5))
     assert row[DURATION] == pytest.approx(LIMITS.duration_max, abs=1e-9)
     late = observation.copy()
     late[ELAPSED] = LIMITS.duration_max + 0.1
-    assert planner_plan(late, PlannerConfig(swing_acceleration=0.5))[DURATION] == pytest.approx(
+    assert row_of(late, PlannerConfig(swing_acceleration=0.5))[DURATION] == pytest.approx(
         LIMITS.duration_max + 0.1, abs=1e-9
     )
 
@@ -326,7 +318,7 @@ def test_without_adaptation_every_state_gets_the_nominal_gait():
     observation = np.zeros(36)
     observation[DCM], observation[COMMAND], observation[ELAPSED] = (0.4, -0.3), (0.3, 0.05), 0.2
     row, nominal = (
-        planner_plan(observation, PlannerConfig(), adapt=False),
+        row_of(observation, PlannerConfig(), adapt=False),
         nominal_gait(ROBOT, LIMITS, (0.3, 0.05)),
     )
     np.testing.assert_array_equal(row[STEP : STEP + 3], [nominal.length, nominal.width, nominal.duration])

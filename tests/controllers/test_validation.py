@@ -1,14 +1,19 @@
-"""What differs between two robots, in words."""
+"""Checks of user input, and robots that differ, in words."""
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError, is_finite_number, shown
-from push_recovery.controllers.policies.learned import NetworkPolicy
-from push_recovery.controllers.settings import load_preset
+from push_recovery.controllers.jit import RangeThreads
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy
+from push_recovery.controllers.settings import PlannerConfig, load_preset
 from push_recovery.controllers.validation import (
     changed_fields,
     differences,
@@ -19,6 +24,7 @@ from push_recovery.controllers.validation import (
     require_number,
     require_vector,
 )
+from push_recovery.envs.episode.episodes import check_hold
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.ceiling import Answers
@@ -57,6 +63,50 @@ def test_integers_lie_within_their_bounds(value):
 def test_integers_within_their_bounds_pass(value):
     assert type(require_integer("n", value, high=5)) is int
     assert require_integer("n", value, high=5) == value
+
+
+NUMPY_INTEGERS = [np.int64(2), np.uint8(2), np.int32(2)]
+NUMPY_NUMBERS = [*NUMPY_INTEGERS, np.float64(2.0), np.float32(2.0), np.float16(2.0)]
+NO_NUMBERS = [True, np.bool_(True), np.array(2), "2", None]
+
+
+@pytest.mark.parametrize("value", NUMPY_NUMBERS, ids=lambda value: type(value).__name__)
+def test_a_number_of_numpy_is_taken_wherever_one_of_python_is_and_becomes_it(value):
+    """A float32 kept as it is would make the planner's constants single precision, and is no JSON."""
+    assert is_finite_number(value)
+    assert type(require_number("x", value)) is float
+    robot = RobotModel(com_height=value)
+    assert robot.omega == RobotModel(com_height=2.0).omega
+    config = PlannerConfig(beta_dcm=value, beta_cop=value)
+    limits = GaitLimits(length_max=value)
+    for record in (robot, config, limits):
+        assert json.loads(json.dumps(asdict(record))) == asdict(record)
+    env = gym.make("PushRecovery/Pendulum-v0", control_hz=value * type(value)(50))
+    plain = gym.make("PushRecovery/Pendulum-v0", control_hz=100.0)
+    assert env.unwrapped.dt == plain.unwrapped.dt  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("value", NUMPY_INTEGERS, ids=lambda value: type(value).__name__)
+def test_an_integer_of_numpy_is_taken_wherever_one_of_python_is_and_becomes_it(value):
+    about = PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), hold=value)
+    found = [require_integer("n", value), RangeThreads(value).threads, PlannerConfig(tail_intervals=value)
+             .tail_intervals, about.hold, check_hold(value)]  # fmt: skip
+    assert found == [2] * 5
+    assert {type(one) for one in found} == {int}
+    assert TwoStagePolicy(threads=value).predict(np.zeros(36))[0].shape == (7,)
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=repr)
+def test_what_is_no_number_is_refused(value):
+    assert not is_finite_number(value)
+    for make in (
+        lambda: require_number("x", value), lambda: require_integer("n", value), lambda: RangeThreads(value),
+        lambda: PlannerConfig(tail_intervals=value), lambda: PlannerConfig(beta_dcm=value),
+        lambda: RobotModel(mass=value), lambda: GaitLimits(length_max=value), lambda: check_hold(value),
+        lambda: PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), hold=value),
+    ):  # fmt: skip
+        with pytest.raises(InvalidValueError):
+            make()
 
 
 def test_bounds_of_a_vector_hold_for_every_entry_and_both_ways():

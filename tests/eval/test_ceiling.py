@@ -13,10 +13,10 @@ from push_recovery.eval.ceiling import (
     Answers,
     Ceiling,
     ceiling,
-    ceiling_cells,
+    ceiling_table,
     load_answers,
     search_lines,
-    share_cells,
+    shares_table,
     write_ceiling_reports,
 )
 from push_recovery.eval.cli.main import main
@@ -192,8 +192,9 @@ def hand_written() -> Ceiling:
 def test_the_ceiling_is_what_policies_and_searches_recover_together():
     found = hand_written()
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, True, True, False]
-    assert [cells[:2] for cells in ceiling_cells(found)] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
-    assert [cells[:4] for cells in share_cells(found)] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
+    rates, shares = ceiling_table(found).rows, shares_table(found).rows
+    assert [cells[:2] for cells in rates] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
+    assert [cells[:4] for cells in shares] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
     assert found.robust == [0.75]
     text = search_lines(found)
     for part in ("2 pushes lost by all policies, 1 of them answered", "at most 1280 attempts", "Median 64",

@@ -1,4 +1,4 @@
-"""Gait variables as actions, by hand: the way back of `gaits_of_actions`."""
+"""Double support: the transfer, the hull of both soles, and a CoP as an action while both stand."""
 
 import math
 from dataclasses import replace
@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.double_support import (
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import (
     box_around,
     gaits_of_actions,
     nearest_in_hull,
-    scale_actions,
+    nominal_gait,
+    step_start_dcm,
     transfer_mean,
     transfer_weight,
 )
-from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.observation import ELAPSED, OBSERVATION_SIZE, SWING_POSITION
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy, scale_actions
 from push_recovery.controllers.settings import PlannerConfig, preset_config
 from scipy.integrate import quad, solve_ivp
 
@@ -163,24 +163,20 @@ def test_what_cannot_be_is_refused():
     assert make_policy("stage-1-paper", preset="double-support").predict(standing(0.0, (0.0, 0.2)))
 
 
-LIMITS_GAIT_ACTION = GaitLimits()
-D_GAIT_ACTION = 0.1  # double support [s]
-
-
 def actions_of(gaits, elapsed=0.3, double_support=0.0):
     """Actions (n, 7) of gaits (n, 7) `elapsed` into a step whose swing foot stood at (-0.3, 0.25)."""
     gaits = np.array(gaits, dtype=np.float64)
     observations = np.zeros((len(gaits), 36))
     observations[:, ELAPSED], observations[:, SWING_POSITION] = elapsed, (-0.3, 0.25, 0.0)
     actions = np.full((len(gaits), 7), np.nan, np.float32)
-    scale_actions(gaits, observations, LIMITS_GAIT_ACTION.box, double_support, actions)
+    scale_actions(gaits, observations, LIMITS.box, double_support, actions)
     return actions, observations
 
 
 def test_the_box_is_spanned_and_what_lies_beyond_is_clipped():
     middle, span = (
-        0.5 * (LIMITS_GAIT_ACTION.low + LIMITS_GAIT_ACTION.high),
-        LIMITS_GAIT_ACTION.high - LIMITS_GAIT_ACTION.low,
+        0.5 * (LIMITS.low + LIMITS.high),
+        LIMITS.high - LIMITS.low,
     )
     shares = [0.0, 0.5, -0.25, 1.0, -1.0, 1.5, -1.5]
     found, _ = actions_of([middle + 0.5 * share * span for share in shares])
@@ -190,10 +186,10 @@ def test_the_box_is_spanned_and_what_lies_beyond_is_clipped():
 @pytest.mark.parametrize(("elapsed", "both"), [(0.05, True), (0.11, False)])
 def test_while_both_feet_stand_the_cop_spans_the_box_about_both_soles(elapsed, both):
     """Soles of 0.2 x 0.1 m at the origin and at (-0.3, 0.25)."""
-    low, high = LIMITS_GAIT_ACTION.low.copy(), LIMITS_GAIT_ACTION.high.copy()
+    low, high = LIMITS.low.copy(), LIMITS.high.copy()
     if both:
         low[3:5], high[3:5] = (-0.4, -0.05), (0.1, 0.3)
-    found, observations = actions_of([low, high, 0.5 * (low + high)], elapsed, D_GAIT_ACTION)
+    found, observations = actions_of([low, high, 0.5 * (low + high)], elapsed, D)
     np.testing.assert_allclose(found, np.repeat([[-1.0], [1.0], [0.0]], 7, axis=1), atol=1e-6)
-    again = gaits_of_actions(LIMITS_GAIT_ACTION, observations[2:], found[2:], D_GAIT_ACTION)
+    again = gaits_of_actions(LIMITS, observations[2:], found[2:], D)
     np.testing.assert_allclose(np.delete(again[0], [3, 4]), np.delete(0.5 * (low + high), [3, 4]), atol=1e-6)

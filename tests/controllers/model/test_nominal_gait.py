@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import (
     drifting_dcm_kernel,
     nominal_gait,
     nominal_start,
     step_start_dcm,
+    transfer_weight,
 )
 from push_recovery.controllers.model.robot import RobotModel
 from scipy.integrate import solve_ivp

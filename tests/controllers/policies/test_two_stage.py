@@ -1,6 +1,7 @@
-"""The baselines of the field: what they keep fixed, and what they are made of."""
+"""The two-stage planner as a policy, its variants and the baselines of the field: what each may use."""
 
 import math
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -333,48 +334,58 @@ def test_the_whole_plan_is_held_shortly_before_landing(name):
         np.testing.assert_allclose(LIMITS.to_action(one_by_one), actions, atol=1e-6)
 
 
-def ways_between_rooms(policy, obs):
-    """(from, to) for every call of `predict` that leaves one room of the controllers for another, in order.
+def files_of_a_decision(policy, obs):
+    """Files of this project with a frame in one `predict`, in the order in which they are entered.
 
-    Compiled functions leave no trace.
+    A compiled function that Python calls has a frame, those that it calls have none.
     """
-    controllers, found = Path(two_stage.__file__).parents[1], []
-
-    def room(frame):
-        path = Path(frame.f_code.co_filename)
-        return path.relative_to(controllers).parts[0] if path.is_relative_to(controllers) else None
+    project, found = Path(two_stage.__file__).parents[2], []
 
     def look(frame, event, _):
-        if event == "call" and frame.f_back is not None:
-            way = room(frame.f_back), room(frame)
-            if None not in way and way[0] != way[1]:
-                found.append(way)
+        path = Path(frame.f_code.co_filename)
+        if event == "call" and path.is_relative_to(project):
+            found.append(str(path.relative_to(project / "controllers")))
 
     sys.setprofile(look)
     try:
         policy.predict(obs)
     finally:
         sys.setprofile(None)
-    return found
+    return list(dict.fromkeys(found))
+
+
+DEFAULT_FORM = ["policies/two_stage.py", "model/observation.py", "stage_1.py", "stage_2/single_support.py"]
+DOUBLE_SUPPORT = [*DEFAULT_FORM[:3], "stage_2/double_support.py"]
 
 
 @pytest.mark.parametrize("rows", [1, 5])
-@pytest.mark.parametrize("change", [
-    {}, {"solver": "osqp"}, {"form": "jerk"}, {"double_support": 0.1, "touchdown_delay": 0.0},
-    {"use_cop": False}, {"use_cop": False, "use_trunk": False},
+@pytest.mark.parametrize(("change", "elapsed", "files"), [
+    ({}, 0.1, DEFAULT_FORM),
+    ({"use_cop": False}, 0.1, DEFAULT_FORM),
+    ({"use_cop": False, "use_trunk": False}, 0.1, [*DEFAULT_FORM[:3], "stage_2/problem.py"]),
+    ({"double_support": 0.1, "touchdown_delay": 0.0}, 0.02, [*DOUBLE_SUPPORT, "stage_2/problem.py"]),
+    ({"double_support": 0.1, "touchdown_delay": 0.0}, 0.3, [*DOUBLE_SUPPORT, DEFAULT_FORM[3]]),
 ])  # fmt: skip
-def test_each_room_is_entered_once_between_observation_and_action(change, rows):
+def test_an_observation_becomes_an_action_in_four_files(change, elapsed, files, rows):
+    """A planner of double support has a fifth, for each of its two phases another one."""
     policy = TwoStagePolicy(ROBOT, LIMITS, preset_config("default").replace(**change))
     obs = random_observations(rows)
+    obs[:, ELAPSED] = elapsed
     policy.predict(obs)  # compiles
-    ways = ways_between_rooms(policy, obs[0] if rows == 1 else obs)
-    assert [to for way, to in ways if way == "policies"] == ["model", "stage_1.py", "stage_2"]
-    assert not {to for way, to in ways if way != "policies"} & {
-        "policies",
-        "stage_1.py",
-        "stage_2",
-        "settings.py",
-    }
+    assert files_of_a_decision(policy, obs[0] if rows == 1 else obs) == files
+
+
+def test_the_planner_is_twenty_files():
+    """All that importing it loads of this project, packages included."""
+    code = (
+        "import sys\n"
+        "import push_recovery.controllers.policies.two_stage\n"
+        "print(*sorted(name for name in sys.modules if name.split('.')[0] == 'push_recovery'))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    modules = out.stdout.split()
+    assert "push_recovery.controllers.stage_2.single_support" in modules
+    assert len(modules) <= 20, modules
 
 
 PUSHED = np.zeros(36)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.double_support import strip, transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import strip, transfer_mean
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.qp import kkt_residual, solve_qp
 from push_recovery.controllers.settings import preset_config

@@ -1,17 +1,22 @@
 import pickle
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
-from push_recovery.controllers.array_table import first_rows
+from push_recovery.controllers.array_table import dense_part_of
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.qp import kkt_residual, solve_qp
 from push_recovery.controllers.settings import PlannerConfig
-from push_recovery.controllers.stage_2.problem import RESULT_SIZE, CopPlan, explicit_problem
-from push_recovery.controllers.stage_2.single_support import CopPlanner, plan_rows
-from push_recovery.controllers.stage_2.tables import Memory, Parts
+from push_recovery.controllers.stage_2.problem import (
+    RESULT_SIZE,
+    CopPlan,
+    acceleration_interval,
+    constants_of,
+)
+from push_recovery.controllers.stage_2.single_support import CopPlanner, Parts, plan_rows
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 CONFIG = PlannerConfig(beta_trunk_limit=1e4)
@@ -33,12 +38,6 @@ def call(planner: CopPlanner, row: np.ndarray) -> CopPlan:
     return planner.plan(row[0], row[1:3], row[3:5], row[5:7], row[7:9], row[9:11])
 
 
-def explicit(planner: CopPlanner, row: np.ndarray, axis: int):
-    dcm, angle, rate, target, reference = row[1 + axis :: 2]
-    bounds = planner.bounds(axis, angle)
-    return explicit_problem(ROBOT, planner.config, row[0], dcm, angle, rate, target, reference, *bounds)
-
-
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
 def test_plan_is_the_optimum_of_the_dense_problem(arm):
     planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
@@ -46,7 +45,7 @@ def test_plan_is_the_optimum_of_the_dense_problem(arm):
         plan = call(planner, row)
         assert plan.status == "solved"
         for axis in range(2):
-            problem = explicit(planner, row, axis)
+            problem = planner.program(row, axis)
             solution = solve_qp(problem.qp)
             residual = kkt_residual(problem.qp, solution)
             # Multipliers reach beta_dcm x 1 m
@@ -73,7 +72,7 @@ def test_predicted_end_equals_the_integrated_motion(remaining):
     """Dense Runge-Kutta integration of eqs. 6b and 9 under the planned inputs."""
     row = rows(1, seed=4)[0]
     row[0] = remaining
-    problem = explicit(PLANNER, row, 0)
+    problem = PLANNER.program(row, 0)
     x = solve_qp(problem.qp).x
     dcm, time = row[1], 0.0
     for k, duration in enumerate(problem.durations[: problem.cops]):
@@ -144,9 +143,9 @@ def test_a_plan_depends_on_its_arguments_alone():
 def test_every_worker_has_scratch_of_its_own_and_gives_the_same_plans():
     states = rows(100, seed=9)
     alone, planner = PLANNER.plan_batch(states), CopPlanner(ROBOT, LIMITS, CONFIG, 3)
-    first = first_rows(Parts).memory
-    scratches = {int(address) for packed in planner.packed for address in packed[first:, 0]}
-    assert len(scratches) == 3 * len(Memory._fields)
+    scratch = ("matrices", "handles", "lower", "upper", "optimum", "solution")
+    addresses = {getattr(own, name).ctypes.data for own in planner._tables for name in scratch}
+    assert len(addresses) == 3 * len(scratch)
     for packed in planner.packed:
         out = np.zeros((100, RESULT_SIZE))
         assert plan_rows(states, out, packed) == 0
@@ -155,6 +154,28 @@ def test_every_worker_has_scratch_of_its_own_and_gives_the_same_plans():
     states[-1, 1] = np.nan
     with pytest.raises(InvalidValueError, match="stage 2 needs finite states"):
         planner.plan_batch(states)
+
+
+@numba.njit
+def tables_of(packed):
+    return dense_part_of(packed, Parts, "tables")
+
+
+@pytest.mark.parametrize("use_trunk", [True, False])
+def test_the_compiled_loop_reads_every_array_where_it_lies_and_scalars_by_their_names(use_trunk):
+    planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, use_trunk=use_trunk), workers=2)
+    assert constants_of(planner._tables[0].numbers) == planner.constants
+    assert planner.constants.use_trunk == use_trunk
+    assert planner.constants.omega == ROBOT.omega
+    assert planner.constants.beta_dcm == CONFIG.beta_dcm
+    for packed, held in zip(planner.packed, planner._tables, strict=True):
+        found = tables_of(packed)
+        assert type(found) is type(held)
+        np.testing.assert_array_equal(found.box, LIMITS.box)
+        for name, own, other in zip(held._fields, found, held, strict=True):
+            assert other.flags.c_contiguous, name
+            assert own.ctypes.data == other.ctypes.data, name
+            assert (own.dtype, own.shape) == (other.dtype, other.shape), name
 
 
 def test_closed_loop_reaches_the_target_and_rights_the_trunk():
@@ -172,11 +193,20 @@ def test_closed_loop_reaches_the_target_and_rights_the_trunk():
 
 def test_gravity_of_the_trunk_is_taken_from_the_torque():
     planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, trunk_gravity=70.0))
-    _, low, high = planner.bounds(0, 0.5)
+    row = np.zeros(11)
+    row[[0, 3, 4]] = 0.3, 0.5, -0.5
+    bounds = []
+    for axis in range(2):
+        problem = planner.program(row, axis)
+        accelerations = slice(problem.cops, problem.cops + problem.accelerations)
+        low, high = set(problem.qp.lower[accelerations]), set(problem.qp.upper[accelerations])
+        assert len(low) == len(high) == 1
+        bounds.append((*low, *high))
+    (low, high), mirrored = bounds
     assert low == pytest.approx((70.0 * np.sin(0.5) - 150.0) / 8.0)
     assert high == LIMITS.trunk_acceleration_max
-    _, mirrored_low, mirrored_high = planner.bounds(0, -0.5)
-    assert (mirrored_low, mirrored_high) == (-high, -low)
+    assert mirrored == (-high, -low)
+    assert acceleration_interval(0.5, 70.0 / 8.0, 150.0 / 8.0, 1.0) == (-1.0, 1.0)  # within the gait box
 
 
 def test_margins_keep_the_cop_from_the_edge():

@@ -8,9 +8,8 @@ from operator import add
 import numpy as np
 import pytest
 from push_recovery.controllers.array_table import parts_table
-from push_recovery.controllers.model.double_support import transfer_weight
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm, transfer_weight
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.episode.period_end import (
     REWARD_TERMS,

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.capturability import capture_margin
-from push_recovery.controllers.model.double_support import strip, transfer_mean
-from push_recovery.controllers.model.nominal_gait import nominal_start, step_start_dcm
+from push_recovery.controllers.model.nominal_gait import nominal_start, step_start_dcm, strip, transfer_mean
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.pendulum.env import PendulumEnv

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.double_support import transfer_mean
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import transfer_mean
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY, RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy

@@ -49,7 +49,7 @@ def test_refusals_and_replays_bring_the_fields_back_to_what_is_true():
         assert session.last.push.impulse == pytest.approx((9.0, 0.0, 0.0))
         assert app.given.text == "9.0 N s  (0.15 N s/kg)"
         panel._command[0].value = 0.3
-        app.do(panel._tell)
+        app.do(panel._set_command)
         app.frame(0.1)
         assert session.first.command == Command(0.3)
         app.do(panel._replay)

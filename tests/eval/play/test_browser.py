@@ -15,20 +15,10 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser import (  # noqa: E402
-    CAMERA,
-    LOOK_AT,
-    PHONE_CAMERA,
-    PHONE_LOOK_AT,
-    camera_axes,
-    open_app,
-)
+from push_recovery.eval.play.browser import PHONE_CAMERA, PHONE_LOOK_AT, camera_axes, open_app  # noqa: E402
 from push_recovery.eval.play.gate import Gate  # noqa: E402
-from push_recovery.eval.play.session import (  # noqa: E402
-    IMPULSE_PER_METRE,
-    Session,
-    metres_per_pixel,
-)
+from push_recovery.eval.play.scene import CAMERA, LOOK_AT  # noqa: E402
+from push_recovery.eval.play.session import IMPULSE_PER_METRE, Session  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [
@@ -126,7 +116,8 @@ def test_a_drag_of_so_many_pixels_is_the_push_shown_and_given(played):
     camera = next(iter(app.server.get_clients().values())).camera
     x, y, depth = hover(played, camera, (0.0, 0.0, app._pelvis[2] + 0.25))  # the trunk
     mouse.down()
-    of_a_pixel = IMPULSE_PER_METRE * metres_per_pixel(depth, camera.fov, PICTURE[1])
+    metres = 2.0 * depth * np.tan(camera.fov / 2.0) / PICTURE[1]  # of a pixel, by a pinhole camera
+    of_a_pixel = IMPULSE_PER_METRE * metres
     expected = of_a_pixel * pixels
 
     def aimed():

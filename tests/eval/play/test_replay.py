@@ -30,7 +30,7 @@ def episode():
         def watch(robot):
             replay(robot)
             if round(robot.info["time"] * 100) % 3 == 0 or robot.ended:
-                places.append(replay._meshes._data.xpos[replay._meshes._pelvis, :2].copy())
+                places.append(replay.robot.meshes._data.xpos[replay.robot.meshes._pelvis, :2].copy())
 
         rollout(env, acting, SCENARIO, "two-stage", watch)
     return replay.page(), np.array(places)

@@ -28,7 +28,7 @@ def inside(polygon, point):
 @pytest.fixture(scope="module")
 def lane():
     lane = Lane("PushRecovery/Biped-v0", "two-stage")
-    lane.tell(Command(0.15, 0.05, 0.5))
+    lane.set_command(Command(0.15, 0.05, 0.5))
     yield lane
     lane.close()
 
@@ -41,20 +41,20 @@ def test_overlays_of_a_turning_robot(lane):
         core, overlays = episodes.core, overlays_of(episodes)
         stance = int(core.gait.stance[0])
         sole = np.array(sole_position(core.true_state(0), 0, stance)[:2])
-        np.testing.assert_array_equal(overlays.dcm, [lane.rows[-1]["dcm_x"], lane.rows[-1]["dcm_y"]])
+        np.testing.assert_array_equal(overlays["DCM"], [lane.rows[-1]["dcm_x"], lane.rows[-1]["dcm_y"]])
         planned = [lane.rows[-1]["planned_step_x"], lane.rows[-1]["planned_step_y"]]
         if not np.isnan(planned[0]):
-            np.testing.assert_allclose(overlays.foothold.mean(axis=0), planned, atol=1e-9)
-            assert inside(overlays.step_box, np.array(planned)) > -1e-6
-        assert area(overlays.foothold) == pytest.approx(0.02)
+            np.testing.assert_allclose(overlays["planned step"].mean(axis=0), planned, atol=1e-9)
+            assert inside(overlays["box of steps"], np.array(planned)) > -1e-6
+        assert area(overlays["planned step"]) == pytest.approx(0.02)
         truth = core.truth[0]
         margin = capture_margin(
             episodes.robot, episodes.limits, truth[ELAPSED], truth[DCM], truth[TRUNK_ANGLE], truth[TRUNK_RATE]
         )
-        assert inside(overlays.capture_region, overlays.dcm) == pytest.approx(margin, abs=1e-9)
-        assert np.hypot(*(overlays.support - sole).T).min() < 0.13
-        left = np.cross([*(np.mean(overlays.step_box, axis=0) - sole), 0], [np.cos(core.gait.heading[0]),
-                        np.sin(core.gait.heading[0]), 0])[2] < 0.0  # fmt: skip
+        assert inside(overlays["capture region"], overlays["DCM"]) == pytest.approx(margin, abs=1e-9)
+        assert np.hypot(*(overlays["support polygon"] - sole).T).min() < 0.13
+        x, y = np.mean(overlays["box of steps"], axis=0) - sole
+        left = x * np.sin(core.gait.heading[0]) - y * np.cos(core.gait.heading[0]) < 0.0
         assert left == (stance == 1)  # on the right foot the box lies to the left
         sides.add(stance)
     assert sides == {0, 1}
@@ -65,7 +65,7 @@ def test_the_support_is_the_hull_of_the_loaded_soles(lane):
     areas = []
     for _ in range(60):
         lane.step()
-        row, support = lane.rows[-1], overlays_of(lane.episodes).support
+        row, support = lane.rows[-1], overlays_of(lane.episodes)["support polygon"]
         if row["left_contact"] + row["right_contact"] == 1.0:
             areas.append(area(support))
     np.testing.assert_allclose(areas, 0.02, rtol=0.02)

@@ -8,9 +8,10 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.protocols import run as running
 from push_recovery.eval.protocols.kick import LEVELS, kick_scenarios
-from push_recovery.eval.protocols.report import kick_markdown, level_of, tour_cells, tour_summary
+from push_recovery.eval.protocols.report import level_of, result_tables, tour_summary, tour_table
 from push_recovery.eval.protocols.run import PushProtocol, Results, run_watched
 from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.rollout.workers import Runner
@@ -109,7 +110,8 @@ def test_the_table_of_kick_counts_by_level(tmp_path):
     rows += [kick_row(50, stood=False, peak_tilt_deg=10.0), kick_row(50, stood=False, peak_tilt_deg=15.0)]
     assert level_of(rows[3]) == 200
     protocol = PushProtocol("kick", "stated", ROBOT, kick_scenarios("stated", 1)[50])
-    page = kick_markdown(Results(protocol, BIPED, {"mine": rows}, tmp_path))
+    tables = result_tables(Results(protocol, BIPED, {"mine": rows}, tmp_path))
+    page = markdown_page("Kick", tables)
     assert "| 0.143 m/s, 50 N on the G1 | 33.3 (6.1-79.2) | 100.0 | - |" in page  # Wilson of 1 of 3
     assert "| 0.286 m/s, 100 N on the G1 | 100.0 (20.7-100.0) | 100.0 | 100.0 |" in page
     assert "| 0.143 m/s, 50 N on the G1 | 11.00 |" in page
@@ -125,6 +127,6 @@ def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
     assert (told["runs"], told["completed"], told["survival_s"]) == (2, 1, 60.0)
     assert (told["position_error_cm"], told["heading_error_deg"]) == (25.0, 3.0)
     protocol = PushProtocol("tour", "stated", ROBOT, tuple(tour_scenario(i, biped()) for i in range(2)))
-    cells = tour_cells(Results(protocol, BIPED, {"mine": rows}, tmp_path))
+    cells = tour_table(Results(protocol, BIPED, {"mine": rows}, tmp_path)).rows
     assert cells[0] == ("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")
     assert cells[1][:3] == ("gr00t_wbc h066_p012 (published)", "5120", "80/69 %")

@@ -1,7 +1,4 @@
-"""Films say what happened: the right push, the right outcome, at the right time, in files of a known size.
-
-Six moments of a push, drawn when they come.
-"""
+"""Films say what happened: the right push, the right outcome, at the right time, in files of a known size."""
 
 import io
 from types import SimpleNamespace
@@ -21,10 +18,9 @@ from push_recovery.eval.record.film import (
     LONGEST,
     PANEL,
     STRIP,
-    Camera,
-    Moments,
-    Row,
+    STRIP_PANEL,
     Shot,
+    StripCamera,
     compose,
     disagreements,
     film_name,
@@ -34,7 +30,6 @@ from push_recovery.eval.record.film import (
     side_by_side,
     strip,
 )
-from push_recovery.eval.record.film import STRIP_PANEL as MOMENT
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, standard_suite
 
@@ -43,15 +38,15 @@ PENDULUM = "PushRecovery/Pendulum-v0"
 
 def shot(policy="two-stage", end=3.0, grey=0, **told):
     """An episode of 100 Hz with a push of 30 N s to the right at 1 s, whose pictures are of one grey."""
-    camera = Camera(0.01, 50.0)
+    shot = Shot(policy, 0.01, 50.0)
     frame = np.full((48, 64, 3), grey, np.uint8)
     push = {"impulse": (0.0, -30.0, 0.0), "start": 1.0}
     info = {"push": push, "failure_reason": None, "recovered_at": None} | told
     count = round(100 * end)
     for i in range(count + 1):
         env = SimpleNamespace(render=lambda: frame)
-        camera(SimpleNamespace(env=env, info={**info, "time": i / 100}, ended=i == count))
-    return Shot(policy, camera)
+        shot(SimpleNamespace(env=env, info={**info, "time": i / 100}, ended=i == count))
+    return shot
 
 
 def has(picture, colour):
@@ -59,11 +54,11 @@ def has(picture, colour):
 
 
 def test_a_camera_keeps_frames_at_its_rate_and_the_last_one():
-    camera = shot(end=0.63).camera
+    camera = shot(end=0.63)
     np.testing.assert_allclose(np.diff(camera.times)[:-1], 0.02)
     assert camera.times[-1] == 0.63
     assert camera.push_start == 1.0
-    assert camera.times[shot().camera.frame_at(-0.5)] == pytest.approx(0.5)
+    assert camera.times[shot().frame_at(-0.5)] == pytest.approx(0.5)
 
 
 def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
@@ -80,12 +75,12 @@ def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
 
 def test_a_contact_sheet_has_six_moments_and_tells_its_markers():
     sheet = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, recovered_at=2.2)))))
-    assert sheet.shape[1] >= len(STRIP) * MOMENT[0]
-    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(STRIP) * MOMENT[0]
-    below = sheet[MOMENT[1] + LINE :]
+    assert sheet.shape[1] >= len(STRIP) * STRIP_PANEL[0]
+    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(STRIP) * STRIP_PANEL[0]
+    below = sheet[STRIP_PANEL[1] + LINE :]
     assert all(has(below, colour) for colour in LEGEND.values())
     fell = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, failure_reason="com_height")))))
-    assert (fell[MOMENT[1] + LINE :] != below).any()  # words of another ending
+    assert (fell[STRIP_PANEL[1] + LINE :] != below).any()  # words of another ending
 
 
 def test_each_policy_has_its_own_picture_and_the_markers_are_told():
@@ -182,16 +177,16 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     assert "discordant" in capsys.readouterr().err
 
 
-def watched(push_at: float, end: float, period: float = 0.01) -> Moments:
+def watched(push_at: float, end: float, period: float = 0.01) -> StripCamera:
     """An episode whose picture at each time is of one grey: the time in hundredths of a second."""
-    moments, now = Moments(), [0.0]
+    camera, now = StripCamera(), [0.0]
     env = SimpleNamespace(render=lambda: np.full((24, 32, 3), round(100 * now[0]) % 256, np.uint8))
     for k in range(round(end / period) + 1):
         now[0] = k * period
         push = {"start": push_at} if now[0] >= push_at else None
         info = {"time": now[0], "push": push}
-        moments(SimpleNamespace(env=env, info=info, ended=k == round(end / period)))
-    return moments
+        camera(SimpleNamespace(env=env, info=info, ended=k == round(end / period)))
+    return camera
 
 
 def test_it_draws_at_its_moments_after_the_push_and_at_the_end():
@@ -206,7 +201,7 @@ def test_it_draws_at_its_moments_after_the_push_and_at_the_end():
 
 
 def test_a_sheet_has_a_row_for_each_policy():
-    picture = Image.open(io.BytesIO(sheet([Row("a", watched(1.0, 4.0)), Row("b", watched(1.0, 1.63))])))
+    picture = Image.open(io.BytesIO(sheet([("a", watched(1.0, 4.0)), ("b", watched(1.0, 1.63))])))
     grey = np.asarray(picture.convert("L"), dtype=int)
     first, second = np.array_split(grey, 2)
     assert picture.width == pytest.approx(900)

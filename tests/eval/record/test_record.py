@@ -1,7 +1,4 @@
-"""A recorded episode against its own rollout, against the simulation itself, and against its mirror image.
-
-What is written of an episode is what was recorded.
-"""
+"""A recorded episode against its rollout, the simulation and its mirror image; its files and its words."""
 
 import csv
 import io
@@ -19,7 +16,15 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.api import rollout
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record.plot import write_plot
-from push_recovery.eval.record.record import LIMIT, LOG_FORMATS, TORQUE, Sampler, log_bytes, record
+from push_recovery.eval.record.record import (
+    LIMIT,
+    LOG_FORMATS,
+    TORQUE,
+    Recorder,
+    log_bytes,
+    record,
+    record_episode,
+)
 from push_recovery.eval.record.words import (
     FALLS,
     describe,
@@ -80,10 +85,11 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     policy, core = load_policy("two-stage", env), episodes.core
     push = Push((40.0, 60.0, 0.0), 0.1, 0.7)
     observation, _ = env.reset(options={"scenario": Scenario("turn", (push,), Command(0.2, 0.0, 0.5), side)})
-    sampler, data = Sampler(episodes), core.simulations.data[0]
+    recorder, data = Recorder(episodes, keep=1), core.simulations.data[0]
     for _ in range(130):
         observation, *_ = env.step(policy.predict(observation)[0])
-        row = sampler.row()
+        recorder()
+    (row,) = recorder.rows
     assert row["heading"] > 0.3
     for leg, name in enumerate(("left", "right")):
         sole = sole_position(core.true_state(0), 0, leg)
@@ -96,7 +102,7 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     assert abs(row["trunk_roll"]) > 0.01
     for joint in ("waist_pitch", "left_knee", "right_hip_roll"):
         assert row[TORQUE + joint] == data.actuator(joint).ctrl[0]
-    assert sampler.bounds[TORQUE + "left_knee"] == 300.0
+    assert recorder.bounds[TORQUE + "left_knee"] == 300.0
     env.close()
 
 
@@ -126,18 +132,28 @@ def test_an_unknown_column_lists_the_valid_ones(shoved):
         shoved["dmc_x"]
 
 
+def test_a_record_is_iterated_and_indexed_by_the_names_of_its_columns(shoved):
+    assert list(shoved) == list(shoved.columns)
+    assert "dcm_x" in shoved
+    assert "dmc_x" not in shoved
+    with pytest.raises(TypeError, match=r"name of a column, got 3; .*record\['time'\]\[3\]"):
+        shoved[3]
+    with pytest.raises(TypeError, match="name of a column, got slice"):
+        shoved[1:3]
+    np.testing.assert_array_equal(shoved.points("cop"), np.stack([shoved["cop_x"], shoved["cop_y"]], axis=1))
+
+
 def test_an_environment_of_another_project_is_refused():
     with pytest.raises(InvalidValueError, match="this project's own environments"):
         record("two-stage", SHOVED, "toy_gait_env:PushRecovery/Toy-v0")
 
 
-PENDULUM_FILES = "PushRecovery/Pendulum-v0"
-PUSH_FILES = Push((0.0, 150.0, 0.0), 0.1, 0.5)
+ASIDE = Push((0.0, 150.0, 0.0), 0.1, 0.5)
 
 
 @pytest.fixture(scope="module")
 def episode():
-    return record("two-stage", Scenario("aside", (PUSH_FILES,), settle_time=0.5), PENDULUM_FILES)
+    return record("two-stage", Scenario("aside", (ASIDE,), settle_time=0.5), PENDULUM)
 
 
 def test_arrays_come_back_by_name_with_units(episode):
@@ -173,7 +189,7 @@ def test_a_figure_is_a_picture_and_the_same_twice(episode, tmp_path):
 
 def test_play_writes_log_and_plot_and_opens_no_window(tmp_path, capsys):
     log, plot = tmp_path / "episode.csv", tmp_path / "episode.png"
-    argv = ["play", "--env", PENDULUM_FILES, "--force", "20", "--log", str(log), "--plot", str(plot)]
+    argv = ["play", "--env", PENDULUM, "--force", "20", "--log", str(log), "--plot", str(plot)]
     assert main(argv) == 0
     out = capsys.readouterr().out
     assert "recovered" in out
@@ -187,14 +203,14 @@ def test_play_writes_log_and_plot_and_opens_no_window(tmp_path, capsys):
     [("--log", "a.txt", [".txt", ".npz", ".csv"]), ("--plot", "a.gif", [".gif", ".png", ".svg"])],
 )
 def test_another_format_is_refused_before_the_episode(option, name, words, tmp_path, capsys):
-    assert main(["play", "--env", PENDULUM_FILES, option, str(tmp_path / name)]) == 2
+    assert main(["play", "--env", PENDULUM, option, str(tmp_path / name)]) == 2
     err = capsys.readouterr().err
     assert all(word in err for word in words)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_words_for_people(episode):
-    assert impulse_words(PUSH_FILES, 60.0) == "15.0 N s (0.25 N s/kg) to the left"
+    assert impulse_words(ASIDE, 60.0) == "15.0 N s (0.25 N s/kg) to the left"
     assert push_words(episode) == "15.0 N s (0.25 N s/kg) to the left"
     assert direction_words(-1.0, -0.9) == "backward and to the right"
     assert direction_words(-1.0, 0.1) == "backward"
@@ -203,6 +219,15 @@ def test_words_for_people(episode):
 def test_every_fall_has_words_and_one_of_another_environment_keeps_its_name():
     assert set(FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
     assert fall_words("tripped") == "tripped"
+
+
+@pytest.mark.parametrize("pushes", [(), (PUSH,), SHOVED.pushes, (Push((0.0, 900.0, 0.0), 0.1, 0.5),)])
+def test_a_record_is_described_as_its_last_info(pushes):
+    env, infos = make_env(PENDULUM), []
+    scenario, policy = Scenario("x", pushes, settle_time=1.0, duration=3.0), load_policy("two-stage", env)
+    found = record_episode(env, policy, scenario, "x", lambda robot: infos.append(robot.info))
+    env.close()
+    assert describe(found) == describe(infos[-1])
 
 
 def test_an_episode_in_one_line_counts_from_its_last_push():

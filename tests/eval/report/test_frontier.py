@@ -6,17 +6,16 @@ import pytest
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.studies import Frontier as FrontierOptions
 from push_recovery.eval.report.frontier import (
-    fall_lines,
-    force_cells,
+    direction_text,
+    falls_table,
     mean_share,
     verdict,
     write_frontier_page,
 )
 from push_recovery.eval.report.page import Command, command_of
-from push_recovery.eval.score.frontier import DirectionLimits, Frontier, FrontierSettings
+from push_recovery.eval.score.frontier import DirectionLimits, Frontier, FrontierSettings, frontier_table
 
 pytest.importorskip("jinja2", reason="needs the extra report")
-LABELS = {"p": "P", "q": "Q"}
 FALL = {
     "force_N": 160.0, "failure_reason": "com_height", "first_limit": "cop", "limits_met": {"cop": 1.0},
     "limit_shares": {"cop": 0.5, "contact": 0.75},
@@ -24,7 +23,8 @@ FALL = {
 
 
 def row(psi, survived, falls=()):
-    return {"psi_deg": psi, "survived_N": survived, "largest_survived_N": survived, "falls": list(falls)}
+    forces = {"survived_N": survived, "largest_survived_N": survived}
+    return {"policy": "p", "psi_deg": psi, **forces, "falls": list(falls)}
 
 
 @pytest.fixture
@@ -47,19 +47,19 @@ def found(tmp_path):
 
 def test_shares_are_of_the_own_box_where_it_has_a_limit(found):
     assert mean_share(found, "p") == pytest.approx((140 / 400 + 100 / 200) / 2)
-    assert verdict(found, LABELS) == (
-        "Q withstands 45 % of F* in the mean, P 42 %: the first takes the harder push in 1 of 3 directions, "
+    assert verdict(found) == (
+        "q withstands 45 % of F* in the mean, p 42 %: the first takes the harder push in 1 of 3 directions, "
         "the second in 1."
     )
-    first, _, last = force_cells(found)
-    assert first == ("0°, forward", "400", "200", "140 N (35 %)", "120 N (30 %)")
-    assert last == ("180°, backward", "0", "50", "100 N", "100 N")
+    first, _, last = frontier_table(found, direction_text, falls=False).rows
+    assert first == ("0°, forward", "400", "200", "140 (0.35, 0.70)", "120 (0.30, 0.60)")
+    assert last == ("180°, backward", "0", "50", "100 (-, 2.00)", "100 (-, 2.00)")
 
 
 def test_a_fall_is_replayed_by_the_push_that_it_was(found):
     options = FrontierOptions(policies=("p", "q"), vx=0.2, body="trunk", profile="hardware", grid=20.0)
-    (line,) = fall_lines(found, LABELS, command_of("frontier", options))
-    assert line[:4] == ("P", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
+    (line,) = falls_table(found, command_of("frontier", options)).rows
+    assert line[:4] == ("p", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
     play = parse("play", shlex.split(line[4])[2:])
     assert (play.psi, play.force, play.policy, play.vx, play.body, play.profile) == (
         0.0, 160.0, "p", 0.2, "trunk", "hardware"

@@ -1,7 +1,4 @@
-"""Who recovers more, on rows whose 2 x 2 tables are known.
-
-Pairs and the pushes that set them apart, on rows whose tables are known.
-"""
+"""Who recovers more, pairs, and training seeds, on rows whose 2 x 2 tables are known."""
 
 import re
 
@@ -10,13 +7,9 @@ import pytest
 from push_recovery.eval.output.statistics import PairedCounts
 from push_recovery.eval.report.episodes import SIGNS, scenario_lines
 from push_recovery.eval.report.headline import (
-    p_words,
-    pair_cells,
     pairs_with_best,
-    points,
     profile_figure,
-    ranked,
-    rate_cells,
+    rates_table,
     recipes_of,
     seed_part,
     strata_of,
@@ -24,18 +17,17 @@ from push_recovery.eval.report.headline import (
     verdict,
 )
 from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
+from push_recovery.eval.score.report import p_words, pairs_table, points, ranked
 from push_recovery.eval.score.suites import quick_suite
 from scipy import stats
-
-LABELS = {"p": "P", "q": "Q", "t": "T"}
 
 
 def test_the_leader_is_the_one_that_recovers_most(evaluation):
     found = evaluation({"p": "rrffffff", "q": "rrrrrrrs", "t": "fffrrrff"})
     assert ranked(found) == ["q", "t", "p"]
-    said = verdict(found, LABELS)
-    # only Q 4, only T 0: p = 2 / 2^4
-    assert said.startswith("Q recovers from 7 of 8 pushes (87.5 %), 4 more than T: too few to say")
+    said = verdict(found)
+    # only q 4, only t 0: p = 2 / 2^4
+    assert said.startswith("q recovers from 7 of 8 pushes (87.5 %), 4 more than t: too few to say")
     assert "+50.0 points" in said
     assert "p = 0.12" in said
 
@@ -49,16 +41,16 @@ def test_a_lead_that_is_sure():
 
 def test_one_policy_and_equal_policies(evaluation):
     # Wilson (1927) of 2 of 4, z = 1.96
-    assert verdict(evaluation({"p": "rrff"}), LABELS) == (
-        "P recovers from 2 of 4 pushes (50.0 %); 95 % interval 15.0 to 85.0 %."
+    assert verdict(evaluation({"p": "rrff"})) == (
+        "p recovers from 2 of 4 pushes (50.0 %); 95 % interval 15.0 to 85.0 %."
     )
     equal = evaluation({"p": "rrff", "q": "ffrr"})
-    assert verdict(equal, LABELS) == "P and Q recover from equally many pushes, 2 of 4 pushes (50.0 %)."
+    assert verdict(equal) == "p and q recover from equally many pushes, 2 of 4 pushes (50.0 %)."
 
 
 def test_recovered_and_survived_have_their_own_cells(evaluation):
-    (cells,) = rate_cells(evaluation({"p": "rssf"}), LABELS)
-    assert cells[0] == "P"
+    (cells,) = rates_table(evaluation({"p": "rssf"})).rows
+    assert cells[0] == "p"
     assert cells[1] == "25.0 % (1)"
     assert cells[3] == "75.0 % (3)"
     assert cells[2] == "4.6 to 69.9 %"  # Wilson of 1 of 4
@@ -81,9 +73,9 @@ COMMAND = Command(("evaluate",), (("--suite", ("quick",)),))
 
 
 def test_every_pair_has_its_counts_the_better_one_first(evaluation):
-    cells = pair_cells(evaluation({"p": "rrffff", "q": "rfrrrr", "t": "ffffff"}), LABELS)
+    cells = pairs_table(evaluation({"p": "rrffff", "q": "rfrrrr", "t": "ffffff"})).rows
     assert [cell[:5] for cell in cells] == [
-        ("Q and P", "1", "4", "1", "0"), ("Q and T", "0", "5", "0", "1"), ("P and T", "0", "2", "0", "4"),
+        ("q and p", "1", "4", "1", "0"), ("q and t", "0", "5", "0", "1"), ("p and t", "0", "2", "0", "4"),
     ]  # fmt: skip
     assert cells[0][5].startswith("+50.0 (")
     # 2 (1 + 5) / 2^5, 2 / 2^5 and 2 / 2^2; Holm: three times the least, the others twice and once at least
@@ -93,8 +85,8 @@ def test_every_pair_has_its_counts_the_better_one_first(evaluation):
 
 def test_the_best_is_told_apart_from_each_other_one(evaluation):
     found = evaluation({"p": "rrfsff", "q": "rfrrff"})
-    (pair,) = pairs_with_best(found, LABELS, "hardware", COMMAND)
-    assert (pair.a, pair.b) == ("Q", "P")
+    (pair,) = pairs_with_best(found, "hardware", COMMAND)
+    assert (pair.a, pair.b) == ("q", "p")
     assert {one.scenario_id for one in pair.only_a} == {"quick-0002", "quick-0003"}
     assert [one.scenario_id for one in pair.only_b] == ["quick-0001"]
     assert [one.impulse for one in pair.only_a] == sorted(one.impulse for one in pair.only_a)
@@ -105,7 +97,7 @@ def test_the_best_is_told_apart_from_each_other_one(evaluation):
         "push-recovery play --suite quick --profile hardware --scenario quick-0002 --policy p "
         "--out quick-0002-p.png"
     )
-    assert pairs_with_best(evaluation({"p": "rf"}), LABELS, "exact", COMMAND) == []
+    assert pairs_with_best(evaluation({"p": "rf"}), "exact", COMMAND) == []
 
 
 def test_a_line_for_every_push(evaluation):
@@ -144,9 +136,6 @@ def test_files_are_told_by_folder_and_stem_where_that_tells_them_apart():
 
 
 LETTERS = "rrfsrrrfrrsf" * 8  # 96 pushes
-LABELS_TRAINING_SEEDS = {
-    name: name for name in ("residual", "residual-seed1", "two-stage", "residual-hardware")
-}
 
 
 def shifted(by: int) -> str:
@@ -154,16 +143,12 @@ def shifted(by: int) -> str:
 
 
 def test_a_recipe_is_what_differs_by_its_seed_alone():
-    labels = {
-        **LABELS_TRAINING_SEEDS,
-        "file": "residual-Biped-v0-seed12/policy",
-        "other": "residual-Biped-v0-seed3/policy",
-    }
-    assert recipes_of(labels) == {
+    files = ["residual-Biped-v0-seed12/policy", "residual-Biped-v0-seed3/policy"]
+    assert recipes_of(["residual", "residual-seed1", "two-stage", "residual-hardware", *files]) == {
         "residual": ["residual", "residual-seed1"],
         "two-stage": ["two-stage"],
         "residual-hardware": ["residual-hardware"],
-        "residual-Biped-v0/policy": ["file", "other"],
+        "residual-Biped-v0/policy": files,
     }
 
 
@@ -179,13 +164,13 @@ def test_strata_are_directions_and_quarters_of_the_impulses():
 
 def test_nothing_is_shown_without_several_seeds(evaluation):
     found = evaluation({"residual": LETTERS, "two-stage": LETTERS})
-    assert seed_part(found, {name: name for name in found.rows}) is None
+    assert seed_part(found) is None
 
 
 def test_the_tables_hold_the_numbers_of_their_definitions(evaluation):
     words = {"residual": LETTERS, "residual-seed1": shifted(5), "two-stage": shifted(1).replace("r", "s", 20)}
     found = evaluation(words)
-    part = seed_part(found, {name: name for name in found.rows})
+    part = seed_part(found)
     assert part is not None
     strata = strata_of(found.rows["two-stage"])
     assert part.strata == len(set(strata.tolist()))
@@ -194,14 +179,14 @@ def test_the_tables_hold_the_numbers_of_their_definitions(evaluation):
             np.mean([word[i] == "r" for i in np.flatnonzero(strata == k)]) for k in range(part.strata)
         ]) for name, word in words.items()
     }  # fmt: skip
-    (row,) = part.rows
+    (row,) = part.recipes.rows
     counts = [word.count("r") for name, word in words.items() if name != "two-stage"]
     assert row[:3] == ("residual", "2", f"{np.mean(counts):.1f} ({min(counts)} to {max(counts)})")
     middle, low, high = numbers(row[3])
     both = np.array([rates["residual"], rates["residual-seed1"]])
     assert middle == pytest.approx(100.0 * stats.trim_mean(both.ravel(), 0.25), abs=0.05)
     assert low <= middle <= high
-    ((name, other, said),) = part.against
+    ((name, other, said),) = part.against.rows
     assert (name, other) == ("residual", "two-stage")
     u = [stats.mannwhitneyu(both[:, k], [rates["two-stage"][k]]).statistic / 2 for k in range(part.strata)]
     assert numbers(said)[0] == pytest.approx(100.0 * np.mean(u), abs=0.5)

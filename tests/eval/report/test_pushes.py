@@ -1,7 +1,4 @@
-"""Where a push stands on the map.
-
-Thresholds told only where pushes were given; groups of equally many pushes.
-"""
+"""Where a push stands on the map, thresholds of impulses, and survival under repeated pushes."""
 
 import math
 
@@ -15,9 +12,9 @@ from push_recovery.eval.report.pushes import (
     Curve,
     MappedPush,
     binned,
-    curve_cells,
     curve_figure,
     curves_of,
+    curves_table,
     direction_figure,
     mapped_pushes,
     share_at,
@@ -108,7 +105,7 @@ def test_a_curve_for_each_body_over_its_single_pushes():
     assert expected is not None
     assert pelvis.fit is not None
     assert pelvis.fit.slope == expected.slope < 0.0
-    cells = curve_cells([pelvis, trunk])
+    cells = curves_table([pelvis, trunk]).rows
     assert cells[0][:3] == ("p", "pelvis", str(pelvis.impulse.size))
     assert curve_figure([pelvis, trunk], 200.0).startswith("<svg")
 
@@ -129,16 +126,22 @@ def test_only_scenarios_with_several_pushes_count(evaluation):
     assert 0 < falls < sum(several) < 24
     for row, many in zip(found.rows["a"], several, strict=True):
         row["end_time"] = 9.0 if row["survived"] else 4.0 if many else 1.0
-    part = survival_part(found, {"a": "first", "b": "second"})
+    part = survival_part(found)
     assert part is not None
     assert part.episodes == sum(several)
-    assert part.columns == ["policy", "falls", "standing at 3.0 s", "standing at 6.0 s", "standing at 9.0 s"]
-    first, second = part.rows
-    assert first[:3] == ("first", str(falls), "100.0 %")
+    assert part.table.columns == [
+        "policy",
+        "falls",
+        "standing at 3.0 s",
+        "standing at 6.0 s",
+        "standing at 9.0 s",
+    ]
+    first, second = part.table.rows
+    assert first[:3] == ("a", str(falls), "100.0 %")
     share = 100.0 * (1.0 - falls / sum(several))
     assert float(first[3].split()[0]) == float(first[4].split()[0]) == pytest.approx(share, abs=0.05)
-    assert second[:2] == ("second", "0")
-    assert "first" in part.figure
+    assert second[:2] == ("b", "0")
+    assert ">b<" in part.figure
 
 
 def test_nothing_is_shown_of_single_pushes(evaluation):
@@ -146,7 +149,7 @@ def test_nothing_is_shown_of_single_pushes(evaluation):
     single = [i for i, scenario in enumerate(found.suite.scenarios) if len(scenario.pushes) == 1]
     suite = type(found.suite)("single", "1", tuple(found.suite.scenarios[i] for i in single))
     rows = {"a": [found.rows["a"][i] for i in single]}
-    assert survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0), {"a": "a"}) is None
+    assert survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0)) is None
 
 
 def test_a_share_is_told_with_its_interval():

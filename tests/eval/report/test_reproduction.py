@@ -4,14 +4,14 @@ import re
 import pytest
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.report.reproduction import pictures, verdict
-from push_recovery.eval.reproduction.claims import DIFFERS, REPRODUCED, UNTOLD, Claim
+from push_recovery.eval.reproduction.page import DIFFERS, REPRODUCED, UNSTATED, Claim
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 
 
 def test_the_headline_counts_the_verdicts():
     told = [
-        Claim("c", "p", "o", word) for word in (REPRODUCED, f"{REPRODUCED}: but", DIFFERS, f"{UNTOLD}: as")
+        Claim("c", "p", "o", word) for word in (REPRODUCED, f"{REPRODUCED}: but", DIFFERS, f"{UNSTATED}: as")
     ]
     assert verdict(told) == ("Of 4 claims 2 are reproduced, 1 differ, and 1 cannot be told from the text.")
 

@@ -3,6 +3,8 @@
 import io
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,16 +12,18 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 from push_recovery.controllers.policies.two_stage import POLICY_NAMES
-from push_recovery.eval.reproduction import cartoon, style
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.record import style
 from push_recovery.eval.reproduction import figures as pictures
-from push_recovery.eval.reproduction.recording import Record
+from push_recovery.eval.reproduction.pendulum import Walk
 
 PUSH_START, STEP = 2.6, 0.65  # [s]
 CURVES = {"two-stage": [(0.0, 900.0), (90.0, 300.0), (180.0, 900.0), (270.0, 600.0)]}
 LIMITS = {"F*": [(psi, 1000.0) for psi in range(0, 360, 30)]}
 
 
-def walk(arm: str = "two-stage", survived: bool = True) -> Record:
+def walk(label: str = "two-stage", survived: bool = True) -> Walk:
     """A made-up walk of 0.5 m/s; the trunk sways after the push, and a fall's DCM runs away to the right."""
     time = np.arange(0.0, 6.5 if survived else 3.7, 0.02)
     step = np.floor(time / STEP + 1e-9).astype(np.int64)
@@ -27,20 +31,24 @@ def walk(arm: str = "two-stage", survived: bool = True) -> Record:
     side = np.arange(len(touchdown)) % 2
     foothold = np.column_stack([0.325 * np.arange(len(touchdown)), -0.2 * side])
     since = np.maximum(time - PUSH_START, 0.0)
-    lateral = -0.1 - (0.02 * np.expm1(3.5 * since) if not survived else 0.0 * since)
-    com = np.column_stack([0.5 * time, lateral])
-    ahead = foothold[step] + [0.325, 0.0]
-    ahead[:, 1] = -0.2 - ahead[:, 1]
-    return Record(
-        arm=arm, time=time, com=com, dcm=com + [0.14, 0.0] - np.outer(since, [0.0, 0.01]),
-        cop=foothold[step], cmp=foothold[step],
-        trunk_angle=np.column_stack([0.0 * time, -0.5 * np.sin(since) if survived else 0.0 * time]),
-        trunk_torque=np.column_stack([0.0 * time, -40.0 * np.sin(since)]),
-        stance=foothold[step], swing=np.column_stack([ahead, 0.05 * np.abs(np.sin(math.pi * time / STEP))]),
-        step=step, foothold=foothold, foothold_side=side, touchdown=touchdown,
-        push_force=np.array([0.0, -315.0]), push_start=PUSH_START, push_duration=0.1, survived=survived,
-        foot_size=(0.2, 0.1), com_height=0.8, trunk_torque_max=150.0, trunk_angle_max=math.pi / 3,
-    )  # fmt: skip
+    com_y = -0.1 - (0.02 * np.expm1(3.5 * since) if not survived else 0.0 * since)
+    left, lift = side[step] == 0, 0.05 * np.abs(np.sin(math.pi * time / STEP))
+    stance_x, nothing = foothold[step, 0], np.zeros(len(time))
+    columns = {
+        "time": time, "step": step.astype(float), "stance_side": side[step].astype(float),
+        "com_x": 0.5 * time, "com_y": com_y, "dcm_x": 0.5 * time + 0.14, "dcm_y": com_y - 0.01 * since,
+        "cop_x": stance_x, "cop_y": foothold[step, 1], "cmp_x": stance_x, "cmp_y": foothold[step, 1],
+        "left_sole_y": nothing, "left_sole_z": np.where(left, 0.0, lift),
+        "right_sole_y": nothing - 0.2, "right_sole_z": np.where(left, lift, 0.0),
+        "trunk_pitch": nothing, "trunk_roll": -0.5 * np.sin(since) if survived else nothing,
+        "torque_trunk_pitch": nothing, "torque_trunk_roll": -40.0 * np.sin(since),
+    }  # fmt: skip
+    scenario = Scenario("made up", (Push((0.0, -315.0, 0.0), 0.1, GaitEvent(4, "left", 0.0)),))
+    bounds = {f"trunk_{axis}": math.pi / 3 for axis in ("pitch", "roll")}
+    bounds |= {f"torque_trunk_{axis}": 150.0 for axis in ("pitch", "roll")}
+    outcome: Any = SimpleNamespace(survived=survived)
+    return Walk(scenario, outcome, columns, {}, bounds, (0.2, 0.1), (PUSH_START,), 60.0,
+                label, 0.8, foothold, side, touchdown)  # fmt: skip
 
 
 CASES = [walk("stage-1-paper", survived=False), walk("two-stage-paper")]
@@ -67,7 +75,7 @@ def texts(axes) -> str:
 DRAWN = {
     "fig3_paths": pictures.draw_paths,
     "fig4_histories": pictures.draw_histories,
-    "fig5_cartoon": cartoon.draw,
+    "fig5_cartoon": pictures.draw_cartoon,
 }
 
 
@@ -115,14 +123,14 @@ def test_paths_end_the_fall_where_the_dcm_leaves_the_view(figures, tmp_path):
     pictures.draw_paths(CASES, tmp_path)
     falling, walking = figures[0].axes
     assert "stage 1, paper's weights: falls" in texts(falling)
-    assert f"at t = {CASES[0].time[-1]:.2f} s" in texts(falling)
+    assert f"at t = {CASES[0]['time'][-1]:.2f} s" in texts(falling)
     assert "two-stage, paper's weights: recovers" in texts(walking)
     assert "beyond" not in texts(walking)
     assert "315 N for 0.1 s" in texts(walking)
     low, high = walking.get_ylim()
-    view = style.shown(CASES[1])
-    assert low < CASES[1].dcm[view, 1].min() < CASES[1].dcm[view, 1].max() < high
-    assert CASES[0].dcm[:, 1].min() < low
+    view = pictures.in_view(CASES[1])
+    assert low < CASES[1]["dcm_y"][view].min() < CASES[1]["dcm_y"][view].max() < high
+    assert CASES[0]["dcm_y"].min() < low
     assert falling.get_ylim() == (low, high)
 
 
@@ -132,7 +140,7 @@ def test_histories_show_the_trunk_of_those_that_use_it(figures, tmp_path):
     bounds = sorted({line.get_ydata()[0] for line in angle.lines if line.get_linestyle() == "--"})
     assert np.allclose(bounds, [-math.pi / 3, math.pi / 3])
     assert "[N m]" in torque.get_ylabel()
-    start, end = PUSH_START - style.BEFORE, PUSH_START + style.AFTER
+    start, end = PUSH_START - pictures.BEFORE, PUSH_START + pictures.AFTER
     inside = [t for t in CASES[1].touchdown if start < t < end]
     boundaries = [line for line in lateral_b.lines if line.get_color() == style.STEP_COLOUR]
     assert np.allclose([line.get_xdata()[0] for line in boundaries], inside)
@@ -143,41 +151,41 @@ def test_histories_show_the_trunk_of_those_that_use_it(figures, tmp_path):
 
 def test_the_cartoon_leans_and_steps_to_the_robots_right(figures, tmp_path):
     record = walk()
-    sample = int(np.searchsorted(record.time, PUSH_START + 1.5))
+    sample = int(np.searchsorted(record["time"], PUSH_START + 1.5))
     with style.print_style():
         axes = style.new_figure(3, 3).subplots()
-        cartoon.draw_robot(axes, record, sample, shift=2.0)
-    lean = record.trunk_angle[sample, 1]
+        pictures.draw_robot(axes, record, sample, shift=2.0)
+    lean = record["trunk_roll"][sample]
     assert lean < -0.4  # to the right
     pelvis, neck = next(
         np.array(line.get_xydata()) for line in axes.lines if line.get_ydata()[-1] > record.com_height
     )
-    assert np.allclose(pelvis, [2.0 - record.com[sample, 1], record.com_height])
-    assert np.allclose(neck - pelvis, cartoon.TRUNK * np.array([-math.sin(lean), math.cos(lean)]))
-    cartoon.draw(CASES, tmp_path)
+    assert np.allclose(pelvis, [2.0 - record["com_y"][sample], record.com_height])
+    assert np.allclose(neck - pelvis, pictures.TRUNK * np.array([-math.sin(lean), math.cos(lean)]))
+    pictures.draw_cartoon(CASES, tmp_path)
     falling, walking = figures[0].axes
-    assert len(falling.get_xticks()) < len(walking.get_xticks()) == len(cartoon.INSTANTS)
+    assert len(falling.get_xticks()) < len(walking.get_xticks()) == len(pictures.INSTANTS)
     assert "beyond recovery" in texts(falling)
 
 
 def test_the_film_loops_at_half_speed_and_is_the_same_twice(tmp_path):
-    film = cartoon.save(CASES, tmp_path, fps=2)
+    film = pictures.save_film(CASES, tmp_path, fps=2)
     content = film.read_bytes()
     assert film.name == "fig5_motion.gif"
-    assert cartoon.save(CASES, tmp_path, fps=2).read_bytes() == content
+    assert pictures.save_film(CASES, tmp_path, fps=2).read_bytes() == content
     with Image.open(io.BytesIO(content)) as image:
         frames = getattr(image, "n_frames", 1)
         assert image.info["loop"] == 0
         assert image.info["duration"] == 500
-        assert frames == round((cartoon.BEFORE + cartoon.AFTER) / cartoon.SPEED * 2)
+        assert frames == round((pictures.FILM_BEFORE + pictures.FILM_AFTER) / pictures.SPEED * 2)
 
 
-def test_every_arm_has_a_colour_a_line_and_a_marker_of_its_own():
-    looks = [style.arm_style(name) for name in (*POLICY_NAMES, *style.ARM_STYLES, *style.LIMIT_STYLES)]
-    assert set(POLICY_NAMES) <= set(style.ARM_STYLES)
-    arms = list(style.ARM_STYLES.values())
-    for values in ([s.colour for s in arms], [s.line for s in arms], [s.marker for s in arms]):
-        assert len(set(values)) == len(arms)
+def test_every_policy_has_a_colour_a_line_and_a_marker_of_its_own():
+    looks = [style.curve_style(name) for name in (*POLICY_NAMES, *style.POLICY_STYLES, *style.LIMIT_STYLES)]
+    assert set(POLICY_NAMES) <= set(style.POLICY_STYLES)
+    curves = list(style.POLICY_STYLES.values())
+    for name in ("colour", "line", "marker"):
+        assert len({getattr(look, name) for look in curves}) == len(curves)
     assert all(0.0 <= channel <= 1.0 for look in looks for channel in to_rgb(look.colour))
 
 
@@ -187,11 +195,11 @@ def test_limits_are_grey_and_part_by_line_and_lightness():
     assert len({look.line for look in looks}) == len({look.colour for look in looks}) == len(looks)
 
 
-def test_an_unknown_arm_keeps_its_look_and_its_name(figures, tmp_path):
-    look = style.arm_style("my policy")
-    assert look == style.arm_style("my policy")
+def test_an_unknown_policy_keeps_its_look_and_its_name(figures, tmp_path):
+    look = style.curve_style("my policy")
+    assert look == style.curve_style("my policy")
     assert look.label == "my policy"
-    assert look != replace(style.arm_style("another"), label="my policy")
+    assert look != replace(style.curve_style("another"), label="my policy")
     pictures.draw_paths([walk("my policy")], tmp_path)
     assert "my policy" in texts(figures[0].axes[0])
 

@@ -4,10 +4,9 @@ import json
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.reproduction.jobs import key, open_store, run_jobs
-from push_recovery.eval.reproduction.limits import KINDS, ProgramJob
-from push_recovery.eval.reproduction.pendulum import EpisodeJob, PushKind, ScanJob, Variant
-from push_recovery.eval.reproduction.recording import CaseJob
+from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key, open_store, run_jobs
+from push_recovery.eval.reproduction.pendulum import PushKind, Variant
+from push_recovery.eval.reproduction.studies import KINDS, ProgramJob
 
 STAGE_1, PUSH = Variant("stage-1", "stage-1"), PushKind(0.0, 0.1)
 JOBS = (

@@ -1,7 +1,4 @@
-"""Many pendulums at once against one environment, and what measurement errors do to observations.
-
-Scans against robots whose limit is known, and against the closed form.
-"""
+"""Many pendulums at once against one environment, measurement errors, and scans against known limits."""
 
 import json
 import math
@@ -10,27 +7,21 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, PUSH_ESTIMATE, TRUNK_ANGLE
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.envs.pendulum.env import PendulumEnv
+from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.reproduction.jobs import key
+from push_recovery.eval.reproduction.jobs import EpisodeJob, ScanJob, key, scan
 from push_recovery.eval.reproduction.pendulum import (
-    EpisodeJob,
     Measurement,
     PendulumSensor,
-    Plant,
     PushKind,
-    ScanJob,
     Variant,
-    built,
     pairs,
     run_batch,
-    scan,
 )
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.workers import Runner
@@ -74,8 +65,8 @@ def test_another_robot_and_rate():
     env = PendulumEnv(control_hz=50.0, robot=robot)
     policy, scenarios = make_policy("two-stage", robot), pushes(count=6, seed=3)
     single = [plain(rollout(env, policy, scenario, "two-stage")) for scenario in scenarios]
-    plant = Plant(robot, GaitLimits.of(robot), control_hz=50.0)
-    assert [plain(ending) for ending in run_batch(policy, scenarios, plant)] == single
+    episodes = PendulumEpisodes(len(scenarios), robot, control_hz=50.0)
+    assert [plain(ending) for ending in run_batch(policy, scenarios, episodes)] == single
 
 
 def test_double_support():
@@ -83,10 +74,9 @@ def test_double_support():
     env, policy = PendulumEnv(preset=preset), make_policy("two-stage", preset=preset)
     scenarios = pushes(count=6, seed=4)
     single = [plain(rollout(env, policy, scenario, preset)) for scenario in scenarios]
-    plant = Plant(preset=preset)
-    episodes = plant.episodes(1)
+    episodes = PendulumEpisodes(len(scenarios), preset=preset)
     assert (episodes.touchdown_delay, episodes.double_support) == (0.0, 0.1)
-    assert [plain(ending) for ending in run_batch(policy, scenarios, plant)] == single
+    assert [plain(ending) for ending in run_batch(policy, scenarios, episodes)] == single
 
 
 @pytest.mark.parametrize("measurement", [Measurement(), Measurement(dcm_noise=2e-3, delay=2)])
@@ -299,14 +289,14 @@ def test_equal_variants_share_a_row_and_others_do_not():
     assert json.loads(json.dumps(base.identity())) == base.identity()
 
 
-def test_a_variant_is_its_arm_with_what_differs():
+def test_a_variant_is_its_policy_and_robot_with_what_differs():
     variant = Variant("v", "two-stage-paper", pairs({"beta_dcm": 7.0}), pairs({"foot_width": 0.13}), 50.0)
-    policy, plant = built(variant)
+    policy = variant.made_policy()
     arm = make_policy("two-stage-paper").config
     assert policy.config == replace(arm, beta_dcm=7.0, first_interval_min=0.02)  # type: ignore[attr-defined]
-    episodes = plant.episodes(1)
+    episodes = variant.episodes(1)
     assert (episodes.limits.cop_y_max, episodes.control_hz, episodes.robot.pelvis_width) == (0.065, 50.0, 0.2)
-    assert built(variant)[0] is policy
+    assert variant.made_policy() is policy
 
 
 def test_a_velocity_jump_can_be_scanned_to_the_cap():

@@ -3,9 +3,9 @@ import copy
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.reproduction.claims import DIFFERS, REPRODUCED, claims
 from push_recovery.eval.reproduction.jobs import Table
-from push_recovery.eval.reproduction.run import SHOWN, page, reproduce, write_page
+from push_recovery.eval.reproduction.page import DIFFERS, REPRODUCED, SHOWN, claims, page, write_page
+from push_recovery.eval.reproduction.run import reproduce
 
 CASE = {
     "step_error_before": 0.0,

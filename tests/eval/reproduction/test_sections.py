@@ -4,12 +4,12 @@ import json
 
 import pytest
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.output.tables import print_table
-from push_recovery.eval.reproduction import ablations, limits, scenario_1, scenario_2
-from push_recovery.eval.reproduction.jobs import key, markdown
-from push_recovery.eval.reproduction.pendulum import EpisodeJob, ScanJob, Variant
-from push_recovery.eval.reproduction.recording import CaseJob
-from push_recovery.eval.reproduction.run import SECTION_NAMES, SECTIONS, reproduce
+from push_recovery.eval.reproduction import figures, scenarios, studies
+from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key, table_text
+from push_recovery.eval.reproduction.pendulum import Variant
+from push_recovery.eval.reproduction.run import SECTIONS, reproduce
+from push_recovery.eval.reproduction.scenarios import SCENARIO_1, SCENARIO_2
+from push_recovery.eval.reproduction.studies import ABLATIONS
 
 
 def rows_of(jobs, value):
@@ -35,7 +35,7 @@ def test_scenario_2_in_short():
         share = 0.9 if job.variant.label == "two-stage" and job.push.psi_deg == 0 else share
         return share * job.push.limit(job.variant)
 
-    content = scenario_2.summary(rows_of(scenario_2.jobs(12), value), 12)
+    content = SCENARIO_2.summary(rows_of(SCENARIO_2.jobs(12), value), 12)
     short = content["scenario_2_overview"]["two-stage"]
     assert short["fraction_mean"] == pytest.approx((0.9 + 3 * 0.4 + 8 * 0.5) / 12)
     assert (short["fraction_worst"], short["worst_psi_deg"]) == (pytest.approx(0.4), 60.0)
@@ -56,7 +56,7 @@ def test_scenario_1_reports_the_open_parameters():
             else 300.0 + 1000 * dict(job.variant.robot).get("foot_width", 0.1)
         )
 
-    content = scenario_1.summary(rows_of(scenario_1.jobs(1), value), 1)
+    content = SCENARIO_1.summary(rows_of(SCENARIO_1.jobs(1), value), 1)
     assert content["scenario_1"]["stage-1-paper"] == {"recovers_315_N": False, "max_force_N": 60.0}
     assert content["scenario_1"]["two-stage"] == {"recovers_315_N": True, "max_force_N": 400.0}
     assert content["scenario_1_limits_N"]["point foot"] == pytest.approx(315.9, abs=0.05)
@@ -68,7 +68,7 @@ def test_scenario_1_reports_the_open_parameters():
 
 
 def test_ablations_measure_against_the_robot_of_the_row():
-    content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 0.5 * job.push.limit(job.variant)), 1)
+    content = ABLATIONS.summary(rows_of(ABLATIONS.jobs(1), lambda job: 0.5 * job.push.limit(job.variant)), 1)
     assert {table["parameter"].split(" [")[0] for table in content["ablations"]} >= {
         "alpha_offset", "beta_dcm", "beta_trunk", "beta_cop", "sampling_time", "tail_intervals", "foot_width",
         "pelvis_width", "control period", "the step adapts", "DCM noise", "delay",
@@ -81,23 +81,46 @@ def test_ablations_measure_against_the_robot_of_the_row():
 
 
 def test_every_job_has_its_own_row_and_a_label():
-    for module in SECTIONS:
-        jobs = list(module.jobs(4))
+    for section in SECTIONS:
+        jobs = list(section.jobs(4))
         by_key = {}
         for job in jobs:
             by_key.setdefault(key(job), job.identity())
             assert by_key[key(job)] == job.identity()
             assert job.text
         assert json.loads(json.dumps([job.identity() for job in jobs[:3]]))
-    assert tuple(module.NAME for module in SECTIONS) == SECTION_NAMES
+    assert [section.name for section in SECTIONS] == ["scenario-1", "scenario-2", "ablations", "limits"]
+
+
+def test_scenario_1_draws_its_figures_in_both_folders(monkeypatch, tmp_path):
+    """Cases (a) and (b) with the paper's weights, then with the scaled ones."""
+    seen = {}
+
+    def keep(name):
+        def draw(walks, directory):
+            labels = [walk.label for walk in walks]
+            seen.setdefault(directory.relative_to(tmp_path).as_posix(), []).append((name, labels))
+            return directory / name if name == "save_film" else [directory / name]
+
+        return draw
+
+    names = ("draw_paths", "draw_histories", "draw_cartoon", "save_film")
+    for name in names:
+        monkeypatch.setattr(figures, name, keep(name))
+    paths = SCENARIO_1.draw({}, tmp_path)
+    assert len(paths) == 2 * len(names)
+    assert seen == {
+        ".": [(name, ["stage-1-paper", "two-stage-paper"]) for name in names],
+        "scaled-weights": [(name, ["stage-1", "two-stage"]) for name in names],
+    }
 
 
 def test_brackets_in_tables_are_units(capsys):
-    content = ablations.summary(rows_of(ablations.jobs(1), lambda job: 100.0), 1)
-    table = next(t for t in ablations.tables(content) if "foot_width" in t.title)
-    print_table(*table)
+    content = ABLATIONS.summary(rows_of(ABLATIONS.jobs(1), lambda job: 100.0), 1)
+    table = next(t for t in ABLATIONS.tables(content) if "foot_width" in t.title)
+    table.print()
     assert "foot_width [m]" in capsys.readouterr().out
-    assert markdown(table).startswith(
+    assert table_text(table).startswith(
         "**two-stage: largest force [N] by foot_width [m]**\n\n| foot_width [m] |"
     )
 
@@ -105,10 +128,10 @@ def test_brackets_in_tables_are_units(capsys):
 @pytest.fixture
 def small(monkeypatch):
     """Sections that take a second."""
-    monkeypatch.setattr(limits, "CHECKED", 2)
-    for name in ("ARMS", "JUMP_ARMS"):
-        monkeypatch.setattr(scenario_2, name, (Variant("stage-1", "stage-1"),))
-    monkeypatch.setattr(scenario_2, "EXTRA_ARMS", ())
+    monkeypatch.setattr(studies, "CHECKED", 2)
+    for name in ("VARIANTS", "JUMP_VARIANTS"):
+        monkeypatch.setattr(scenarios, name, (Variant("stage-1", "stage-1"),))
+    monkeypatch.setattr(scenarios, "EXTRA_VARIANTS", ())
 
 
 def test_the_command_resumes_with_the_same_numbers(small, tmp_path, capsys):

@@ -1,7 +1,4 @@
-"""Pushes of every kind, from points whose scenario is written out by hand.
-
-Each shift changes one thing of a push like those of `hard`, by values worked out by hand.
-"""
+"""Pushes of every kind, and shifts of one thing each, from points whose scenarios are written out by hand."""
 
 import itertools
 import math

@@ -1,7 +1,4 @@
-"""The bounds that bipeds meet, from rollouts to tables.
-
-`compare` on rows written by hand, where surviving and recovering differ.
-"""
+"""Evaluations: workers, order, resuming, limits met, and pairs on rows written by hand."""
 
 import json
 from pathlib import Path
@@ -23,16 +20,8 @@ from push_recovery.eval.rollout.episodes import rollout, rollout_batch
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.outcome import Score, failure_label
 from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, Runner, make_chunks
-from push_recovery.eval.score.evaluate import (
-    COLUMNS,
-    bound_cells,
-    bound_summary,
-    compare,
-    evaluate,
-    fall_cell,
-    first_bounds,
-)
-from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, scan
+from push_recovery.eval.score.evaluate import compare, evaluate, limit_summary
+from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, fall_cell, scan
 from push_recovery.eval.score.suites import Suite, standard_suite
 
 
@@ -51,14 +40,12 @@ ROWS = [
 
 
 def test_falls_and_recoveries_are_counted_apart():
-    summary = bound_summary(ROWS)
+    summary = limit_summary(ROWS)
     assert summary["falls"] == {
         "cop": {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
         "contact": {"first": 1, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
     }
     assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
-    assert first_bounds(ROWS) == "cop 2, contact 1"
-    assert first_bounds(ROWS[3:]) == "-"
 
 
 def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
@@ -67,14 +54,6 @@ def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
     longest = sorted(("contact", "leg_reach"), key=BOUNDS.index)  # of equal ones in the order of the bounds
     assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
     assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
-
-
-def test_cells_follow_the_order_of_the_limits():
-    cells = bound_cells(ROWS)
-    assert [cell[0] for cell in cells] == [name for name in BOUNDS if name in {"cop", "contact"}]
-    assert cells[0] == ("cop", "2", "0.67", "0.20", "0.50", "0.10")
-    assert {len(cell) for cell in cells} == {len(COLUMNS)}
-    assert bound_cells(ROWS[4:5]) == []
 
 
 def test_an_outcome_says_what_was_met_and_when_the_same_alone_and_in_a_batch():

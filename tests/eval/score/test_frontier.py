@@ -1,11 +1,4 @@
-"""The scan of pushes on hand-written outcomes.
-
-F* of a robot that walks: the room between the DCM at the start of its step and the bounds of a box.
-
-The share of a push of the closed-form limit, against the limit itself and against the capture margin.
-
-The frontier's table on rows written by hand.
-"""
+"""Scans on hand-written outcomes, F* of a robot that walks and shares of it, and the frontier's table."""
 
 import json
 import math
@@ -28,7 +21,6 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
-from push_recovery.eval.score.evaluate import fall_cell
 from push_recovery.eval.score.frontier import (
     BEYOND,
     FORCE_CAP,
@@ -42,9 +34,9 @@ from push_recovery.eval.score.frontier import (
     default_grid,
     direction_limits,
     directions_deg,
+    fall_cell,
     frontier,
-    frontier_cells,
-    frontier_columns,
+    frontier_table,
     limit_curves,
     limit_force,
     limit_share,
@@ -377,10 +369,10 @@ FRONTIER = Frontier(
 
 
 def test_shares_are_of_the_own_box_then_of_the_papers():
-    first, second = frontier_cells(FRONTIER)
+    first, second = frontier_table(FRONTIER).rows
     assert first == ("0", "400", "200", "100 (0.25, 0.50)", "-")
     assert second == ("180", "300", "0", "150 (0.50, -; 240)", "-")  # more survived beyond the first failure
-    assert len(frontier_columns(FRONTIER)) == len(first)
+    assert frontier_table(FRONTIER).columns == ("psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by")
 
 
 def test_the_contracts_object_holds_both_limits():

@@ -10,7 +10,7 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout.names import DEFAULT_ENV
-from push_recovery.eval.score.evaluate import evaluate, write_reports
+from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.leaderboard import (
     add_entry,
     board_page,
@@ -20,6 +20,7 @@ from push_recovery.eval.score.leaderboard import (
     run_again,
     sample_of,
 )
+from push_recovery.eval.score.report import write_evaluation_reports
 from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
 
 SUITE = Suite("head", "1", standard_suite().scenarios[:12])
@@ -30,7 +31,7 @@ def given(tmp_path):
     """A directory of results of two policies, and its suite as a file."""
     policies = [toy.save_policy(tmp_path / f"{gain}.safetensors", gain) for gain in (0.2, 8.0)]
     evaluation = evaluate(SUITE, toy.ENV_ID, policies, directory=tmp_path / "out")
-    write_reports(evaluation, "# Evaluation\n")
+    write_evaluation_reports(evaluation, evaluation)
     SUITE.save(tmp_path / "suite.json")
     return tmp_path / "out", str(tmp_path / "suite.json"), policies
 

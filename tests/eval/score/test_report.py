@@ -1,11 +1,4 @@
-"""What recovering took, on rows written by hand.
-
-Counts by kind of push, on rows written by hand.
-
-The table of an evaluation on rows written by hand.
-
-Profiles side by side, on rows written by hand and on one push of the biped.
-"""
+"""The tables of an evaluation and of profiles on rows written by hand, and on one push of the biped."""
 
 import json
 import math
@@ -15,22 +8,27 @@ import pytest
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.report import (
-    effort_cells,
-    effort_markdown,
+    MEASURES,
+    Measure,
     effort_summary,
-    evaluation_cells,
+    effort_table,
+    evaluation_tables,
+    first_limits,
     groups_of,
-    kept_cells,
-    kind_cells,
-    kinds_markdown,
-    pairs_markdown,
-    profile_cells,
-    profile_columns,
-    profiles_markdown,
-    reason_cells,
+    kept_table,
+    kinds_table,
+    limit_details,
+    limits_table,
+    pairs_table,
+    profiles_table,
+    rates_table,
+    reasons_of,
+    reasons_table,
     recovered_after,
+    write_profiles,
 )
 from push_recovery.eval.score.suites import Suite, standard_suite
 
@@ -61,31 +59,44 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
     assert summary["q"]["recovered_after"] == pytest.approx((2.5 + 3.5) / 2)
     assert (summary["p"]["energy"], summary["q"]["energy"]) == (2000.0, 2250.0)
     assert (summary["p"]["smallest_margin"], summary["q"]["steps"]) == (0.125, 12.5)
-    assert effort_cells(found, {"p": "first"}) == [
-        ("first", "1.25", "10", "12.5", "20.0", "150", "12.3", "2.00"),
+    table = effort_table(found)
+    assert table.columns == (
+        "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
+        "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
+    )  # fmt: skip
+    assert table.rows == [
+        ("p", "1.25", "10", "12.5", "20.0", "150", "12.3", "2.00"),
         ("q", "3.00", "12", "12.5", "20.0", "150", "12.3", "2.25"),
     ]
-    assert "| p | 1.25 | 10 | 12.5 | 20.0 | 150 | 12.3 | 2.00 |" in effort_markdown(found)
+    assert "2 of 3 pushes" in table.note
+
+
+def test_a_new_measure_is_one_entry(monkeypatch):
+    lasted = Measure("lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
+    monkeypatch.setitem(MEASURES, "lasted", lasted)
+    table = effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
+    assert (table.columns[-1], table.rows[0][-1]) == ("lasted [ms]", "7000")
 
 
 def test_rows_that_tell_of_no_effort_make_no_table():
     bare = [{**row(4.0, 1.0), "measures": {}} for _ in SCENARIOS]
     for one in bare:
         del one["measures"]
-    assert (effort_cells(evaluation(p=bare)), effort_markdown(evaluation(p=bare))) == ([], "")
+    assert not effort_table(evaluation(p=bare))
     lost = evaluation(p=[row(None, 1.0)] * 3)
     assert effort_summary(lost)[0] == 0
-    assert effort_markdown(lost) == ""
+    assert not effort_table(lost)
 
 
 def test_recovery_during_the_push_counts_as_at_once():
-    assert recovered_after(row(2.9, 1.0), 4.0) == 0.0
-    assert recovered_after(row(None, 1.0), 4.0) is None
+    assert SCENARIOS[0].settle_time == 4.0
+    assert recovered_after(row(2.9, 1.0), SCENARIOS[0]) == 0.0
+    assert recovered_after(row(None, 1.0), SCENARIOS[0]) is None
 
 
 FORCE = (100.0, 0.0, 0.0)
 PELVIS, TRUNK = Push(FORCE, 0.1, 1.0), Push(FORCE, 0.1, 1.0, "trunk")
-SCENARIOS_KINDS = (
+EVERY_KIND = (
     Scenario("a", (PELVIS,)),
     Scenario("b", (TRUNK,), Command(0.1)),
     Scenario("c", (TRUNK, TRUNK), Command(0.1)),
@@ -93,18 +104,14 @@ SCENARIOS_KINDS = (
 )
 
 
-def kinds_row(name, recovered, survived):
-    return {"scenario_id": name, "recovered": recovered, "survived": survived}
-
-
 def test_recovered_and_survived_are_counted_in_each_group():
-    rows = [
-        kinds_row("d", False, True),
-        kinds_row("a", True, True),
-        kinds_row("c", False, False),
-        kinds_row("b", True, True),
-    ]
-    assert kind_cells(SCENARIOS_KINDS, rows) == {
+    words = {"a": (True, True), "b": (True, True), "c": (False, False), "d": (False, True)}
+    rows = [{"recovered": recovered, "survived": survived} for recovered, survived in words.values()]
+    lost = [{"recovered": False, "survived": False}] * 4
+    found = Evaluation(Suite("kinds", "1", EVERY_KIND), "env", {"p": rows, "q": lost}, Path("out"), 0.0)
+    table = kinds_table(found)
+    assert table.columns == ("kind of push", "p", "q")
+    assert {group: of_p for group, of_p, _ in table.rows} == {
         "pelvis": "1 / 1 of 1",
         "pelvis and trunk": "0 / 1 of 1",
         "trunk": "1 / 1 of 2",
@@ -114,12 +121,13 @@ def test_recovered_and_survived_are_counted_in_each_group():
         "forward": "1 / 1 of 2",
         "in place": "1 / 1 of 1",
     }
+    assert table.rows[0][2] == "0 / 0 of 1"
 
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
     assert set(groups_of(standard_suite().scenarios)) == {"backward", "forward", "in place", "sideways"}
-    assert groups_of(SCENARIOS_KINDS[:1]) == {}
+    assert groups_of(EVERY_KIND[:1]) == {}
 
 
 def report_row(impulse, recovered, survived=True, reason=None):
@@ -132,41 +140,72 @@ ROWS = [
 ]  # fmt: skip
 
 
+def five(**rows):
+    return Evaluation(Suite("five", "1", standard_suite().scenarios[:5]), "env", rows, Path("out"), 0.0)
+
+
 def test_recovered_survived_and_why_not():
-    suite = Suite("five", "1", standard_suite().scenarios[:5])
-    evaluation = Evaluation(suite, "env", {"p": ROWS, "q": ROWS[3:]}, Path("out"), 0.0)
+    found = five(p=ROWS, q=ROWS[3:])
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
-    assert evaluation_cells(evaluation) == [
+    assert rates_table(found).rows == [
         ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
     ]  # fmt: skip
-    assert reason_cells(evaluation) == [("low 2, not_settled 1", "-"), ("low 2", "-")]
+    assert reasons_of(found) == ["not_settled", "low"]
+    assert reasons_table(found).rows == [("p", "2", "1", "2", "-"), ("q", "0", "0", "2", "-")]
 
 
 def test_every_two_policies_are_paired():
-    suite = Suite("five", "1", standard_suite().scenarios[:5])
     none = [{**row, "recovered": False} for row in ROWS]
-    evaluation = Evaluation(suite, "env", {"p": ROWS, "q": none, "r": none}, Path("out"), 0.0)
-    page = pairs_markdown(evaluation)
-    assert "| p | q | 2 | 0 | 0.5 |" in page  # two that differ: p = 2 / 2^2
-    assert "| q | r | 0 | 0 | 1 |" in page
-    assert pairs_markdown(Evaluation(suite, "env", {"p": ROWS}, Path("out"), 0.0)) == ""
+    first, *_, last = pairs_table(five(q=none, p=ROWS, r=none)).rows
+    assert first[:5] == ("p and q", "0", "2", "0", "3")  # the one that recovers more comes first
+    assert first[5].startswith("+40.0 (")
+    assert first[6:] == ("0.5", "1")  # two that differ: p = 2 / 2^2; Holm: three times that
+    assert last == ("q and r", "0", "0", "0", "5", last[5], "1", "1")
+    assert not pairs_table(five(p=ROWS))
 
 
-def test_kinds_of_push_have_a_column_for_each_policy():
-    first, other = (
-        standard_suite().scenarios[0],
-        next(s for s in standard_suite().scenarios if s.command.vx > 0),
-    )
-    names = {s.id: "forward" if s.command.vx > 0 else "other" for s in (first, other)}
-    assert set(names.values()) == {"forward", "other"}
-    suite = Suite("two", "1", (first, other))
-    rows = [{**report_row(5.0, s is other), "scenario_id": s.id} for s in suite.scenarios]
-    evaluation = Evaluation(suite, "env", {"p": rows, "q": rows}, Path("out"), 0.0)
-    lines = [line.replace(" ", "") for line in kinds_markdown(evaluation).splitlines()]
-    assert "|kindofpush|p|q|" in lines
-    assert "|forward|1/1of1|1/1of1|" in lines
-    same = Evaluation(Suite("one", "1", (other,)), "env", {"p": rows[1:]}, Path("out"), 0.0)
-    assert kinds_markdown(same) == ""
+def limit_row(survived, first, **shares):
+    return {"survived": survived, "recovered": survived, "first_limit": first, "limit_shares": shares,
+            "failure_reason": None if survived else "low"}  # fmt: skip
+
+
+LIMIT_ROWS = [
+    limit_row(False, "cop", cop=0.5, contact=0.2),
+    limit_row(False, "contact", contact=0.4),
+    limit_row(False, "cop", cop=0.1),
+    limit_row(True, "cop", cop=0.2),
+    limit_row(True, None),
+]
+
+
+def test_limits_are_told_of_falls_and_of_recoveries():
+    found = five(p=LIMIT_ROWS, q=[LIMIT_ROWS[4]] * 5)
+    assert first_limits(LIMIT_ROWS) == "cop 2, contact 1"
+    assert first_limits(LIMIT_ROWS[3:]) == "-"
+    assert reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
+    table = limits_table(found)
+    assert table.columns == ("limit", "met while", "p", "q")
+    assert [(one[0], *one[2:]) for one in table.rows] == [
+        ("cop", "20 % / 10 %", "0 % / 0 %"), ("contact", "20 % / 0 %", "0 % / 0 %")
+    ]  # fmt: skip
+    of_p, of_q = limit_details(found)
+    assert of_p.columns == (
+        "limit", "first in falls", "met in falls", "time in falls", "met in recovered", "time in recovered"
+    )  # fmt: skip
+    assert of_p.rows == [
+        ("cop", "2", "0.67", "0.20", "0.50", "0.10"), ("contact", "1", "0.67", "0.20", "0.00", "0.00")
+    ]  # fmt: skip
+    assert not of_q
+
+
+def test_a_report_has_the_tables_that_have_rows(tmp_path):
+    found = five(p=ROWS)
+    assert list(evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
+    text = markdown_page("Evaluation", evaluation_tables(found).values())
+    assert text.startswith("# Evaluation\n\n## env: suite five v1, 5 pushes, sha256 ")
+    assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text
+    assert "## Pairs" not in text
+    assert "## Why pushes are lost" in text
 
 
 PUSHES = Suite("four", "1", tuple(Scenario(f"s{i}") for i in range(4)))
@@ -188,25 +227,22 @@ EXACT, REAL = (
 
 def test_recovered_and_survived_of_each_profile_stand_side_by_side():
     found = {"exact": EXACT, "hardware": REAL}
-    assert profile_columns(found) == (
-        "policy",
-        "recovered, exact",
-        "survived",
-        "recovered, hardware",
-        "survived",
-    )
+    table = profiles_table(found)
+    assert table.columns == (
+        "policy", "recovered, exact", "survived", "recovered, hardware", "survived"
+    )  # fmt: skip
     # Wilson (1927), z = 1.959964: 3 of 4 and 2 of 4
-    assert profile_cells(found) == [("p", "0.750 (0.301-0.954)", "1.000", "0.500 (0.150-0.850)", "0.750")]
+    assert table.rows == [("p", "0.750 (0.301-0.954)", "1.000", "0.500 (0.150-0.850)", "0.750")]
 
 
-def test_what_is_kept_is_a_share_of_its_own():
-    assert kept_cells(EXACT, REAL) == [("p", "0.667", "0.750", "2", "1", "1")]
+def test_what_is_kept_is_a_share_of_its_own(tmp_path):
+    assert kept_table(EXACT, REAL, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
     nothing = profiles_evaluation("0000", "0000")
-    assert kept_cells(nothing, REAL) == [("p", "-", "-", "0", "2", "0.5")]
-    page = profiles_markdown({"exact": EXACT, "hardware": REAL})
+    assert kept_table(nothing, REAL, "").rows == [("p", "-", "-", "0", "2", "0.5")]
+    page = write_profiles({"exact": EXACT, "hardware": REAL}, tmp_path).read_text()
     assert "## hardware against exact" in page
     assert "| p | 0.667 | 0.750 | 2 | 1 | 1 |" in page
-    assert "against" not in profiles_markdown({"exact": EXACT})
+    assert "against" not in write_profiles({"exact": EXACT}, tmp_path).read_text()
 
 
 def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):

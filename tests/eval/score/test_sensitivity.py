@@ -13,13 +13,12 @@ from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score.sensitivity import (
     BODIES,
-    COLUMNS,
     NUMERICS,
     VARIATIONS,
     Sensitivity,
     sample_of,
     sensitivity,
-    sensitivity_cells,
+    sensitivity_tables,
     varied_by,
     write_sensitivity_reports,
 )
@@ -94,8 +93,9 @@ def test_what_is_lost_and_gained(written):
 
 
 def test_the_table_and_the_report(written):
-    cells = sensitivity_cells(written.changes("p"))
-    assert len(cells[0]) == len(COLUMNS)
+    (table,) = sensitivity_tables(written)
+    cells = table.rows
+    assert len(cells[0]) == len(table.columns)
     assert cells[0] == ("exact", "3", "4", "0", "0", "-", "-")
     assert cells[1][:5] == ("cg", "2", "4", "2", "1")
     assert cells[1][5].startswith("-0.200 (")

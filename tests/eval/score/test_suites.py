@@ -30,11 +30,14 @@ from push_recovery.eval.score.suites import (
     load_suite,
     new_suite,
     quick_suite,
+    register_suite,
     standard_suite,
     varied_suite,
     with_errors,
     with_profile,
 )
+
+from push_recovery import evaluate
 
 QUICK_SHA256 = "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286"
 QUICK_1_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
@@ -72,6 +75,26 @@ def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
         assert most - 10.0 < max(impulse) <= most
     others = {s.pushes for s in varied_suite().scenarios}
     assert not others & {s.pushes for s in scenarios}
+
+
+def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
+    monkeypatch.setattr(suites, "SUITES", dict(SUITES))
+    made = []
+
+    def mine() -> Suite:
+        made.append(1)
+        return Suite("head", "1", standard_suite().scenarios[:2])
+
+    register_suite("mine", mine)
+    assert not made
+    found = evaluate("stage-1", suite="mine", env="PushRecovery/Pendulum-v0", out=tmp_path)
+    assert found.suite == get_suite("mine", "PushRecovery/Pendulum-v0") == mine()
+    assert found.score("stage-1").episodes == 2
+    assert len(made) == 2  # once by its name
+    with pytest.raises(InvalidValueError, match="there is a suite 'mine' already"):
+        register_suite("mine", mine)
+    with pytest.raises(InvalidValueError, match="a suite's name must be"):
+        register_suite("", mine)
 
 
 def test_what_is_run_where_no_suite_is_named():
