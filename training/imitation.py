@@ -297,7 +297,7 @@ def imitate(
         report: called after every round.
     """
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
-    episodes = TaughtEpisodes(settings.robots, settings.teacher) if episodes is None else episodes
+    episodes = TaughtEpisodes(settings.robots, policy=settings.teacher) if episodes is None else episodes
     rng, student, kept = np.random.default_rng(settings.seed), Student(settings), Samples()
     collector = Collector(settings, episodes, rng)
     for number in range(settings.rounds):
