@@ -42,7 +42,7 @@ def errors_of(core) -> Errors:
     velocity = core.physics.qvel[up, :3] - sensing.judged.qvel[up, :3]
     tilt = core.physics.xmat[up, PELVIS, 2:6:3] - sensing.judged.xmat[up, PELVIS, 2:6:3]
     headings = [p.xmat[up, PELVIS, 0] + 1j * p.xmat[up, PELVIS, 3] for p in (core.physics, sensing.judged)]
-    stated = deviations(sensing.estimate)
+    stated = deviations(core.estimate)
     velocities = np.column_stack([stated.velocity, stated.velocity, stated.climb])[up]
     tilts = np.column_stack([stated.tilt, stated.tilt])[up]
     return Errors(velocity, tilt, velocities, tilts, np.angle(headings[0] * headings[1].conj()))

@@ -9,14 +9,16 @@ dimension its arrays are, follows from the annotations of their fields (`Floats2
 `part_of` gives a part to compiled code by its name. Rows are written by value: `parts_table` refuses a part
 in which annotation and value disagree, since it would be read wrongly, and every later one from another's
 memory.
+
+An annotation may also say that an array, or a whole part, is not the state of single robots, as
+`Annotated[Floats1, COMMON]`. Without that it is: an array that is added cannot be forgotten in a snapshot.
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Iterable
 from functools import cache, partial
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numba import types
@@ -31,80 +33,69 @@ from .jit import njit
 # The arguments of an intrinsic are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
 
-
 DIMENSIONS = 3
 ITEM = 8  # bytes of an entry
 
-Floats1 = Annotated[NDArray[np.float64], 1]  # the dimension is for the compiled side
-Floats2 = Annotated[NDArray[np.float64], 2]
-Floats3 = Annotated[NDArray[np.float64], 3]
-Ints1 = Annotated[NDArray[np.int64], 1]
-Ints2 = Annotated[NDArray[np.int64], 2]
-Kind = tuple[np.dtype, int]  # type of the entries, dimension
+
+class Kind(NamedTuple):
+    """Type of the entries and dimension of an array, by which compiled code reads it."""
+
+    dtype: np.dtype
+    ndim: int
+
+
 _FLOAT, _INT = np.dtype(np.float64), np.dtype(np.int64)
-_KINDS: dict[Any, Kind] = {
-    Floats1: (_FLOAT, 1), Floats2: (_FLOAT, 2), Floats3: (_FLOAT, 3), Ints1: (_INT, 1), Ints2: (_INT, 2)
-}  # fmt: skip
+Floats1 = Annotated[NDArray[np.float64], Kind(_FLOAT, 1)]
+Floats2 = Annotated[NDArray[np.float64], Kind(_FLOAT, 2)]
+Floats3 = Annotated[NDArray[np.float64], Kind(_FLOAT, 3)]
+Ints1 = Annotated[NDArray[np.int64], Kind(_INT, 1)]
+Ints2 = Annotated[NDArray[np.int64], Kind(_INT, 2)]
 
-
-def address_table(arrays: Iterable[NDArray]) -> NDArray[np.int64]:
-    """(address, shape (3), strides (3)) of each array of at most three dimensions, (count, 7).
-
-    The arrays must stay alive as long as the table is in use.
-    """
-    rows = []
-    for array in arrays:
-        pad = [0] * (DIMENSIONS - array.ndim)
-        rows.append([array.ctypes.data, *array.shape, *pad, *array.strides, *pad])
-    return np.array(rows, dtype=np.int64)
+# What an array may be other than one row a robot of its state
+COMMON = "common to all robots"
+NO_STATE = "addresses, a workspace, or another's"
+SENSED = "a row for each robot that acts on its own sensors"
 
 
 def parts_table(parts: Iterable[Any]) -> NDArray[np.int64]:
-    """Address table of all arrays of parts, in their order; settings and the like are left out.
+    """(address, shape (3), strides (3)) of all arrays of parts, in their order, (count, 7).
 
     Args:
-        parts: NamedTuples whose arrays are annotated as `Floats1` and its like.
+        parts: NamedTuples whose arrays are annotated as `Floats1` and its like; they must stay alive as long
+            as the table is in use. Fields that are no arrays are left out.
 
     Raises:
         TypeError: if a field holds another array than its annotation says, or only one of them is an array.
     """
-    arrays = []
+    rows = []
     for part in parts:
-        annotated, held = field_kinds(type(part)), tuple(_kind(value) for value in part)
-        if annotated != held:
-            wrong = [name for name, a, b in zip(part._fields, annotated, held, strict=True) if a != b]
+        annotated, values = array_fields(type(part)), part._asdict()
+        held = {name: Kind(a.dtype, a.ndim) for name, a in values.items() if isinstance(a, np.ndarray)}
+        wrong = [name for name in values if held.get(name) != annotated.get(name, (None,))[0]]
+        if wrong:
             which = f"{type(part).__name__}: {', '.join(wrong)}"
             raise TypeError(f"a field's annotation and value are not the same kind of array, {which}")
-        arrays += [value for value, kind in zip(part, held, strict=True) if kind is not None]
-    return address_table(arrays)
-
-
-def _kind(value: Any) -> Kind | None:
-    """Type and dimension of an array, None for anything else."""
-    return (value.dtype, value.ndim) if isinstance(value, np.ndarray) else None
-
-
-def first_rows(parts: type) -> Any:
-    """Row of its `parts_table` at which each part of a NamedTuple of parts begins, under the part's name.
-
-    Counted are the fields of a part that are annotated as arrays. The result is a constant to compiled code.
-    """
-    hints, rows, row = get_type_hints(parts), [], 0
-    for part in hints.values():
-        rows.append(row)
-        row += len(array_kinds(part))
-    return namedtuple("FirstRows", hints)(*rows)
+        for name in annotated:
+            array, pad = values[name], [0] * (DIMENSIONS - annotated[name][0].ndim)
+            rows.append([array.ctypes.data, *array.shape, *pad, *array.strides, *pad])
+    return np.array(rows, dtype=np.int64).reshape(-1, 1 + 2 * DIMENSIONS)
 
 
 @cache
-def field_kinds(part: type) -> tuple[Kind | None, ...]:
-    """Type and dimension of each field of a NamedTuple that is annotated as an array, None for another."""
-    return tuple(_KINDS.get(kind) for kind in get_type_hints(part, include_extras=True).values())
+def array_fields(part: type) -> dict[str, tuple[Any, ...]]:
+    """Kind of each field of a NamedTuple that is annotated as an array, and what else that says."""
+    hints = get_type_hints(part, include_extras=True)
+    notes = {name: getattr(hint, "__metadata__", (None,)) for name, hint in hints.items()}
+    return {name: note for name, note in notes.items() if isinstance(note[0], Kind)}
 
 
-def array_kinds(part: type) -> list[Kind]:
-    """Type and dimension of the arrays of a NamedTuple."""
-    return [kind for kind in field_kinds(part) if kind is not None]
+def first_rows(parts: type) -> dict[str, int]:
+    """Row of its `parts_table` at which each part of a NamedTuple of parts begins."""
+    rows, row = {}, 0
+    for name, part in get_type_hints(parts).items():
+        rows[name] = row
+        row += len(array_fields(part))
+    return rows
 
 
 @intrinsic
@@ -137,13 +128,26 @@ def dense_part_of(typingctx, table, parts, name):
     return _part_of(table, parts, name, "C")
 
 
+@intrinsic
+def only_part_of(typingctx, table, part):
+    """The part of a class, of a table that begins with it, in compiled code."""
+    whole, codegen = _reader(table, part.instance_class, 0, "A")
+    return whole(table, part), codegen
+
+
 def _part_of(table: Any, parts: Any, name: Any, layout: str) -> Any:
-    """Signature and code of an intrinsic that rebuilds the arrays of a part."""
+    """Signature and code of an intrinsic that rebuilds the arrays of a named part."""
     if not isinstance(name, types.StringLiteral):
         return None
-    part, row = get_type_hints(parts.instance_class)[name.literal_value], first_rows(parts.instance_class)
-    row = getattr(row, name.literal_value)
-    views = [types.Array(from_dtype(entry), ndim, layout) for entry, ndim in array_kinds(part)]
+    part, row = (of(parts.instance_class)[name.literal_value] for of in (get_type_hints, first_rows))
+    whole, codegen = _reader(table, part, row, layout)
+    return whole(table, parts, name), codegen
+
+
+def _reader(table: Any, part: Any, row: int, layout: str) -> Any:
+    """Type of a part whose arrays begin at a row, and code that rebuilds them."""
+    kinds = [note[0] for note in array_fields(part).values()]
+    views = [types.Array(from_dtype(kind.dtype), kind.ndim, layout) for kind in kinds]
     whole = types.NamedTuple(views, part) if len(views) == len(part._fields) else types.Tuple(views)
 
     def codegen(context, builder, signature, args):
@@ -152,11 +156,11 @@ def _part_of(table: Any, parts: Any, name: Any, layout: str) -> Any:
         ]
         return context.make_tuple(builder, signature.return_type, arrays)
 
-    return whole(table, parts, name), codegen
+    return whole, codegen
 
 
 def _view(context: Any, builder: Any, kind: Any, table: Any, row: int, view: Any) -> Any:
-    """The array of a type `view` that a row of a table of a type `kind` tells of."""
+    """The array of a type `view` that a row of a table of a type `kind` describes."""
     rows, place = context.make_array(kind)(context, builder, table), partial(context.get_constant, types.intp)
 
     def entry(column: int) -> Any:

@@ -26,6 +26,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 from zlib import crc32
 
@@ -236,6 +237,15 @@ def module_key(module: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
 
 
+def _identity(value: Any) -> Any:
+    """Name what a closure holds by its sources, alike in every process; a kernel's pickle is not."""
+    value = getattr(value, "py_func", value)
+    if not isinstance(value, type | FunctionType):
+        return value
+    held = [_identity(cell.cell_contents) for cell in getattr(value, "__closure__", None) or ()]
+    return value.__qualname__, module_key(value.__module__), held
+
+
 class _KernelLocator(_CacheLocator):
     """Names the directory and the version of a kernel's files."""
 
@@ -272,6 +282,12 @@ class _KernelCache(FunctionCache):
     """Numba's cache in a directory of ours; a file that cannot be read or written costs a compilation."""
 
     _impl_class = _KernelFiles
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        if self._py_func.__closure__ is None:
+            return super()._index_key(sig, codegen)
+        held = repr(_identity(self._py_func)).encode()
+        return sig, codegen.magic_tuple(), hashlib.sha256(held).hexdigest()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:

@@ -1,12 +1,12 @@
-"""Control of single joints: canonical order, drives, gait by contacts, and the joint observation.
+"""Control of single joints: canonical order, drives, steps by contacts, and the joint observation.
 
-The joints in canonical order: waist, stance leg, swing leg, as if the robot stood on its right foot.
+The canonical order is waist, stance leg, swing leg, as if the robot stood on its right foot. A robot that
+stands on its left foot is seen in a mirror, so left and right are one problem, as for gaits
+(`observation.canonical_frame`). With s the sign of the canonical y, a mirror leaves of a polar vector
+(x, s y, z), of an axial one (s x, y, s z), and turns the coordinate of each joint by its own sign
+(`Physics.mirror`).
 
-A robot that stands on its left foot is seen in a mirror, so left and right are one problem, as for gaits
-(`model.frame`). With s the sign of the canonical y, a mirror leaves of a polar vector (x, s y, z), of an
-axial one (s x, y, s z), and turns the coordinate of each joint by its own sign (`Physics.mirror`).
-
-From what is asked of the joints to torques: PD control of targets, or a share added to other torques.
+Torques follow from PD control of targets, or are a share added to other torques:
 
     tau = clip(k (q_0 + r a - q) - d qd,  range of the motor at its speed)
 
@@ -16,29 +16,25 @@ the motor's full torque over r = 1 rad, so that an action of 1 asks for all of i
 150-200 N m/rad at hips and knees of 200-300 N m, and 0.013-0.025 s. Damping that is critical for a leg with
 the pelvis held is too much for a light pelvis and torques that come 4 ms late: it then shakes.
 
-Steps of a robot that no planner leads, told by its contacts alone.
+Where no planner leads, the contacts alone say where a step ends. Stance side, time in the step and touchdown
+are what every episode is judged by; the gait machine holds the nominal gait of the command, and a touchdown
+is the same one as under a gait (`has_landed`: near T, or under heavy load late in the step), of a foot that
+has been off the floor since the step began. A robot that stands on both feet makes no steps.
 
-Stance side, time in the step and touchdown are what every episode is judged by. Under a gait they are those
-of the gait machine; here the same machine is led by the loads under the feet. The plan that it holds is the
-nominal gait of the command, and a touchdown is the same one (`has_landed`: near T, or under heavy load late
-in the step), of a foot that has been off the floor since the step began. A robot that stands on both feet
-makes no steps.
-
-Layout of the joint observation: proprioception in the base's own axes, canonical left to right.
-
-It is what legged robots that learn are commonly given (velocity, angular velocity and gravity in the base's
-axes, command, joints less a posture, their rates, the previous action, a clock), and nothing that a robot's
-own sensors do not tell: with onboard sensing every entry is their reading or their estimate.
+The joint observation is proprioception in the base's own axes, canonical left to right: what robots that
+learn to walk are commonly given (velocity, angular velocity and gravity in the base's axes, command, joints
+less a posture, their rates, the previous action, a clock), and nothing beyond a robot's own sensors: with
+onboard sensing every entry is their reading or their estimate.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .array_table import Floats1, Floats2, Ints1, Ints2
+from .array_table import COMMON, Floats1, Floats2, Ints1, Ints2
 from .jit import njit
 from .math3 import Vector, add, to_body, vector_in
 from .model.gait_box import COP, DURATION, STEP, GaitLimits
@@ -109,7 +105,7 @@ JOINT = 7  # first joint coordinate; a base has seven
 
 
 class Joints(NamedTuple):
-    """What n robots are asked of their joints, and the constants of their drives."""
+    """Actions asked of the joints of n robots, and the constants of their drives."""
 
     asked: Floats2  # (n, 14) action of the period, canonical, in [-1, 1]
     held: Floats2  # (n, 14) the same in the robot's own order and coordinates
@@ -117,12 +113,14 @@ class Joints(NamedTuple):
     air: Ints2  # (n, 2) physics steps that the left and the right foot have carried no load by now
     effort: Floats1  # (n,) sum over the joints of (tau / largest)^2, mean of the period's steps
     observation: Floats2  # (n, size) that policies see
-    posture: Floats1  # (14,) q_0 [rad]
-    reach: Floats1  # (14,) of an action of 1: of a target [rad], of a residual [N m]
-    stiffness: Floats1  # (14,) k [N m/rad]
-    damping: Floats1  # (14,) d [N m s/rad]
-    largest: Floats1  # (14,) torque of each motor [N m]; 0 for a joint that the robot does not have
-    gait: Floats1  # (10,) of the nominal gait, see `contact_gait.NominalConstants`
+    posture: Annotated[Floats1, COMMON]  # (14,) q_0 [rad]
+    reach: Annotated[Floats1, COMMON]  # (14,) of an action of 1: of a target [rad], of a residual [N m]
+    stiffness: Annotated[Floats1, COMMON]  # (14,) k [N m/rad]
+    damping: Annotated[Floats1, COMMON]  # (14,) d [N m s/rad]
+    largest: Annotated[
+        Floats1, COMMON
+    ]  # (14,) torque of each motor [N m]; 0 for a joint that the robot does not have
+    gait: Annotated[Floats1, COMMON]  # (10,) of the nominal gait, see `NominalConstants`
 
 
 def joint_constants(motors: Array) -> tuple[Array, Array, Array]:
@@ -190,7 +188,7 @@ _LOW = 4  # where they begin
 
 
 class NominalConstants(NamedTuple):
-    """What the nominal gait follows from; then the low and the high bounds of the step."""
+    """Constants of the nominal gait; the low and the high bounds of the step come after them."""
 
     omega: float  # [1/s]
     pelvis_width: float  # [m]
@@ -313,6 +311,6 @@ def observe_joints(
 
 @njit(cache=True, forceinline=True)
 def velocity_noise(seen: Array, known: Array) -> tuple[float, float]:
-    """What an observation (36,) adds to the velocity of the one without its noise (36,) [m/s]."""
+    """Noise that an observation (36,) adds to the velocity of the one without it (36,) [m/s]."""
     first = COM_VELOCITY.start
     return seen[first] - known[first], seen[first + 1] - known[first + 1]

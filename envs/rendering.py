@@ -6,11 +6,12 @@ import atexit
 import importlib
 import os
 import sys
+import threading
 import warnings
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -23,6 +24,49 @@ BACKENDS = ("egl", "osmesa")  # tried in this order on Linux unless MUJOCO_GL na
 
 class RenderError(PushRecoveryError):
     """No picture can be drawn here."""
+
+
+class Owner:
+    """The process and the thread that opened a picture, and alone can draw it.
+
+    OpenGL's state and MuJoCo's window belong to them: a forked child has neither their threads nor a
+    connection of its own, and would wait for an answer for ever.
+    """
+
+    _first: ClassVar[int | None] = None  # process that first opened a picture; a forked child knows it, too
+
+    def __init__(self) -> None:
+        """Be the owner of a picture that is about to be opened.
+
+        Raises:
+            RenderError: this process was forked from one that had opened a picture.
+        """
+        Owner._first = Owner._first or os.getpid()
+        self._process, self._thread = os.getpid(), threading.get_ident()
+        if Owner._first != self._process:
+            raise RenderError(self._forked(Owner._first))
+
+    @staticmethod
+    def _forked(process: int) -> str:
+        return (
+            f"a picture was opened in process {process}, of which this one ({os.getpid()}) was forked, and "
+            "OpenGL does not survive that: start processes that draw by 'spawn' or 'forkserver' "
+            "(multiprocessing.get_context), or draw in the first one"
+        )
+
+    def is_here(self) -> bool:
+        """Whether this is the owner."""
+        return (self._process, self._thread) == (os.getpid(), threading.get_ident())
+
+    def check(self) -> None:
+        """Raise RenderError in another process or thread."""
+        if self._process != os.getpid():
+            raise RenderError(self._forked(self._process))
+        if self._thread != threading.get_ident():
+            raise RenderError(
+                "a picture is drawn by the thread that opened it, with the first render(): this is another "
+                "one; make an environment in each thread that draws"
+            )
 
 
 def require_display() -> None:
@@ -98,7 +142,7 @@ def _current(context: Any) -> Any:
 
 @contextmanager
 def _backend_variables(backend: str) -> Iterator[None]:
-    """MUJOCO_GL tells MuJoCo's loader of OpenGL functions which backend's table to read."""
+    """Set MUJOCO_GL, by which MuJoCo's loader of OpenGL functions chooses a backend's table."""
     before = os.environ.get("MUJOCO_GL")
     os.environ["MUJOCO_GL"] = backend
     try:
@@ -120,11 +164,14 @@ def _forget_opengl(backend: str) -> None:
             del sys.modules[name]
 
 
+_ABANDONED: list[Any] = []
+
+
 class Canvas:
     """Draws scenes of one model into an array; shadows, reflections and multisampling are off for speed."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
-        self._shape = (height, width, 3)
+        self._shape, self._owner = (height, width, 3), Owner()
         self._context: Any = make_context(width, height)
         try:
             self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -139,6 +186,7 @@ class Canvas:
         """The scene as an image (height, width, 3)."""
         if self._context is None:
             raise RenderError("the picture has been closed")
+        self._owner.check()
         self._context.make_current()
         mujoco.mjr_render(self._rectangle, scene, self._renderer)
         image = np.empty(self._shape, np.uint8)
@@ -146,8 +194,11 @@ class Canvas:
         return np.ascontiguousarray(image[::-1])
 
     def close(self) -> None:
-        """Release OpenGL's memory; may be called twice."""
-        if self._context is not None:
+        """Release OpenGL's memory; may be called twice. Away from its owner it is left to the system."""
+        if self._context is not None and not self._owner.is_here():
+            _ABANDONED.append((self._context, self._renderer))  # whose finalizers would call OpenGL
+            self._context = None
+        elif self._context is not None:
             self._context.make_current()
             self._renderer.free()
             self._context.free()

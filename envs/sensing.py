@@ -1,39 +1,31 @@
 """Sensors of n robots, and the state that control acts on: the true one or the estimated one.
 
-Figures of the sensors that a robot carries; docs/hardware.md says where they come from.
+The sensors are gyro, accelerometer, joint encoders and force sensors in the feet; docs/hardware.md says where
+their figures come from. Every reading is made of the true state of this moment and of numbers that count the
+physics steps (`scenario.noise`), so it depends on no other robot and on no order. What is noise of the left
+side, or about an axis that a mirror turns round, is mirrored with the stance side of step 0.
 
-Sensors of n robots: gyro, accelerometer, joint encoders, force sensors in the feet; compiled.
-
-Every reading is made of the true state of this moment and of numbers that count the physics steps
-(`scenario.noise`), so it depends on no other robot and on no order. What is noise of the left side, or about
-an axis that a mirror turns round, is mirrored with the stance side of step 0.
-
-Which state control acts on: the true one, or what the robot's own sensors and its estimator tell.
-
-Where it is "onboard" the physics writes into arrays of its own, those that episodes are judged by. Sensors
-read them once in a physics step; gait machine, whole-body control, observation and policies see the arrays
-that the estimate is written into, and nothing else.
+Where a robot acts on its own sensors, the physics writes into arrays of its own, those that episodes are
+judged by. Sensors read them once in a physics step; gait machine, whole-body control, observation and
+policies see the arrays that the estimate is written into, and nothing else. Which estimate that is, the
+scenario says: `scenario.SENSING` names every `Estimator`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from itertools import pairwise
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
+from numpy.typing import NDArray
 
-from ..controllers.array_table import Floats1, Floats2, Ints1
-from ..controllers.estimation.base_estimate import (
-    TILT_AT_FIRST,
-    VELOCITY_AT_FIRST,
-    BaseEstimate,
-    Inertial,
-    begin_estimate,
-    empty_base_estimate,
-    navigate,
-)
-from ..controllers.estimation.observe import Contacts, count_contacts
+from ..controllers.array_table import COMMON, Floats1, Floats2, Ints1
+from ..controllers.estimation.base_estimate import TILT_AT_FIRST, VELOCITY_AT_FIRST, Estimator, Inertial
+from ..controllers.estimation.observe import Contacts
 from ..controllers.jit import njit
 from ..controllers.math3 import (
     Quaternion,
@@ -52,8 +44,10 @@ from ..controllers.math3 import (
 )
 from ..controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ..controllers.model.robot import GRAVITY
+from ..controllers.validation import require_choice
 from ..controllers.whole_body.kinematics import NU, Array, Physics
 from .scenario.noise import normal_pair
+from .scenario.scenario import EXACT_SENSING, SENSING
 from .simulation import Handles, Simulations
 
 _DEGREE, _G = math.pi / 180.0, 9.81
@@ -67,18 +61,18 @@ class SensorSettings(NamedTuple):
     rate_bias: float = 0.05 * _DEGREE  # left after calibration at rest [rad/s]
     rate_walk: float = 2e-5  # of that bias [rad/s / sqrt(s)]
     rate_scale: float = 0.001  # error over the rate
-    rate_range: float = 2000.0 * _DEGREE  # largest rate told [rad/s]
+    rate_range: float = 2000.0 * _DEGREE  # largest rate measured [rad/s]
     force_noise: float = 120e-6 * _G * math.sqrt(BANDWIDTH)  # of the accelerometer [m/s^2]
     force_bias: float = 3e-3 * _G  # left after calibration [m/s^2]
     force_walk: float = 1e-4  # of that bias [m/s^2 / sqrt(s)]
     force_scale: float = 0.005  # error over the specific force
-    force_range: float = 16.0 * _G  # largest specific force told [m/s^2]
+    force_range: float = 16.0 * _G  # largest specific force measured [m/s^2]
     angle_resolution: float = 2.0 * math.pi / 2**17  # step of an encoder at the joint [rad]
     angle_noise: float = 2e-5  # [rad]
     angle_offset: float = 5e-4  # of its zero [rad]
     load_noise: float = 2.0  # of a force sensor in a foot, each axis [N]
     load_lag: float = 0.001  # time constant of its filter [s]
-    load_least: float = 8.0  # a smaller load is told as none [N]
+    load_least: float = 8.0  # a smaller load is reported as none [N]
 
 
 SETTINGS = len(SensorSettings._fields)
@@ -100,8 +94,8 @@ BASE = 6  # and six degrees of freedom
 class Sensors(NamedTuple):
     """Settings and state of the sensors of n robots."""
 
-    settings: Floats1  # (SETTINGS,) a `SensorSettings`
-    present: Floats1  # (14,) 1 for a joint that the robot has, otherwise 0
+    settings: Annotated[Floats1, COMMON]  # (SETTINGS,) a `SensorSettings`
+    present: Annotated[Floats1, COMMON]  # (14,) 1 for a joint that the robot has, otherwise 0
     seed: Ints1  # (n,)
     side: Ints1  # (n,) stance side of step 0
     gravity: Floats2  # (n, 3) in the world's axes, tilted on a slope [m/s^2]
@@ -112,23 +106,19 @@ class Sensors(NamedTuple):
     force_bias: Floats2  # (n, 3) [m/s^2]
     force_scale: Floats2  # (n, 3) reading over specific force
     offset: Floats2  # (n, 14) of the encoders' zeros [rad]
-    angle: Floats2  # (n, 14) that they told last [rad]
+    angle: Floats2  # (n, 14) that they reported last [rad]
     load: Floats2  # (n, 2) filtered normal force under each sole [N]
     floor: Floats2  # (n, 3) filtered sum of the floor's forces, in the axes of the base [N]
 
 
 def sensors_of(n: int, settings: SensorSettings, present: Array) -> Sensors:
     """Arrays of n robots; `present` (14,) is 1 for the joints that they have."""
-    three = [np.zeros((n, 3)) for _ in range(7)]
-    return Sensors(
-        np.array(settings), present, np.zeros(n, np.int64), np.zeros(n, np.int64), *three[:2],
-        np.zeros((n, 4)), *three[2:6], np.zeros((n, NU)), np.zeros((n, NU)), np.zeros((n, 2)), three[6],
-    )  # fmt: skip
-
-
-def seed_sensors(sensors: Sensors, k: int, seed: int, side: int) -> None:
-    """Name the noise of robot k, which stands on side `side` at first."""
-    sensors.seed[k], sensors.side[k] = seed, side
+    sizes = {
+        "gravity": 3, "before": 3, "faced": 4, "rate_bias": 3, "rate_scale": 3, "force_bias": 3,
+        "force_scale": 3, "offset": NU, "angle": NU, "load": 2, "floor": 3,
+    }  # fmt: skip
+    numbers = {name: np.zeros((n, size)) for name, size in sizes.items()}
+    return Sensors(np.array(settings), present, np.zeros(n, np.int64), np.zeros(n, np.int64), **numbers)
 
 
 @njit(cache=True)
@@ -168,7 +158,7 @@ def joint_noise(sensors: Sensors, phys: Physics, k: int, step: int, first: int, 
 
 @njit(cache=True)
 def begin_sensing(sensors: Sensors, k: int, true: Physics, contacts: Contacts) -> None:
-    """Draw what stays of the sensors' errors for robot k, whose true state is given, and read them once."""
+    """Draw the lasting errors of the sensors of robot k, whose true state is given, and read them once."""
     s, seed, side = settings_of(sensors), sensors.seed[k], sensors.side[k]
     rate = axial_noise(seed, AT_BEGIN, BIAS_CHANNEL, side)
     force = polar_noise(seed, AT_BEGIN, BIAS_CHANNEL + 2, side)
@@ -233,20 +223,20 @@ def read_inertial(sensors: Sensors, k: int, step: int, true: Physics, dt: float)
     turned = product(conjugate((faced[0], faced[1], faced[2], faced[3])), now)
     force, rate = rotated(conjugate(now), felt), scaled(rotation_of(turned), 1.0 / dt)
     keep_attitude(sensors, k, now)
-    told = np.empty(6)
+    reading = np.empty(6)
     for i in range(3):
         sensors.before[k, i] = velocity[i]
         value = sensors.rate_scale[k, i] * rate[i] + sensors.rate_bias[k, i] + s.rate_noise * rate_noise[i]
-        told[i] = min(max(value, -s.rate_range), s.rate_range)
+        reading[i] = min(max(value, -s.rate_range), s.rate_range)
         value = sensors.force_scale[k, i] * force[i] + sensors.force_bias[k, i]
         value += s.force_noise * force_noise[i]
-        told[3 + i] = dt * min(max(value, -s.force_range), s.force_range)
-    return Inertial(vector_of(told, 0), vector_of(told, 3))
+        reading[3 + i] = dt * min(max(value, -s.force_range), s.force_range)
+    return Inertial(vector_of(reading, 0), vector_of(reading, 3))
 
 
 @njit(cache=True)
 def read_joints(sensors: Sensors, k: int, step: int, true: Physics, out: Physics, dt: float) -> None:
-    """Write what the encoders tell of the joints, and their difference quotient, into another state."""
+    """Write the encoders' angles of the joints, and their difference quotient, into another state."""
     s, noise = settings_of(sensors), np.empty(NU)
     joint_noise(sensors, true, k, step, ENCODER_CHANNEL, noise)
     for i in range(NU):
@@ -284,47 +274,106 @@ def read_feet(
     )
 
 
-class Shown(NamedTuple):
-    """What control's state looks like, where it is not the true one."""
+class SensedObservation(NamedTuple):
+    """Observation of robots that act on their own sensors, by their estimate."""
 
-    onboard: Ints1  # (1,) 1 where robots act on their own sensors
     observation: Floats2  # (n, 36) before the noise of model errors
     world: Floats2  # (n, 6) DCM, CoP and CMP [m]
-
-
-class OnboardArrays(NamedTuple):
-    """The parts of `Sensing`, and control's contacts, as a compiled loop has them."""
-
-    contacts: Contacts
-    sensors: Sensors
-    estimate: BaseEstimate
-    judged: Physics
-    judged_contacts: Contacts
-    handles: Handles
 
 
 class Sensing(NamedTuple):
     """The arrays of n robots' sensing; with exact sensing the judged ones are those of control."""
 
-    shown: Shown
+    sensed: SensedObservation
     sensors: Sensors
-    estimate: BaseEstimate
     judged: Physics  # true state
     judged_contacts: Contacts
-    handles: Handles  # that write it
+    judged_handles: Handles  # that write it
 
 
-def exact_sensing(physics: Physics, contacts: Contacts, handles: Handles, truth: Array) -> Sensing:
+class Sense(NamedTuple):
+    """One of the ways in which robots of a core know their state: arrays, estimator and its estimate."""
+
+    sensing: Sensing
+    estimator: Estimator | None  # None: they act on the true state
+    estimate: Any  # of `estimator`
+
+
+class Senses:
+    """The sensing of n robots, each its own: `kinds` holds exact sensing, then every estimator in use.
+
+    Robots with sensors share arrays, which are made for the first of them.
+    """
+
+    def __init__(self, n: int, exact: Sensing, make_sensing: Callable[[], Sensing], forced: str | None):
+        """Let all robots act on the true state, or on what is forced on them.
+
+        Args:
+            n: number of robots.
+            exact: arrays of exact sensing.
+            make_sensing: makes those of robots with sensors.
+            forced: sensing of every robot, whatever its scenario says; None: what that says.
+
+        Raises:
+            UnknownNameError: for another sensing.
+        """
+        if forced is not None:
+            require_choice("sensing", forced, list(SENSING))
+        self.forced = forced
+        self.kinds = [Sense(exact, None, ())]
+        self._n, self._make, self._names = n, make_sensing, [EXACT_SENSING]
+        self._kind = np.full(n, self._kind_of(forced or EXACT_SENSING))
+        self._runs = [(0, n)]
+
+    def _kind_of(self, name: str) -> int:
+        """Index of a sensing in `kinds`; it comes with the first robot that has it."""
+        if name not in self._names:
+            module, _, attribute = str(SENSING[name]).partition(":")
+            estimator: Estimator = getattr(import_module(module), attribute)
+            sensing = self._make() if len(self.kinds) == 1 else self.last
+            self.kinds.append(Sense(sensing, estimator, estimator.make(self._n)))
+            self._names.append(name)
+        return self._names.index(name)
+
+    @property
+    def last(self) -> Sensing:
+        """Arrays of robots with sensors, once there are any; until then the exact ones."""
+        return self.kinds[-1].sensing
+
+    @property
+    def onboard(self) -> NDArray[np.bool_]:
+        """Which robots act on their own sensors, (n,)."""
+        return self._kind > 0
+
+    def of(self, k: int) -> int:
+        """Which of `kinds` robot k has; 0 is the exact one."""
+        return int(self._kind[k])
+
+    def assign(self, k: int, sensing: str) -> bool:
+        """Give robot k the sensing of a scenario; returns whether a kind has come with it."""
+        before = len(self.kinds)
+        self._kind[k] = self._kind_of(self.forced or sensing)
+        changes = np.flatnonzero(np.diff(self._kind)) + 1
+        self._runs = list(pairwise([0, *changes.tolist(), self._n]))
+        return len(self.kinds) > before
+
+    def runs(self, first: int, end: int) -> Iterator[tuple[int, int, int]]:
+        """(kind, first, end) of neighbours that sense alike, over the robots first..end-1."""
+        for start, stop in self._runs:
+            if start < end and stop > first:
+                yield self.of(start), max(start, first), min(stop, end)
+
+
+def exact_sensing(physics: Physics, contacts: Contacts, handles: Handles) -> Sensing:
     """Control acts on the true state."""
-    none = sensors_of(0, SensorSettings(), np.ones(NU))
-    shown = Shown(np.zeros(1, np.int64), truth, np.zeros((0, WORLD_SIZE)))
-    return Sensing(shown, none, empty_base_estimate(0), physics, contacts, handles)
+    sensed = SensedObservation(np.zeros((0, OBSERVATION_SIZE)), np.zeros((0, WORLD_SIZE)))
+    return Sensing(sensed, sensors_of(0, SensorSettings(), np.ones(NU)), physics, contacts, handles)
 
 
 def onboard_sensing(
     simulations: Simulations, physics: Physics, contacts: Contacts, present: Array
 ) -> Sensing:
-    """Control acts on what it senses, in the arrays `physics` and `contacts`.
+    """Control acts on an estimate, in the arrays `physics` and `contacts`.
 
     Args:
         simulations: of the robots.
@@ -336,61 +385,54 @@ def onboard_sensing(
     beside = {id(own): arrays[name] for name, own in simulations.arrays.items()}
     judged = Physics._make(beside.get(id(field), field) for field in physics)
     true_contacts = Contacts(beside[id(contacts.force)], np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
-    shown = Shown(np.ones(1, np.int64), np.zeros((n, OBSERVATION_SIZE)), np.zeros((n, WORLD_SIZE)))
-    sensors = sensors_of(n, SensorSettings(), present)
-    return Sensing(shown, sensors, empty_base_estimate(n), judged, true_contacts, handles)
+    sensed = SensedObservation(np.zeros((n, OBSERVATION_SIZE)), np.zeros((n, WORLD_SIZE)))
+    return Sensing(sensed, sensors_of(n, SensorSettings(), present), judged, true_contacts, handles)
 
 
-def begin_onboard(sensing: Sensing, k: int, physics: Physics, contacts: Contacts, gravity: Array) -> None:
+def begin_onboard(sense: Sense, k: int, physics: Physics, contacts: Contacts, gravity: Array) -> None:
     """Let robot k, put into a state in the arrays of control, sense from now on.
 
     Its estimate begins off the true state by a tilt and a velocity drawn with the deviations that it states.
     On a slope it is that of a robot which takes the direction of gravity for the vertical.
 
     Args:
-        sensing: of all robots; the robot's seed and stance side are in its sensors.
+        sense: with an estimator; the robot's seed and stance side are in its sensors.
         k: the robot.
         physics: arrays of control, with the true state.
         contacts: of control.
         gravity: in the world, (3,) [m/s^2].
     """
-    for seen, true in zip(physics, sensing.judged, strict=True):
-        if seen is not true:
-            true[k] = seen[k]
-    sensing.judged_contacts.force[k] = contacts.force[k]
-    sensing.judged_contacts.time[k] = sensing.judged_contacts.impulse[k] = 0.0
-    sensing.shown.observation[k] = 0.0  # a period of no length keeps the push estimate that it finds
-    sensors, true = sensing.sensors, sensing.judged
+    (sensed, sensors, true, true_contacts, _), estimator, estimate = sense
+    for seen, own in zip(physics, true, strict=True):
+        if seen is not own:
+            own[k] = seen[k]
+    true_contacts.force[k] = contacts.force[k]
+    true_contacts.time[k] = true_contacts.impulse[k] = 0.0
+    sensed.observation[k] = 0.0  # a period of no length keeps the push estimate that it finds
     seed, side = sensors.seed.item(k), sensors.side.item(k)
     sensors.gravity[k] = gravity
-    begin_sensing(sensors, k, true, sensing.judged_contacts)
+    begin_sensing(sensors, k, true, true_contacts)
     x, y, _ = axial_noise(seed, AT_BEGIN, GUESS_CHANNEL, side)
     level = of_rotation(cross(tuple(gravity / GRAVITY), (0.0, 0.0, -1.0)))
     tilt = product(of_rotation((TILT_AT_FIRST * x, TILT_AT_FIRST * y, 0.0)), level)
     off = scaled(polar_noise(seed, AT_BEGIN, GUESS_CHANNEL + 2, side), VELOCITY_AT_FIRST)
-    velocity = add(rotated(level, vector_in(true.qvel, k, 0)), off)
-    begin_estimate(
-        sensing.estimate, k, true.qpos[k, :3], np.array(product(tilt, attitude(true, k))), np.array(velocity)
-    )
-    physics.qpos[k, 3:7], physics.qvel[k, :3] = sensing.estimate.attitude[k], velocity
+    velocity = np.array(add(rotated(level, vector_in(true.qvel, k, 0)), off))
+    turned = np.array(product(tilt, attitude(true, k)))
+    if estimator is not None:
+        estimator.begin(estimate, k, true.qpos[k, :3], turned, velocity)
+    physics.qpos[k, 3:7], physics.qvel[k, :3] = turned, velocity
 
 
 @njit(cache=True)
-def sense(phys: Physics, arrays: OnboardArrays, k: int, step: int, dt: float) -> None:
-    """Read the sensors of robot k after a control step, and write where these say that it is.
+def read_joints_and_feet(
+    phys: Physics, contacts: Contacts, sensors: Sensors, judged: Physics, judged_contacts: Contacts,
+    k: int, step: int, dt: float,
+) -> None:  # fmt: skip
+    """Read encoders and force sensors of robot k into what control knows of it, its base in `phys` already.
 
-    What else control reads has to be believed next: kinematics, M and bias of that state.
+    What else control reads has to be computed next: kinematics, M and bias of that state.
     """
-    contacts, sensors, estimate, judged, judged_contacts, _ = arrays
-    count_contacts(judged_contacts, k, dt)
-    rate = navigate(estimate, k, read_inertial(sensors, k, step, judged, dt), dt)
     read_joints(sensors, k, step, judged, phys, dt)
-    for i in range(3):
-        phys.qpos[k, i] = estimate.place[k, i]
-        phys.qvel[k, i], phys.qvel[k, 3 + i] = estimate.velocity[k, i], rate[i]
-    for i in range(4):
-        phys.qpos[k, 3 + i] = estimate.attitude[k, i]
-    force, q = read_feet(sensors, k, step, judged, judged_contacts, phys, dt), estimate.attitude[k]
-    force = rotated((q[0], q[1], q[2], q[3]), force)
+    force = rotated(attitude(phys, k), read_feet(sensors, k, step, judged, judged_contacts, phys, dt))
     for i in range(3):
         contacts.force[k, i] = force[i]

@@ -1,16 +1,13 @@
 """n simulations of one model, advanced by MuJoCo's C functions from a compiled loop.
 
-Where the entries of MuJoCo's fields go in the arrays that a controller reads and writes.
-
-n simulations of one model, advanced by MuJoCo's C functions from a compiled loop.
-
 `mujoco.batch` steps many simulations in one call from Python, but between two of its calls lies a way through
 the interpreter, and every bound array costs something. The bindings name the addresses of their models and
 data and bring the C library, so a compiled loop can call it directly, as often as it likes.
 
-A simulation may have a model of its own, which its controller does not know. What the controller then takes
-for the robot's kinematics, mass matrix and bias is computed once more from the measured positions and
-velocities with the common model: `believe`.
+A `Field` says where the entries of one of MuJoCo's fields go in the arrays that a controller reads and
+writes. A simulation may have a model of its own, which its controller does not know. What the controller then
+takes for the robot's kinematics, mass matrix and bias is computed once more from the measured positions and
+velocities with the common model: `compute_nominal`.
 """
 
 from __future__ import annotations
@@ -30,6 +27,9 @@ from numba.extending import intrinsic
 from ..controllers.array_table import Ints1, Ints2
 from ..controllers.jit import njit
 from ..controllers.whole_body.kinematics import Array, Ints
+
+# The arguments of an intrinsic are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 ONE = -1  # in place of an entry of MuJoCo's: the number 1
 
@@ -75,10 +75,6 @@ def rows(name: str, count: int, width: int, pairs: Iterable[tuple[int, int]]) ->
     return picked(name, (count, width), entries)
 
 
-# The arguments of an intrinsic are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
 ENTRY = 8  # bytes of a float64
 MODEL, DATA, FIRST_RUN = 0, 1, 2  # columns of `Handles.addresses`
 INPUT_RUNS, STATE_RUNS, MEASURED_RUNS = 7, 8, 9  # places in `Handles.calls`
@@ -94,7 +90,7 @@ BELIEF = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_comVel")  # and last of 
 
 
 class Handles(NamedTuple):
-    """What `advance` needs of n simulations."""
+    """Addresses and counts of n simulations by which `advance` works."""
 
     addresses: Ints2  # (n, 2 + runs) of the model, of its data, of every run in the data
     rows: Ints2  # (runs, 3) address in the first simulation's array, bytes to the next one's, bytes to copy
@@ -125,7 +121,7 @@ class Simulations:
             inputs: fields of MjData, copied from the arrays before each physics step; a name stands for the
                 whole field.
             outputs: fields copied into the arrays after it.
-            workers: threads that call `believe`, worker w with `handles_of(w)`.
+            workers: threads that call `compute_nominal`, worker w with `handles_of(w)`.
         """
         self.model = simulated(model)
         self.models = [self.model] * n
@@ -305,7 +301,7 @@ def _copy_out(handles: Handles, k: int, own: Ints, first: int, end: int) -> None
 
 @njit(cache=True)
 def _copy_in(handles: Handles, k: int, own: Ints, first: int, end: int) -> None:
-    """The other way round."""
+    """Copy runs first..end-1 of the arrays of simulation k into the data whose addresses are `own`."""
     rows = handles.rows
     for r in range(first, end):
         _copy(own[FIRST_RUN + r], rows[r, 0] + k * rows[r, 1], rows[r, 2])
@@ -347,7 +343,7 @@ def advance(handles: Handles, k: int) -> None:
 
 
 @njit(cache=True)
-def believe(handles: Handles, k: int) -> None:
+def compute_nominal(handles: Handles, k: int) -> None:
     """Write all outputs but the measured ones of simulation k as the common model has them.
 
     They follow from the arrays of qpos and qvel, which must be among the outputs: kinematics, M and bias of

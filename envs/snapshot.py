@@ -1,11 +1,8 @@
 """A robot between two planning periods, as rows of arrays that can be put back.
 
-The rows of one robot in the arrays of n: found from the annotations that compiled code reads them by.
-
-An array that is added to a part of an address table is a robot's state unless it is said to be something
-else, so that none can be forgotten.
-
-A robot between two planning periods: what was true of it, and where it may be put back.
+Which rows are its state follows from the annotations that compiled code reads the arrays by: an array that is
+added to a part of an address table is a robot's state unless it is annotated as something else, so that none
+can be forgotten.
 """
 
 from __future__ import annotations
@@ -13,14 +10,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, get_type_hints
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controllers.array_table import field_kinds
+from ..controllers.array_table import array_fields
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.gait_box import DURATION
 from .scenario.push import GaitEvent, Side
@@ -30,21 +27,30 @@ Arrays = dict[str, NDArray[Any]]  # by PART.FIELD
 Rows = Mapping[str, NDArray[Any]]
 
 
-def arrays_of(parts: Any, left_out: Collection[str]) -> Arrays:
+def arrays_of(parts: Any, left_out: Collection[str], only: str = "") -> Arrays:
     """Arrays of a NamedTuple of parts, under PART.FIELD.
 
     Args:
         parts: what `parts_table` takes, as a NamedTuple.
-        left_out: names of whole parts, and of single arrays as PART.FIELD.
+        left_out: which ones are not taken, by what the annotation of part or field says, as COMMON.
+        only: where given, only those of which it says that.
     """
-    found: Arrays = {}
-    for name, part in zip(parts._fields, parts, strict=True):
-        if name in left_out:
-            continue
-        for field, kind, value in zip(part._fields, field_kinds(type(part)), part, strict=True):
-            if kind is not None and f"{name}.{field}" not in left_out:
-                found[f"{name}.{field}"] = value
-    return found
+    return {
+        f"{part}.{field}": getattr(getattr(parts, part), field)
+        for part, field, notes in _fields(type(parts))
+        if not notes & set(left_out) and (not only or only in notes)
+    }
+
+
+@cache
+def _fields(parts: type) -> list[tuple[str, str, set[str]]]:
+    """(part, field, what the annotations of both say of it) of all arrays of a NamedTuple of parts."""
+    said = get_type_hints(parts, include_extras=True)
+    return [
+        (name, field, {*getattr(said[name], "__metadata__", ()), *notes})
+        for name, part in get_type_hints(parts).items()
+        for field, (_, *notes) in array_fields(part).items()
+    ]
 
 
 def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:

@@ -11,7 +11,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity, sole_motion, sole_position
-from push_recovery.controllers.whole_body.limits import BOUNDS, centre_of_pressure, make_bounds
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES, centre_of_pressure, make_bounds
 from push_recovery.envs.biped.core import BIPED_BOUNDS, BIPED_GAINS, BIPED_GAIT, BipedSettings
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -19,7 +19,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 START = GaitEvent(4, "left")  # of the pushes
 KNEES = [5, 11]  # motors of the knees, in the order of the model
 HIPS, ANKLES = [3, 9], [7, 13]  # joints of the legs' ends in xanchor
-KEPT = [BOUNDS.index(name) for name in ("joint_torque", "sole_edge", "contact")]  # by whole-body control
+KEPT = [LIMIT_NAMES.index(name) for name in ("joint_torque", "sole_edge", "contact")]  # by whole-body control
 Changes = Mapping[str, Mapping[str, float]]  # of BipedSettings: section -> field -> value
 
 
@@ -33,7 +33,7 @@ def episode(
     env = gym.make("push_recovery:PushRecovery/Biped-v0")
     biped, settings = env.unwrapped, BipedSettings().changed(changes or {})
     core = biped.core  # type: ignore[attr-defined]
-    core.configure(settings.gait, settings.gains, settings.bounds, preset_config("biped"))
+    core.configure(settings, preset_config("biped"))
     policy = make_policy("two-stage", biped.robot, biped.limits, biped.preset)  # type: ignore[attr-defined]
     observation, info = env.reset(options={"scenario": scenario})
     if every_step is not None:
@@ -64,7 +64,7 @@ class Recorder:
         gait, phys, s = core.gait, core.physics, BIPED_GAIT
         soles = np.array([sole_position(phys, 0, i) for i in range(2)])
         before, now = self._before, (int(gait.stance[0]), phys.com[0, 0].copy(), soles, gait.swing[0].copy())
-        speed, spans = phys.qvel[0, 6:].copy(), core.bounds_record.span[0, KEPT].copy()
+        speed, spans = phys.qvel[0, 6:].copy(), core.limits_record.span[0, KEPT].copy()
         self._before = (*now, speed, spans)
         if before is None:
             return

@@ -255,7 +255,7 @@ def imitate(
         report: called after every round.
     """
     torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
-    episodes = TaughtEpisodes(settings.robots, settings.teacher) if episodes is None else episodes
+    episodes = TaughtEpisodes(settings.robots, policy=settings.teacher) if episodes is None else episodes
     rng, student = np.random.default_rng(settings.seed), Student(settings)
     collector = Collector(settings, episodes, rng)
     seen, asked = np.empty((0, JOINT_OBSERVATION_SIZE), np.float32), np.empty((0, NU), np.float32)

@@ -1,25 +1,4 @@
-"""Where the base is and how it moves, from inertial unit, legs and the grip of the stance foot.
-
-The friction that a robot believes in: less after a slide, more where the floor has held; compiled.
-
-A sole slides where it has moved faster than SLIDES in SLIDING periods in a row, and further than noise
-explains. With p the sole's place, seen at the end of each planning period with white noise of the deviation
-sigma along each axis,
-
-    |p - p_start| > SLIDES t + DOUBT sqrt(2) sigma    it slides, unless it rested in the last SLIDING periods,
-    |p - p_start| < SLIDES t                          it rests: the next period is the first,
-
-which is Page's test of a change of the mean (Biometrika 1954): the sum of the periods' displacements is one
-difference of two places, so noise does not add up over it. A second difference of three places has the
-variance 6 sigma^2 along each axis whatever the sole's steady speed, which tells sigma; a sole that shakes for
-a while in a fall adds little to it. Up to NO_NOISE it counts as none, and each period's displacement tells
-by itself.
-
-While a sole slides, the horizontal share of the floor's force is the friction. What was believed in noise is
-tried again: while the sole rests although that share is as large as the belief, there is more friction, and
-the belief rises at a steady rate, up to that of the beginning.
-
-Where n robots believe their bases to be, how these move, and how sure they are of it.
+"""Estimate of a robot's base: its place, attitude and motion, from inertial unit, joints and loaded soles.
 
 The errors of the estimate are kept apart where they hardly touch each other. With the world's z axis upward,
 theta the error of the tilt about a horizontal axis, beta that of the gyro's bias about it, v that of the
@@ -34,20 +13,20 @@ robot stands upright: it is taken for tilt, 1 mg for 0.06 degrees. This is the c
 et al. (RSS 2012) and Hartley et al. (IJRR 2020), with the couplings left out that are small as long as the
 pelvis stays near upright; heading and place cannot be observed in any of them, and drift.
 
-Strapdown navigation: where the inertial sensor says that the base has gone; compiled.
+The inertial unit moves the estimate on in every physics step (`navigate`), then loaded soles correct it. The
+velocity of a sole follows from the base's and the joints' rates; where it stands it is zero, and what is left
+is the error of the base's velocity. A sole that carries no load, or whose velocity lies further from zero
+than noise explains (it slides, rolls or has just hit the floor), is left out: the base then moves as the
+inertial unit says. A sole that stands keeps its place, which ties the base's place to the floor.
 
-What standing soles tell the estimate of the base: a loaded sole rests; compiled, every physics step.
-
-The velocity of a sole follows from the base's and the joints' rates; where it stands it is zero, and what is
-left is the error of the base's velocity. A sole that carries no load, or whose velocity lies further from
-zero than noise explains (it slides, rolls or has just hit the floor), is left out: the base then moves as the
-inertial sensor says. A sole that stands keeps its place, which ties the base's place to the floor.
+Another way to estimate is another `Estimator`, in a file of its own.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,96 +50,6 @@ from ..model.robot import GRAVITY
 from ..whole_body.kinematics import PELVIS, Physics, base_angular_velocity, sole_motion
 
 Array = NDArray[np.float64]
-
-SLIDES = 0.3  # speed from which a sole slides [m/s]
-SLIDING = 3  # periods of sliding that tell the friction: one alone may be a blow
-SLIDE_DOUBT = 6.0  # deviations of noise that a slide must rise above
-GRIP_MIN = 0.4  # the least friction that is believed
-NOISE_PERIODS = 50.0  # over which the noise is averaged
-NOISE_KNOWN = 10.0  # periods after which it is known
-NOISE_JUMP = 3.0  # the most that one period counts of what it has been: sliding and shaking are no noise
-NOISE_LEAST = 1e-9  # and on top of that: noise that begins is found [m^2]
-NO_NOISE = 4e-8  # variance that counts as none [m^2]
-TRIED = 0.95  # share of the belief that a floor has to hold, to be believed more of
-RISE = 0.5  # of the belief then [1/s]
-
-# Columns of a robot's row; of a pair (x, y) the first one
-PLACE = 0  # pair, of the stance sole at the last observation [m]
-MOVED = 2  # pair, in the period before it [m]
-START = 4  # pair, where a slide may have begun [m]
-TIME = 6  # since then [s]
-PERIODS = 7  # since then
-SHARE = 8  # largest horizontal share of the floor's force since then
-STANDS_FOR = 9  # for how many periods this sole has stood
-ITS_STEP = 10  # number of the step in which it stood there
-NOISE = 11  # variance of the place along each axis [m^2]
-NOISES = 12  # how many periods that was found from
-MOST = 13  # friction believed in at the beginning
-SIZE = 14
-
-
-@njit(cache=True, forceinline=True)
-def _keep_place(stood: Array, first: int, x: float, y: float) -> None:
-    stood[first], stood[first + 1] = x, y
-
-
-@njit(cache=True, forceinline=True)
-def _count_noise(stood: Array, x: float, y: float) -> None:
-    """Take how the displacement (x, y) of a period differs from that of the one before it."""
-    squared = ((x - stood[MOVED]) ** 2 + (y - stood[MOVED + 1]) ** 2) / 12.0
-    if stood[NOISES] >= NOISE_KNOWN:
-        squared = min(squared, NOISE_JUMP * stood[NOISE] + NOISE_LEAST)
-    stood[NOISES] = min(stood[NOISES] + 1.0, NOISE_PERIODS)
-    stood[NOISE] += (squared - stood[NOISE]) / stood[NOISES]
-
-
-@njit(cache=True, forceinline=True)
-def _restart(stood: Array, x: float, y: float) -> None:
-    """A slide may begin here."""
-    _keep_place(stood, START, x, y)
-    stood[TIME] = stood[PERIODS] = stood[SHARE] = 0.0
-
-
-@njit(cache=True)
-def feel_grip(
-    stood: Array, grip: float, x: float, y: float, step: int, landed: bool, share: float, span: float
-) -> float:
-    """Friction believed in after a period in which a stance sole has stood, or slid.
-
-    Args:
-        stood: row (SIZE,) of the robot, written.
-        grip: friction believed in until now.
-        x: place of the stance sole [m].
-        y: place of the stance sole [m].
-        step: its number.
-        landed: whether the sole no longer slides from its landing.
-        share: of the floor's force that is horizontal over the vertical one; negative: there is no force.
-        span: of the period [s].
-    """
-    stands = landed and stood[ITS_STEP] == step
-    moved_x, moved_y = x - stood[PLACE], y - stood[PLACE + 1]
-    stood[ITS_STEP] = step
-    _keep_place(stood, PLACE, x, y)
-    if not stands or share < 0.0:
-        stood[STANDS_FOR] = 0.0
-        _restart(stood, x, y)
-        return grip
-    if stood[STANDS_FOR] > 0.0:
-        _count_noise(stood, moved_x, moved_y)
-    stood[STANDS_FOR] += 1.0
-    _keep_place(stood, MOVED, moved_x, moved_y)
-    stood[TIME] += span
-    noisy, doubt = stood[NOISE] > NO_NOISE, SLIDE_DOUBT * math.sqrt(2.0 * stood[NOISE])
-    far = math.hypot(x - stood[START], y - stood[START + 1]) - SLIDES * stood[TIME]
-    least = SLIDES * span - (doubt if noisy else 0.0)
-    if math.hypot(moved_x, moved_y) <= least or (noisy and far <= 0.0):
-        _restart(stood, x, y)
-        return min(grip + RISE * span, stood[MOST]) if noisy and share >= TRIED * grip else grip
-    stood[PERIODS] += 1.0
-    stood[SHARE] = max(stood[SHARE], share)
-    sure = not noisy or (far > doubt and stood[NOISES] >= NOISE_KNOWN)
-    return min(grip, max(stood[SHARE], GRIP_MIN)) if sure and stood[PERIODS] >= SLIDING else grip
-
 
 # Standard deviations at the beginning: of a robot that has stood or walked for a while
 TILT_AT_FIRST = 3e-3  # [rad]
@@ -211,6 +100,30 @@ def begin_estimate(estimate: BaseEstimate, k: int, place: Array, attitude: Array
     estimate.level[k, [TT, BB, VV]] = TILT_AT_FIRST**2, GYRO_BIAS_AT_FIRST**2, VELOCITY_AT_FIRST**2
     estimate.lift[k, [LIFT_VV, LIFT_BB]] = VELOCITY_AT_FIRST**2, LIFT_BIAS_AT_FIRST**2
     estimate.turn[k] = GYRO_BIAS_AT_FIRST**2
+
+
+class Inertial(NamedTuple):
+    """Reading of an inertial sensor at the base's origin over a physics step, in the axes of the base."""
+
+    rate: Vector  # mean angular velocity [rad/s]
+    change: Vector  # integral of the specific force, in the axes at the end of the step [m/s]
+
+
+class Estimator(NamedTuple):
+    """A way to find place, attitude and motion of the base from a robot's own sensors.
+
+    `scenario.SENSING` names those that scenarios may ask for. The estimate of n robots is a NamedTuple of
+    arrays with a row each (`array_table`), which is part of a robot's snapshot. Of the two compiled functions
+    the first is called once the inertial unit has been read, and writes place and attitude (`phys.qpos[k,
+    :7]`), velocity and angular velocity (`phys.qvel[k, :6]`, in world axes and in those of the base); the
+    second once joints, loads and the kinematics that follow from that state are in `phys`, too, and may
+    correct the velocity there. What else it learns shows in the next step.
+    """
+
+    make: Callable[[int], Any]  # estimate of n robots
+    begin: Callable[[Any, int, Array, Array, Array], None]  # estimate, robot, place, attitude, velocity
+    predict: Callable[[Any, int, Inertial, Physics, float], None]  # compiled: estimate, k, reading, phys, dt
+    correct: Callable[[Any, int, Physics, float], None]  # compiled: estimate, k, phys, dt
 
 
 class Deviations(NamedTuple):
@@ -292,13 +205,6 @@ FORCE_RANGE = 150.0  # from here on the accelerometer may have met its range [m/
 BEYOND_RANGE = 0.5  # deviation of the change of velocity then [m/s]
 
 
-class Inertial(NamedTuple):
-    """What an inertial sensor at the base's origin tells of a physics step, in the axes of the base."""
-
-    rate: Vector  # mean angular velocity [rad/s]
-    change: Vector  # integral of the specific force, in the axes at the end of the step [m/s]
-
-
 @njit(cache=True, forceinline=True)
 def navigate(estimate: BaseEstimate, k: int, inertial: Inertial, dt: float) -> Vector:
     """Move the estimate of robot k on by a physics step; returns its angular velocity, base axes [rad/s].
@@ -324,6 +230,17 @@ def navigate(estimate: BaseEstimate, k: int, inertial: Inertial, dt: float) -> V
     predict_lift(estimate.lift[k], dt, gained, FORCE_WALK**2 * dt)
     estimate.turn[k] += RATE_WALK**2 * dt
     return rate
+
+
+@njit(cache=True, forceinline=True)
+def predict(estimate: BaseEstimate, k: int, inertial: Inertial, phys: Physics, dt: float) -> None:
+    """`navigate`, and write where the base of robot k is believed to be, and how it moves, into `phys`."""
+    rate = navigate(estimate, k, inertial, dt)
+    for i in range(3):
+        phys.qpos[k, i] = estimate.place[k, i]
+        phys.qvel[k, i], phys.qvel[k, 3 + i] = estimate.velocity[k, i], rate[i]
+    for i in range(4):
+        phys.qpos[k, 3 + i] = estimate.attitude[k, i]
 
 
 STANDING_DEVIATION = 0.06  # deviation of the velocity of a standing sole [m/s]
@@ -421,3 +338,6 @@ def _hold_place(estimate: BaseEstimate, k: int, leg: int, sole: Vector, dt: floa
         for i in range(3):
             place[i] += ANCHOR_GAIN * (anchor[i] - place[i] - sole[i])
     estimate.stood[k, leg] += dt
+
+
+CONTACT_FILTER = Estimator(empty_base_estimate, begin_estimate, predict, listen_to_soles)

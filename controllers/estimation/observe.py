@@ -60,7 +60,7 @@ CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM
 
 
 class Contacts(NamedTuple):
-    """What the contacts gave n robots since they were last observed, and how fast they were then."""
+    """Forces and impulses of the contacts of n robots since they were last observed, and their speed then."""
 
     force: Floats2  # (n, 20) live generalised forces of contacts and joint limits (qfrc_constraint) [N, N m]
     impulse: Floats2  # (n, 3) in world axes [N s]
@@ -99,7 +99,7 @@ def write_push_estimate(
     """Mean external force over m omega^2 since the last observation of one robot, canonical frame.
 
     delta = (m (v - v_before) - int f dt) / (m omega^2 time) [m], v the CoM's velocity, f the contact force:
-    what inertial sensor, joint encoders and force sensors in the feet would tell of a push.
+    how inertial sensor, joint encoders and force sensors in the feet would see a push.
     Where no time has passed the entries stay.
     """
     if contacts.time[k] > 0.0:
@@ -224,8 +224,8 @@ def observe(
     o[_COMMAND], o[_COMMAND + 1] = command[0], frame.sign * command[1]
     if command[TURN] != 0.0:
         period = gait.plan[k, DURATION] + s.landing_delay
-        told = turned_command(command[0], command[1], command[TURN], period, s.omega)
-        o[_COMMAND], o[_COMMAND + 1] = told[0], frame.sign * told[1]
+        x, y = turned_command(command[0], command[1], command[TURN], period, s.omega)
+        o[_COMMAND], o[_COMMAND + 1] = x, frame.sign * y
     for i in range(previous.shape[0]):
         o[_PREVIOUS + i] = previous[i]
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)

@@ -1,28 +1,10 @@
-"""What the robot believes of its joints and of the forces on it.
+"""Self-model of a biped that walks: its weight, a steady force on it, friction of its floor and joints.
 
-What the joints of the legs lose, found while a leg swings: friction, and a rotor heavier than the model's.
-
-A leg in the air is moved by its motors alone. What their torques tau, which the drives report, leave over is
-
-    r = tau - (M qdd + h) = c sign(qd) + I qdd,
-
-in each joint: c its friction [N m], I the inertia [kg m^2] that its rotor has beyond the model's. qdd is a
-difference quotient, so r, sign(qd) and qdd pass through the same filter, which leaves the relation between
-them as it is. c and I are the least squares over what the leg's swings have told, the last `MEMORY` seconds
-the most. Each touchdown takes them into mass matrix and bias; the inverse dynamics do the rest.
-
-The waist is left out. The trunk hardly moves while the robot walks, so that a tilt of the estimate passes for
-friction, and a trunk whose friction is taken for more than it is leans further and further.
-
-An, Atkeson and Hollerbach (1985), "Estimation of inertial parameters of rigid body links of manipulators".
-
-What a biped learns of itself and its floor while it walks: weight, a steady force on it, friction.
-
-All comes from what joint encoders, inertial sensor and force sensors in the feet tell, and from the forces
+All comes from what joint encoders, inertial sensor and force sensors in the feet measure, and from the forces
 that whole-body control itself expects. With the impulse J of the floor and the velocity v of the CoM over a
 planning period,
 
-    mass = sum J_z / sum (g dt + v_z - v_z,before)              sums that forget with MEMORY,
+    mass = sum J_z / sum (g dt + v_z - v_z,before)              sums that forget with MASS_MEMORY,
 
 over the model's mass, is the factor of its mass matrix and its bias, which is exact where every body is off
 by the same share. And where whole-body control expected the impulse J_w of the floor,
@@ -35,9 +17,23 @@ their ends weighs it, is taken off the point that the pendulum stands on: xi + d
 does on the level, so the planner is shown CoM and DCM moved by it.
 
 The push estimate is the change of a velocity: 1 cm of noise in the DCM makes 0.3 m of it. How far it jumps
-from one period to the next, in the median, tells its noise; a push that does not rise above it is not shown.
+from one period to the next, in the median, is its noise; a push that does not rise above it is not shown.
 
-How much friction whole-body control may count on, slides and holding soles tell (`grip`).
+How much friction whole-body control may count on, slides and holding soles say (`feel_grip`).
+
+What the joints of the legs lose, friction and a rotor heavier than the model's, is found while a leg swings:
+it is moved by its motors alone. What their torques tau, which the drives report, leave over is
+
+    r = tau - (M qdd + h) = c sign(qd) + I qdd,
+
+in each joint: c its friction [N m], I the inertia [kg m^2] that its rotor has beyond the model's. qdd is a
+difference quotient, so r, sign(qd) and qdd pass through the same filter, which leaves the relation between
+them as it is. c and I are the least squares over the leg's swings, the last LOSS_MEMORY seconds the most.
+Each touchdown takes them into mass matrix and bias; the inverse dynamics do the rest. The waist is left out:
+the trunk hardly moves while the robot walks, so that a tilt of the estimate passes for friction, and a trunk
+whose friction is taken for more than it is leans further and further.
+
+An, Atkeson and Hollerbach (1985), "Estimation of inertial parameters of rigid body links of manipulators".
 """
 
 from __future__ import annotations
@@ -66,7 +62,6 @@ from ..whole_body.kinematics import (
     com_velocity,
     sole_position,
 )
-from .base_estimate import MOST, SIZE, feel_grip
 from .observe import Contacts, external_force
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -78,7 +73,7 @@ FILTER = 100.0  # rate [1/s]
 LEAST_SPEED = 0.1  # slower than this, sign(qd) grows linearly [rad/s]
 FRICTION_AT_FIRST = 0.02  # weight of c = 0: that of moving for so long [s]
 ROTOR_AT_FIRST = 2.0  # weight of I = 0, an integral of qdd^2 [rad^2/s^3]
-REST = 0.02  # slower than this, a joint tells nothing [rad/s]
+REST = 0.02  # slower than this, a joint says nothing [rad/s]
 BLOW = 10.0  # no joint loses so much: it is at its stop, or something has hit the foot [N m]
 FRICTION_KNOWN, FRICTION_MOST = 0.2, 5.0  # less counts as none, more as this [N m]
 ROTOR_KNOWN, ROTOR_MOST = 0.005, 0.2  # likewise [kg m^2]
@@ -103,13 +98,13 @@ def direction(speed: float) -> float:
 
 @njit(cache=True, forceinline=True)
 def known_size(value: float, known: float, most: float) -> float:
-    """A loss, where it is large enough to be told from none, and no larger than is believed."""
+    """A loss, where it is large enough to differ from none, and no larger than is believed."""
     return min(value, most) if value >= known else 0.0
 
 
 @njit(cache=True)
 def conclude(joint: Array) -> None:
-    """Solve the least squares of a joint's row (SIZE,), and begin the filters of its next swing."""
+    """Solve the least squares of a joint's row (LOSS_SIZE,), and begin the filters of its next swing."""
     a, b, c = joint[SIGN_SIGN] + FRICTION_AT_FIRST, joint[SIGN_ACCELERATION], joint[ACCELERATION_SQUARED]
     c += ROTOR_AT_FIRST
     determinant = a * c - b * b
@@ -122,7 +117,7 @@ def conclude(joint: Array) -> None:
 
 @njit(cache=True)
 def take_in(joint: Array, lost: float, speed: float, acceleration: float, dt: float) -> None:
-    """Take torque lost [N m], rate and acceleration of a joint over dt [s] into its row (SIZE,)."""
+    """Take torque lost [N m], rate and acceleration of a joint over dt [s] into its row (LOSS_SIZE,)."""
     share, keep = 1.0 - math.exp(-FILTER * dt), math.exp(-dt / LOSS_MEMORY)
     joint[LOST] += share * (lost - joint[LOST])
     joint[SIGN] += share * (direction(speed) - joint[SIGN])
@@ -181,7 +176,7 @@ def feel_joints(joints: Floats3, before: Floats2, phys: Physics, gait: Gait, k: 
     """Take in the physics step of robot k that has just ended; a leg that has just landed concludes.
 
     Args:
-        joints: (n, 14, SIZE), written.
+        joints: (n, 14, LOSS_SIZE), written.
         before: (n, BEFORE) the swing leg's rows and all rates at the beginning of the step, written.
         phys: of all robots after the step, M and h of the model, torques as the drives gave them.
         gait: of all robots.
@@ -204,6 +199,113 @@ def add_losses(joints: Floats3, phys: Physics, k: int) -> None:
         joint = joints[k, j - BASE]
         phys.mass_matrix[k, DIAGONAL[j]] += joint[ROTOR]
         phys.bias[k, j] += joint[FRICTION] * direction(phys.qvel[k, j])
+
+
+SLIDES = 0.3  # speed from which a sole slides [m/s]
+SLIDING = 3  # periods of sliding that give the friction: one alone may be a blow
+SLIDE_DOUBT = 6.0  # deviations of noise that a slide must rise above
+GRIP_MIN = 0.4  # the least friction that is believed
+NOISE_PERIODS = 50.0  # over which the noise is averaged
+NOISE_PERIODS_KNOWN = 10.0  # periods after which it is known
+NOISE_JUMP = 3.0  # the most that one period counts of what it has been: sliding and shaking are no noise
+NOISE_LEAST = 1e-9  # and on top of that: noise that begins is found [m^2]
+NO_NOISE = 4e-8  # variance that counts as none [m^2]
+TRIED = 0.95  # share of the belief that a floor has to hold, to be believed more of
+RISE = 0.5  # of the belief then [1/s]
+
+# Columns of a robot's row; of a pair (x, y) the first one
+PLACE = 0  # pair, of the stance sole at the last observation [m]
+MOVED = 2  # pair, in the period before it [m]
+START = 4  # pair, where a slide may have begun [m]
+TIME = 6  # since then [s]
+PERIODS = 7  # since then
+SHARE = 8  # largest horizontal share of the floor's force since then
+STANDS_FOR = 9  # for how many periods this sole has stood
+ITS_STEP = 10  # number of the step in which it stood there
+NOISE = 11  # variance of the place along each axis [m^2]
+NOISES = 12  # how many periods that was found from
+GRIP_AT_FIRST = 13  # friction believed in at the beginning
+STOOD_SIZE = 14
+
+
+@njit(cache=True, forceinline=True)
+def _keep_place(stood: Array, first: int, x: float, y: float) -> None:
+    stood[first], stood[first + 1] = x, y
+
+
+@njit(cache=True, forceinline=True)
+def _count_noise(stood: Array, x: float, y: float) -> None:
+    """Take how the displacement (x, y) of a period differs from that of the one before it."""
+    squared = ((x - stood[MOVED]) ** 2 + (y - stood[MOVED + 1]) ** 2) / 12.0
+    if stood[NOISES] >= NOISE_PERIODS_KNOWN:
+        squared = min(squared, NOISE_JUMP * stood[NOISE] + NOISE_LEAST)
+    stood[NOISES] = min(stood[NOISES] + 1.0, NOISE_PERIODS)
+    stood[NOISE] += (squared - stood[NOISE]) / stood[NOISES]
+
+
+@njit(cache=True, forceinline=True)
+def _restart(stood: Array, x: float, y: float) -> None:
+    """A slide may begin here."""
+    _keep_place(stood, START, x, y)
+    stood[TIME] = stood[PERIODS] = stood[SHARE] = 0.0
+
+
+@njit(cache=True)
+def feel_grip(
+    stood: Array, grip: float, x: float, y: float, step: int, landed: bool, share: float, span: float
+) -> float:
+    """Friction believed in after a period in which a stance sole has stood, or slid.
+
+    A sole slides where it has moved faster than SLIDES in SLIDING periods in a row, and further than noise
+    explains. With p the sole's place, seen at the end of each planning period with white noise of the
+    deviation sigma along each axis,
+
+        |p - p_start| > SLIDES t + DOUBT sqrt(2) sigma    it slides, unless it rested in the last SLIDING,
+        |p - p_start| < SLIDES t                          it rests: the next period is the first,
+
+    which is Page's test of a change of the mean (Biometrika 1954): the sum of the periods' displacements is
+    one difference of two places, so noise does not add up over it. A second difference of three places has
+    the variance 6 sigma^2 along each axis whatever the sole's steady speed, which gives sigma; a sole that
+    shakes for a while in a fall adds little to it. Up to NO_NOISE it counts as none, and each period's
+    displacement decides by itself.
+
+    While a sole slides, the horizontal share of the floor's force is the friction. What was believed in noise
+    is tried again: while the sole rests although that share is as large as the belief, there is more
+    friction, and the belief rises at a steady rate, up to that of the beginning.
+
+    Args:
+        stood: row (STOOD_SIZE,) of the robot, written.
+        grip: friction believed in until now.
+        x: place of the stance sole [m].
+        y: place of the stance sole [m].
+        step: its number.
+        landed: whether the sole no longer slides from its landing.
+        share: of the floor's force that is horizontal over the vertical one; negative: there is no force.
+        span: of the period [s].
+    """
+    stands = landed and stood[ITS_STEP] == step
+    moved_x, moved_y = x - stood[PLACE], y - stood[PLACE + 1]
+    stood[ITS_STEP] = step
+    _keep_place(stood, PLACE, x, y)
+    if not stands or share < 0.0:
+        stood[STANDS_FOR] = 0.0
+        _restart(stood, x, y)
+        return grip
+    if stood[STANDS_FOR] > 0.0:
+        _count_noise(stood, moved_x, moved_y)
+    stood[STANDS_FOR] += 1.0
+    _keep_place(stood, MOVED, moved_x, moved_y)
+    stood[TIME] += span
+    noisy, doubt = stood[NOISE] > NO_NOISE, SLIDE_DOUBT * math.sqrt(2.0 * stood[NOISE])
+    far = math.hypot(x - stood[START], y - stood[START + 1]) - SLIDES * stood[TIME]
+    least = SLIDES * span - (doubt if noisy else 0.0)
+    if math.hypot(moved_x, moved_y) <= least or (noisy and far <= 0.0):
+        _restart(stood, x, y)
+        return min(grip + RISE * span, stood[GRIP_AT_FIRST]) if noisy and share >= TRIED * grip else grip
+    stood[PERIODS] += 1.0
+    stood[SHARE] = max(stood[SHARE], share)
+    sure = not noisy or (far > doubt and stood[NOISES] >= NOISE_PERIODS_KNOWN)
+    return min(grip, max(stood[SHARE], GRIP_MIN)) if sure and stood[PERIODS] >= SLIDING else grip
 
 
 MASS_MEMORY = 0.5  # of the mass [s]
@@ -237,7 +339,7 @@ _DCM, _COM, _PUSH = DCM.start, COM.start, PUSH_ESTIMATE.start
 
 
 class SelfModel(NamedTuple):
-    """What n robots have learned."""
+    """Weight, steady force, friction and losses that n robots have learned."""
 
     mass: Floats1  # (n,) over the model's
     weighed: Floats2  # (n, 2) vertical impulse of the floor, and that of the model's mass [N s]
@@ -246,25 +348,18 @@ class SelfModel(NamedTuple):
     step: Floats2  # (n, STEP_SIZE) of the step that goes on and the last one
     felt: Floats2  # (n, 3) what the push estimate was, and how it jumps
     grip: Floats1  # (n,) friction that whole-body control may count on
-    stood: Floats2  # (n, grip.SIZE) where the stance sole stood, and how it slides
-    joints: Floats3  # (n, 14, joint_losses.SIZE) friction and rotor of each joint
-    before: Floats2  # (n, joint_losses.BEFORE) the swing leg at the beginning of the physics step
+    stood: Floats2  # (n, STOOD_SIZE) where the stance sole stood, and how it slides
+    joints: Floats3  # (n, 14, LOSS_SIZE) friction and rotor of each joint
+    before: Floats2  # (n, BEFORE) the swing leg at the beginning of the physics step
 
 
 def empty_self_model(n: int) -> SelfModel:
     """Arrays of n robots."""
     return SelfModel(
-        np.ones(n),
-        np.zeros((n, 2)),
-        np.zeros((n, 2)),
-        np.zeros((n, 2)),
-        np.zeros((n, STEP_SIZE)),
-        np.zeros((n, 3)),
-        np.ones(n),
-        np.zeros((n, SIZE)),
-        np.zeros((n, NU, LOSS_SIZE)),
-        np.zeros((n, BEFORE)),
-    )
+        mass=np.ones(n), weighed=np.zeros((n, 2)), asked=np.zeros((n, 2)), drift=np.zeros((n, 2)),
+        step=np.zeros((n, STEP_SIZE)), felt=np.zeros((n, 3)), grip=np.ones(n),
+        stood=np.zeros((n, STOOD_SIZE)), joints=np.zeros((n, NU, LOSS_SIZE)), before=np.zeros((n, BEFORE)),
+    )  # fmt: skip
 
 
 def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
@@ -277,7 +372,7 @@ def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
     known.grip[k] = friction
     known.stood[k] = 0.0
     known.joints[k] = known.before[k] = 0.0
-    known.stood[k, MOST] = friction
+    known.stood[k, GRIP_AT_FIRST] = friction
 
 
 @njit(cache=True, forceinline=True)

@@ -36,10 +36,6 @@ from .limits import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, Bounds,
 from .swing import PELVIS_YAW, SWING, exchange_soles, given_yaw, quintic_step, swing_update, turn_references
 from .swing import SIZE as YAWS
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
 LOWEST = 0.6  # of the CoM's height
@@ -63,7 +59,7 @@ class Gait(NamedTuple):
     failure: Ints1  # (n,) index into FAILURES
     wrench: Floats2  # (n, 6) that the last torque asks of the stance sole
     turn: Floats1  # (n,) commanded [rad/s]
-    yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turning`
+    yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turn_references`
 
 
 class GaitSettings(NamedTuple):
@@ -90,7 +86,7 @@ class GaitSettings(NamedTuple):
 
 
 def resting_gait(n: int) -> Gait:
-    """Of n robots that have not begun."""
+    """Make the state of n robots that have not begun."""
     return Gait(
         stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
         heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
@@ -100,7 +96,7 @@ def resting_gait(n: int) -> Gait:
 
 @njit(cache=True)
 def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, previous: Array) -> None:
-    """Take over the asked gait (7,) of one robot, and its action (7,) as the previous one.
+    """Hold the asked gait (7,) for one robot, and its action (7,) as the previous one.
 
     A swing foot about to land is committed: place and time of the step stay, unless the asked step is far
     enough from landing for the foot to go elsewhere.
@@ -173,10 +169,10 @@ def reach_height(
 
 
 @njit(cache=True, forceinline=True)
-def lever_and_missing(
+def com_cmp_offset_and_deficit(
     place: Point, speed: Point, plan: Array, sign: float, growth: float, s: GaitSettings
 ) -> tuple[Point, Point]:
-    """Lever of the CoM over the planned CMP, which acceleration = omega^2 lever (eq. 4), and `missing_cmp`.
+    """Offset of the CoM from the planned CMP, acceleration = omega^2 offset (eq. 4), and `missing_cmp`.
 
     Along the heading and to the left, from the stance sole [m]. The DCM's goal is that of stepping in place,
     u_T + b with b = -W / (1 + exp(omega T)) aside.
@@ -228,7 +224,7 @@ def move_references(
 def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
-    Returns the bounds met, as bits of `bounds_met`.
+    Returns the bounds met, as bits of `limits_met`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = heading_frame(gait.heading[k]), side_sign(stance)
@@ -238,15 +234,15 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     growth = math.exp(s.omega * remaining)
     place = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
     speed = canonical(ahead, velocity[0], velocity[1])
-    (lever_x, lever_y), missing = lever_and_missing(place, speed, plan, sign, growth, s)
-    lever_x, lever_y = in_world(ahead, lever_x, lever_y)
+    (offset_x, offset_y), missing = com_cmp_offset_and_deficit(place, speed, plan, sign, growth, s)
+    offset_x, offset_y = in_world(ahead, offset_x, offset_y)
     target = point_in_world(frame, sole[0], sole[1], plan[STEP], plan[STEP + 1])
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
-    travel = lever_x * rise + velocity[0] * run, lever_y * rise + velocity[1] * run
+    travel = offset_x * rise + velocity[0] * run, offset_y * rise + velocity[1] * run
     facing = ahead.cos, ahead.sin
     met = move_references(phys, gait, k, s, sole, facing, target, travel, remaining, dt)
-    acceleration = s.omega**2 * lever_x, s.omega**2 * lever_y
+    acceleration = s.omega**2 * offset_x, s.omega**2 * offset_y
     waist = plan[TRUNK], -sign * plan[TRUNK + 1]
     yaws = vector_of(gait.yaw[k], SWING), vector_of(gait.yaw[k], PELVIS_YAW)
     planned = (plan[COP], sign * plan[COP + 1]), missing

@@ -8,8 +8,8 @@ so nothing is left to optimise as long as no bound is met. Waist and turning of 
 linear acceleration a of the pelvis as the unknown, each leg follows as J_i^-1 (.. - a), and a from the CoM:
 the first three rows of M qdd + h are the force m (acc + g) on it. The other rows give the moment at the sole
 and the torques. The CoM obeys the pendulum, acc = omega^2 (com - cmp); the CoP absorbs the swing leg's
-momentum, but for what `full_sole` keeps of it. Where a motor, the CoP, friction or the yaw moment would pass
-its bound, `wrench_bounds` finds the least deviation from the tasks that keeps it.
+momentum, but for what `full_sole_force` keeps of it. Where a motor, the CoP, friction or the yaw moment would
+pass its bound, `keep_bounds` finds the least deviation from the tasks that keeps it.
 
 A function that runs every physics step is put into its caller (forceinline): the arrays of n robots are a few
 hundred words, which a call would pass on and count the references of.
@@ -89,7 +89,7 @@ class Gains(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What one robot shall do now, in world axes."""
+    """Task of one robot for this physics step, in world axes."""
 
     stance: int  # 0 left, 1 right
     com_acceleration: tuple[float, float]  # [m/s^2]
@@ -100,7 +100,7 @@ class Task(NamedTuple):
     swing_yaw: Vector = ZERO  # of the swing sole beyond the heading [rad], its rate, its acceleration
     pelvis_yaw: Vector = ZERO  # the same of the pelvis
     cop: Heading = (0.0, 0.0)  # planned, along the heading and to the left, from the sole's centre [m]
-    missing: Heading = (0.0, 0.0)  # how far the CMP should lie beyond the planned one, see `full_sole` [m]
+    missing: Heading = (0.0, 0.0)  # how far the CMP should lie beyond the planned one [m]
 
 
 @njit(cache=True, forceinline=True)
@@ -223,7 +223,7 @@ def whole_body_torque(
 ) -> int:
     """Write the joint torques (14,) [N m] of robot k and the wrench (6,) they ask of the stance sole.
 
-    `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `bounds_met`.
+    `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `limits_met`.
     """
     qdd, total = carray(stack_floats(20), (NV,)), carray(stack_floats(20), (NV,))
     inverses = LegInverses(carray(stack_floats(36), (2, 6, 3)), carray(stack_floats(36), (2, 6, 3)))

@@ -1,11 +1,7 @@
-"""Kinematics of the biped: live arrays, mass matrix, inverse of a leg, and maps of deviations.
+"""Kinematics of the biped: live arrays, motion of pelvis, soles and CoM, inverse of a leg, mass matrix.
 
-Live arrays of n simulated bipeds; motion of pelvis, soles and CoM.
-
-The inverse of a leg's Jacobian, in closed form where its axes allow.
-
-The three hip axes meet in one point, the two ankle axes in another, and hip pitch, knee and ankle pitch are
-parallel. Seen from the pelvis, ankle and foot move by
+A leg whose three hip axes meet in one point and whose two ankle axes meet in another, with hip pitch, knee
+and ankle pitch parallel, has an inverse in closed form. Seen from the pelvis, ankle and foot move by
 
     v = hip x r + knee s,    omega = hip + (knee + ankle_pitch) pitch + ankle_roll roll,
 
@@ -20,24 +16,20 @@ feels, and c = n' J_knee the velocity along it per rate of the knee: the same c 
 A knee that can go beyond straight counts as bent as much there: c keeps the sign that it has where the knee
 is bent. With its true sign a leg that shall become shorter presses its knee into the stop.
 
-The sparse mass matrix of a biped, and products with it.
-
-Row j holds the columns of the base, 0 to 5, then those of its own chain (waist or leg) up to the diagonal;
-the chains do not couple with each other.
-
-How wrench and torques of the whole body follow a deviation from its tasks.
+Row j of the sparse mass matrix holds the columns of the base, 0 to 5, then those of its own chain (waist or
+leg) up to the diagonal; the chains do not couple with each other.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
-from ..array_table import Floats1, Floats2, Floats3, Ints1
+from ..array_table import COMMON, Floats1, Floats2, Floats3, Ints1
 from ..jit import njit
 from ..math3 import (
     ZERO,
@@ -55,6 +47,9 @@ from ..math3 import (
     vector_of,
 )
 
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -64,18 +59,17 @@ NV, NU = 20, 14
 BODIES, JOINTS = 9, 15  # places for bodies, the first of which is not in use, and for joints
 LEG_DOF = (8, 14)  # first degree of freedom of the left and the right leg
 LEG_JOINT = (3, 9)  # first joint (0 is the free joint, 1-2 the waist)
-LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 WAIST_JOINT, WAIST_DOF = 1, 6
 PELVIS, TRUNK = 1, 2  # bodies
 FOOT_BODY = (5, 8)
 PUSHED_BODY = (PELVIS, TRUNK, 3, 4, 5, 6, 7, 8)  # with thigh, shank and foot, in the order of push.BODIES
 MEETING_AXES, ANY_AXES = 1, 0  # hip axes meet in a point, the ankle's too, and hip pitch, knee, ankle pitch
-# are parallel, in the order yaw, roll, pitch, knee, pitch, roll: see `leg_inverse`
+# are parallel, in the order yaw, roll, pitch, knee, pitch, roll: see `write_leg_inverse`
 Heading = tuple[float, float]  # cosine and sine of a heading
 
 
 class Physics(NamedTuple):
-    """Live arrays of n simulations (`stepping`) and constants of their robot, in world axes and SI units."""
+    """Live arrays of n simulations and constants of their robot, in world axes and SI units."""
 
     qpos: Floats2  # (n, 21)
     qvel: Floats2  # (n, 20)
@@ -89,11 +83,15 @@ class Physics(NamedTuple):
     load: Floats2  # (n, 2) normal force under the left and the right sole [N]
     ctrl: Floats2  # (n, 14) torques [N m], written by the controller
     xfrc: Floats3  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
-    soles: Floats2  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
-    ankle_height: Floats1  # (1,) ankle above a flat sole [m]
-    mirror: Floats1  # (14,) sign of each joint's coordinate in the mirrored robot
-    leg_form: Ints1  # (1,) MEETING_AXES or ANY_AXES
-    knee_bend: Floats1  # (2,) sign of a bent knee's coordinate; 0 for one that stops before it is straight
+    soles: Annotated[
+        Floats2, COMMON
+    ]  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
+    ankle_height: Annotated[Floats1, COMMON]  # (1,) ankle above a flat sole [m]
+    mirror: Annotated[Floats1, COMMON]  # (14,) sign of each joint's coordinate in the mirrored robot
+    leg_form: Annotated[Ints1, COMMON]  # (1,) MEETING_AXES or ANY_AXES
+    knee_bend: Annotated[
+        Floats1, COMMON
+    ]  # (2,) sign of a bent knee's coordinate; 0 for one that stops before it is straight
 
 
 class SoleMotion(NamedTuple):
@@ -151,10 +149,6 @@ def upright_error(xmat: Array, k: int, body: int, facing: Heading) -> Vector:
     cos, sin = facing
     x, y = xmat[k, body, 0], xmat[k, body, 3]
     return xmat[k, body, 5], -xmat[k, body, 2], math.atan2(sin * x - cos * y, cos * x + sin * y)
-
-
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 
 class LegInverses(NamedTuple):
@@ -312,9 +306,8 @@ def subtract_leg_torques(phys: Physics, k: int, leg: int, sole: Vector, wrench: 
 
 
 BASE = 6  # degrees of freedom of the free joint
-CHAIN = np.array(
-    [0] * BASE + [WAIST_DOF] * 2 + [LEG_DOF[0]] * 6 + [LEG_DOF[1]] * 6
-)  # where a row's chain begins
+# Where a row's chain begins
+CHAIN = np.array([0] * BASE + [WAIST_DOF] * 2 + [LEG_DOF[0]] * 6 + [LEG_DOF[1]] * 6)
 _LENGTH = [j + 1 if j < BASE else BASE + 1 + j - CHAIN[j] for j in range(NV)]
 ROW = np.concatenate([[0], np.cumsum(_LENGTH)[:-1]])  # first entry of every row
 ENTRIES = int(sum(_LENGTH))
@@ -383,10 +376,6 @@ def write_generalised_force(phys: Physics, k: int, qdd: Array, out: Array) -> No
                 total += entry * qdd[c]
                 out[c] += entry * own
         out[j] = total + phys.mass_matrix[k, row + j] * own
-
-
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 
 TASKS = 14  # com x, y, z; pelvis x, y, z; swing sole linear, angular; waist pitch, roll

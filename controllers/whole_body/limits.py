@@ -1,15 +1,9 @@
-"""Limits of whole-body control (torque, CoP, friction, yaw moment), and the least deviation that keeps them.
-
-The bounds that planner, gait machine and whole-body control may meet: their names and their bits.
-
-What the motors of the joints can give: less and less torque near their speed without load.
+"""Limits that planner and control may meet, and the least deviation from the tasks that keeps them.
 
 A motor drives with its full torque up to a share of its speed without load, then with one that falls linearly
 to zero there; against its motion it always has its full torque. The model's actuators hold both numbers
 (forcerange and user). The speeds are those of the robot H1 of Unitree, which has about these torques and
 this mass (`velocity` of the joints in its published URDF): hip and waist 23, knee 14, ankle 9 rad/s.
-
-The least deviation from the whole-body tasks that keeps torques, CoP, friction and yaw moment in bounds.
 
 The exact solution of the tasks, (wrench w, torque tau), changes linearly with a deviation d (14,) from them:
 CoM acceleration x, y, z; turning of the pelvis x, y, z; swing sole linear and angular; waist pitch and roll,
@@ -18,8 +12,6 @@ CoM acceleration x, y, z; turning of the pelvis x, y, z; swing sole linear and a
                                                      |(f_x, f_y)| <= mu f_z,  |M_z about the CoP| <= nu f_z.
 
 With v = Q^(1/2) d it is a least-distance problem for DAQP, every row soft, so that it always has an answer.
-
-A CoP that is planned at the edge of the sole stays there while the DCM needs it.
 
 Whole-body control follows the CoM's acceleration that the planned CMP asks for, and the CoP makes up for the
 angular momentum of all other tasks: a braking swing leg alone takes the CMP 0.3 m beyond the CoP. As a rule
@@ -30,7 +22,7 @@ planned one p, the edge e, and the CMP m that the DCM lacks until touchdown, the
     s = min((p - c) |p| / e, m),    m = (xi e^(w t) - xi_T) / (e^(w t) - 1) - cmp,
 
 where both point the way of p. It takes a force of -f_z s / z more, which stays well within friction. The
-legs turn with the CoM, which takes the CoP 8 % farther; `wrench_bounds` ends that at the edge.
+legs turn with the CoM, which takes the CoP 8 % farther; `keep_bounds` ends that at the edge.
 """
 
 from __future__ import annotations
@@ -47,8 +39,11 @@ from ..math3 import ZERO, Vector, stack_floats
 from ..qp import LeastDistance, solve_least_distance
 from .kinematics import NU, NV, TASKS, Array, Heading, Legs, Physics, write_deviation_maps
 
-# In the order in which the bounds of one moment are told
-BOUNDS = (
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
+# In the order in which those of one moment are reported
+LIMIT_NAMES = (
     "step_length",  # planned, at its bound
     "step_width",  # planned, at its bound
     "step_time",  # planned T at T_min, or the least that the swing foot needs
@@ -65,7 +60,7 @@ BOUNDS = (
 (
     STEP_LENGTH, STEP_WIDTH, STEP_TIME, COP_EDGE, TRUNK_TORQUE, TRUNK_LEAN, LEG_REACH, JOINT_TORQUE,
     SOLE_EDGE, CONTACT, TOUCHDOWN_ERROR, DCM_TRACKING,
-) = (1 << i for i in range(len(BOUNDS)))  # fmt: skip
+) = (1 << i for i in range(len(LIMIT_NAMES)))  # fmt: skip
 LANDED_OFF = 0.03  # a touchdown this far from the planned place counts as an error [m]
 LANDED_LATE = 0.03  # or this far from the planned time [s]
 
@@ -94,10 +89,6 @@ def clip_torque(torque: Array, torque_range: Array) -> None:
     """Clip torques (14,) to what the motors can give."""
     for i in range(NU):
         torque[i] = min(max(torque[i], torque_range[0, i]), torque_range[1, i])
-
-
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 
 FACES = 8  # of the friction cone
@@ -248,8 +239,8 @@ def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: A
 
 
 @njit(cache=True)
-def bounds_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, float], bounds: Bounds) -> int:
-    """Bits of `bounds_record` that a wrench (6,) and torques (14,) are at the bounds of.
+def limits_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, float], bounds: Bounds) -> int:
+    """Bits of LIMIT_NAMES that a wrench (6,) and torques (14,) are at the bounds of.
 
     `cop` (world axes, from the sole's centre) is the point that the yaw moment counts about [m].
     """
@@ -277,21 +268,21 @@ def keep_bounds(
 ) -> int:
     """Replace wrench (6,) and torque (14,) by those of the least deviation that keeps the bounds.
 
-    Returns the bits of `bounds_met` that they are at the bounds of.
+    Returns the bits of `limits_met` that they are at the bounds of.
     """
     Wd, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
     write_deviation_maps(phys, k, legs, Wd, Td)
     write_problem(Wd, Td, axis, bounds, wrench, torque)
     cop = clipped_cop_in_world(wrench, axis, bounds.settings)
     if solve_least_distance(bounds.handle) <= 0:
-        return bounds_met(wrench, torque, axis, cop, bounds)
+        return limits_met(wrench, torque, axis, cop, bounds)
     for c in range(TASKS):
         d = bounds.scale[c] * bounds.solution[c]
         for i in range(6):
             wrench[i] += Wd[i, c] * d
         for i in range(NU):
             torque[i] += Td[i, c] * d
-    return bounds_met(wrench, torque, axis, cop, bounds)
+    return limits_met(wrench, torque, axis, cop, bounds)
 
 
 SHARE_OF_GRIP = 0.8  # of the friction counted on; up to there the force may grow

@@ -1,6 +1,4 @@
-"""The swing foot: its trajectory, re-generated every cycle, and its turning.
-
-Swing-foot trajectory, re-generated every cycle towards the adapted place and time.
+"""The swing foot: its trajectory towards the adapted place and time, re-generated every cycle; turning.
 
 Each axis follows a fifth-order polynomial from its present position, velocity and acceleration to the
 target at the planned time, and is re-planned every cycle (Khadiv et al. 2016, section IV). Position,
@@ -8,12 +6,11 @@ velocity and acceleration are therefore continuous however place and time change
 Horizontally the foot arrives at rest shortly before touchdown; vertically it rises to an apex in mid-step
 and then comes down to meet the floor at T. A foot that is late keeps descending at constant speed.
 
-Turning: the swing sole lands turned by the commanded rate times T, and the pelvis goes along.
-
-Within a step the heading, the canonical frame's x axis, stays: it is the stance sole's. The references below
-are yaws beyond it. At touchdown the heading advances by the yaw of the sole that lands; the pelvis, half-way
-between the soles by then, turns on at the commanded rate. No reference jumps. A pelvis that has been twisted
-off its yaw turns the next sole, too, where a robot gives way to it: a sole has little friction against yaw.
+The swing sole lands turned by the commanded rate times T, and the pelvis goes along. Within a step the
+heading, the canonical frame's x axis, stays: it is the stance sole's. The references are yaws beyond it. At
+touchdown the heading advances by the yaw of the sole that lands; the pelvis, half-way between the soles by
+then, turns on at the commanded rate. No reference jumps. A pelvis that has been twisted off its yaw turns the
+next sole, too, where a robot gives way to it: a sole has little friction against yaw.
 """
 
 from __future__ import annotations
@@ -24,13 +21,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidValueError
 from ..jit import njit
 
-VELOCITY, ACCELERATION = (
-    3,
-    6,
-)  # where they begin in a state: position, velocity, acceleration, three axes each
+VELOCITY, ACCELERATION = 3, 6  # where they begin in a state of position, velocity, acceleration
 ARRIVAL_LEAD = 0.010  # the foot is over its target this long before T [s]
 SHORTEST = 0.030  # horizontal horizon is never shorter: a late change of target stays smooth [s]
 APEX_PHASE = 0.45  # of T at which the foot is highest
@@ -122,31 +115,6 @@ def swing_update(
         _descend(state, descent, dt)
 
 
-@njit(cache=True)
-def _swing_rows(states, targets, elapsed, duration, dt, apex, descent):  # pragma: no cover
-    for i in range(states.shape[0]):
-        swing_update(states[i], targets[i, 0], targets[i, 1], elapsed[i], duration[i], dt, apex, descent)
-
-
-def swing_update_batch(
-    states: NDArray[np.float64],
-    targets: NDArray[np.float64],
-    elapsed: NDArray[np.float64],
-    duration: NDArray[np.float64],
-    dt: float,
-    apex: float = 0.06,
-    descent: float = 0.3,
-) -> None:
-    """`swing_update` for n robots, in place: states (n, 9), targets (n, 2) [m], times (n,) [s]."""
-    n = len(states)
-    if states.shape != (n, 9) or targets.shape != (n, 2) or elapsed.shape != (n,) or duration.shape != (n,):
-        raise InvalidValueError(
-            "swing_update_batch needs states (n, 9), targets (n, 2), elapsed (n,), duration (n,), "
-            f"got {states.shape}, {targets.shape}, {elapsed.shape}, {duration.shape}"
-        )
-    _swing_rows(states, targets, elapsed, duration, dt, apex, descent)
-
-
 SIZE = 7  # swing sole: yaw, rate, acceleration; pelvis: the same; yaw at which the sole is to land
 SWING, PELVIS_YAW, LANDING = 0, 3, 6
 TURN = 2  # column of a command: velocity x, y [m/s], turn [rad/s]
@@ -189,7 +157,7 @@ def turn_references(
 
 @njit(cache=True)
 def turned_command(vx: float, vy: float, rate: float, period: float, omega: float) -> tuple[float, float]:
-    """Velocity that a planner of straight steps has to be told for (vx, vy) along the turning heading [m/s].
+    """Velocity to give a planner of straight steps for (vx, vy) along the turning heading [m/s].
 
     The DCM at touchdown is the sum of all steps to come, b = sum over j >= 1 of u_j lambda^-j. Of steps
     u_j = L exp(i theta (j + 1/2)) that turn by theta = rate * period each, seen from the stance sole,
@@ -200,8 +168,8 @@ def turned_command(vx: float, vy: float, rate: float, period: float, omega: floa
     exp(i theta)).
     """
     theta, growth = rate * period, math.exp(omega * period)
-    told = complex(vx, vy) * (growth - 1.0) * cmath.exp(1.5j * theta) / (growth - cmath.exp(1j * theta))
-    return told.real, told.imag
+    straight = complex(vx, vy) * (growth - 1.0) * cmath.exp(1.5j * theta) / (growth - cmath.exp(1j * theta))
+    return straight.real, straight.imag
 
 
 @njit(cache=True, forceinline=True)

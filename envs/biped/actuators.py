@@ -1,8 +1,4 @@
-"""What the drives give of the torques asked for: at the speed, the warmth and the power of the moment.
-
-What drives and battery can give: motors that ask for more power get less torque.
-
-What the drives give of the torques asked for: at the speed, the warmth and the power of the moment.
+"""Drives and battery: the torques that come of those asked for, at the speed, warmth and power of the moment.
 
 A drive follows its torque-speed line at the speed that its joint has when the torque acts, however late that
 is. A joint that is driven beyond its speed without load, by the rest of the body or by a blow, is braked: the
@@ -14,7 +10,7 @@ s the slope of the line and I the joint's inertia, the others held; the denomina
 step, without which so steep a brake (s dt / I is 2 to 10) would overshoot.
 
 The winding warms with the square of the torque, T d(warmth)/dt = (tau / tau_c)^2 - warmth, so that 1 is what
-it comes to under its continuous torque tau_c. From `DERATED` on less than the largest torque is allowed, at 1
+it comes to under its continuous torque tau_c. From DERATED on less than the largest torque is allowed, at 1
 tau_c.
 """
 

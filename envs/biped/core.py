@@ -1,16 +1,13 @@
-"""n bipeds at physics rate: one planning period holds one gait action.
+"""n bipeds at physics rate, and the constants of theirs that a preset may set.
 
-The biped's constants that a preset may set: gait box, gait machine, whole-body gains and bounds.
-
-n bipeds at physics rate: one planning period holds one gait action.
-
-Within the period every physics step computes touchdown, swing foot, whole-body torque and push, and then the
-robot's simulation advances: all in one compiled call, on as many threads as asked for.
+One planning period holds one gait action. Within it every physics step computes touchdown, swing foot,
+whole-body torque and push, and then the robot's simulation advances: all in one compiled call
+(`period.period_calls`), on as many threads as asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar
 
@@ -18,7 +15,6 @@ import numpy as np
 
 from ...controllers.array_table import parts_table
 from ...controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
-from ...controllers.estimation.base_estimate import BaseEstimate
 from ...controllers.estimation.observe import Contacts
 from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.jit import RangeThreads
@@ -41,12 +37,12 @@ from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.noise import counter_seed
 from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
-from ..sensing import Sensing, begin_onboard, exact_sensing, onboard_sensing, seed_sensors
-from ..simulation import Simulations, believe
+from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
+from ..simulation import Simulations, compute_nominal
 from .floor import assign_floor, connect_floor, floor_height, has_tiles, lay_floor, level_floors
-from .limits_record import BoundsReport, clear_record, empty_record, plan_bounds, report_bounds
+from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
-from .period import GAIT_CALLS, Arena, PeriodCalls, Senses, View, arena_constants, substeps
+from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, period_calls, substeps
 from .posture import posture
 from .pushes import Kicks
 
@@ -131,7 +127,7 @@ class BipedCore:
     until its reset.
     """
 
-    calls: ClassVar[PeriodCalls] = GAIT_CALLS  # whole-body control turns a gait into torques
+    actuation: ClassVar[Actuation] = GAIT  # whole-body control turns a gait into torques
 
     def __init__(
         self,
@@ -158,7 +154,6 @@ class BipedCore:
             InvalidValueError: for an impossible rate or number.
             UnknownNameError: for another sensing.
         """
-        # All arrays of the core in one place, in the order of `Arena`: longer than other functions for that.
         self.n, self.robot, self.substeps = n, robot, substeps(control_hz)
         self.after_physics_step: Callable[[], None] | None = None  # for a closer look, slow
         self._threads = RangeThreads(threads)
@@ -187,11 +182,16 @@ class BipedCore:
         self.margin = np.zeros(n)  # capture margin [m]
         self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
         self.com = np.zeros((n, 2))  # true, in the world [m]
-        exact = exact_sensing(self.physics, self.contacts, self.simulations.handles, self.truth)
+        exact = exact_sensing(self.physics, self.contacts, self.simulations.handles)
         self.senses = Senses(n, exact, self._own_sensors, sensing)
         self._limits, self._capture = limits, capture_constants(robot, limits)
-        self.bounds_record = empty_record(n, plan_bounds(robot, limits, PlannerConfig(), 0.0))
-        self.configure(BIPED_GAIT, BIPED_GAINS, BIPED_BOUNDS)
+        self.limits_record = empty_record(n, plan_limits(robot, limits, PlannerConfig(), 0.0))
+        self.own = self._own_parts()
+        self.configure(BipedSettings())
+
+    def _own_parts(self) -> Any:
+        """NamedTuple of the parts that the actuation has beside the arena."""
+        return ()
 
     def _own_sensors(self) -> Sensing:
         """The arrays of robots that act on their own sensors."""
@@ -204,18 +204,13 @@ class BipedCore:
         return self.senses.last.judged
 
     @property
-    def estimate(self) -> BaseEstimate:
-        """Of the bases of robots that act on their own sensors."""
-        return self.senses.last.estimate
+    def estimate(self) -> Any:
+        """Estimate of the bases of robots that act on their own sensors, of the estimator that came last."""
+        return self.senses.kinds[-1].estimate
 
     def true_state(self, k: int) -> Physics:
         """The arrays that hold where robot k truly is."""
-        return self.senses.kinds[self.senses.of(k)].judged
-
-    @property
-    def constants(self) -> Array:
-        """Of gait machine and whole-body control."""
-        return self._constants
+        return self.senses.kinds[self.senses.of(k)].sensing.judged
 
     def arena_of(self, k: int) -> Arena:
         """All arrays of the core, as they hold robot k."""
@@ -227,40 +222,37 @@ class BipedCore:
             "a biped cannot be copied or pickled; make a new environment and reset it with the same scenario"
         )
 
-    def configure(
-        self,
-        settings: GaitSettings,
-        gains: Gains,
-        bounds: BoundSettings,
-        planner: PlannerConfig = DEFAULT_PLANNER,
-    ) -> None:
-        """Set the constants of gait machine and whole-body control; whose plans the limits are told of."""
-        self.settings = settings
-        self.bounds_record.edges[:] = plan_bounds(self.robot, self._limits, planner, settings.commit)
-        self._bounds = [make_bounds(bounds, self.body.motors) for _ in range(self._threads.threads)]
-        self._constants = arena_constants(settings, gains, bounds)
+    def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
+        """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
+        self.settings = settings.gait
+        self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
+        self._bounds = [make_bounds(settings.bounds, self.body.motors) for _ in range(self._threads.threads)]
+        self.constants = arena_constants(settings.gait, settings.gains, settings.bounds)
         self._bind()
 
     def _bind(self) -> None:
         """Write the address tables anew, for each sensing one a thread: whenever an array is replaced."""
-        view = View(
+        exchange = Exchange(
             self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
             self.truth, self.com,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
-        rest = self.errors, self.bounds_record, self.schedule, self.known, self.floors
-        own = [self.simulations.handles_of(w) for w in range(len(self._bounds))]
+        rest = self.errors, self.limits_record, self.schedule, self.known, self.floors
+        workers = [(bounds, self.simulations.handles_of(w)) for w, (bounds, _) in enumerate(self._bounds)]
         self._arenas = [
-            [Arena(*state, bounds, view, self.contacts, handles, *rest, *sensing)
-             for (bounds, _), handles in zip(self._bounds, own, strict=True)]
-            for sensing in self.senses.kinds
+            [Arena(*state, bounds, exchange, self.contacts, handles, *rest, *sense.sensing)
+             for bounds, handles in workers]
+            for sense in self.senses.kinds
         ]  # fmt: skip
-        more = self._more_parts()
-        self._tables = [[parts_table([*arena, *more]) for arena in arenas] for arenas in self._arenas]
-
-    def _more_parts(self) -> Sequence[Any]:
-        """Parts of the address table that lie after the arena."""
-        return ()
+        own, estimates = (
+            parts_table(self.own),
+            [[s.estimate] if s.estimator else [] for s in self.senses.kinds],
+        )
+        self._tables = [
+            [Tables(parts_table(arena), own, parts_table(estimate)) for arena in arenas]
+            for arenas, estimate in zip(self._arenas, estimates, strict=True)
+        ]
+        self._calls = [period_calls(self.actuation, sense.estimator) for sense in self.senses.kinds]
 
     def assign(self, k: int, scenario: Scenario) -> None:
         """Give robot k what a scenario says: model, floor, errors, sensing, pushes, new commands, kicks.
@@ -299,7 +291,8 @@ class BipedCore:
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
         if self.senses.of(k):
-            seed_sensors(self.senses.last.sensors, k, counter_seed(scenario.noise_seed), stance)
+            sensors = self.senses.last.sensors
+            sensors.seed[k], sensors.side[k] = counter_seed(scenario.noise_seed), stance
         self.put(k, qpos, qvel)
         for field in self.gait:
             field[k] = 0
@@ -310,11 +303,11 @@ class BipedCore:
         self.gait.plan[k] = gait
         self.previous_action[k] = action
         self.contacts.time[k] = 0.0
-        self.contacts.impulse[k] = 0.0
         forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
-        clear_record(self.bounds_record, k)
+        clear_record(self.limits_record, k)
         self.truth[k] = 0.0
-        self.calls.finish(self._tables[self.senses.of(k)][0], self._constants, k, k + 1)
+        kind = self.senses.of(k)
+        self._calls[kind].finish(self._tables[kind][0], self.constants, k, k + 1)
 
     def _soles(self, k: int, stance: int, swing_x: float, swing_y: float) -> Array:
         """Where robot k stands, (2, 3) [m]: the stance sole at the origin, each sole on its tile."""
@@ -332,19 +325,19 @@ class BipedCore:
         self._stateless.discard(k)
         if self.senses.of(k):
             gravity = self.simulations.models[k].opt.gravity
-            begin_onboard(self.senses.last, k, self.physics, self.contacts, gravity)
+            begin_onboard(self.senses.kinds[self.senses.of(k)], k, self.physics, self.contacts, gravity)
             self.errors.physical[k] = self.errors.believes[k] = 1
         if self.errors.believes[k]:
-            believe(self.simulations.handles, k)
+            compute_nominal(self.simulations.handles, k)
 
     def put_back(self, k: int, state: Array) -> None:
         """Put the simulation of robot k into a `state` of `simulations`; the arrays stay as they are."""
         self.simulations.restore(k, state)
         self._stateless.discard(k)
 
-    def bounds_met(self, k: int) -> BoundsReport:
+    def limits_met(self, k: int) -> LimitsReport:
         """The limits that robot k has met since its first push began."""
-        return report_bounds(self.bounds_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
+        return report_limits(self.limits_record, k, self.pushes.start[k].min().item(), self.gait.time.item(k))
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one planning period; the observation repeats `actions` (n, 7).
@@ -362,11 +355,12 @@ class BipedCore:
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
-        tables, constants, steps, whole = self._tables, self._constants, self.substeps, self.calls.whole
+        constants, steps, share = self.constants, self.substeps, 1.0 / max(self.substeps, 1)
 
         def job(worker: int, first: int, end: int) -> None:
-            for kind, start, stop in self.senses.alike(first, end):
-                whole(tables[kind][worker], constants, gaits, actions, steps, CONTROL_STEP, start, stop)
+            for kind, start, stop in self.senses.runs(first, end):
+                table, whole = self._tables[kind][worker], self._calls[kind].whole
+                whole(table, constants, gaits, actions, steps, share, CONTROL_STEP, start, stop)
 
         self._threads.run(job, self.n)
 
@@ -388,17 +382,20 @@ class BipedCore:
             return
         self.true_state(k).qvel[k, :3] += velocity
         if not self.senses.of(k):
-            believe(self.simulations.handles, k)
+            compute_nominal(self.simulations.handles, k)
 
     def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
-        """The same on one thread, physics step by physics step."""
-        constants = self._constants
-        runs = [(self._tables[kind][0], first, end) for kind, first, end in self.senses.alike(0, self.n)]
-        for table, first, end in runs:
-            self.calls.begin(table, constants, gaits, actions, first, end)
+        """Step on one thread, physics step by physics step, and look after each."""
+        constants, share = self.constants, 1.0 / max(self.substeps, 1)
+        runs = [
+            (self._calls[kind], self._tables[kind][0], first, end)
+            for kind, first, end in self.senses.runs(0, self.n)
+        ]
+        for calls, table, first, end in runs:
+            calls.begin(table, constants, gaits, actions, first, end)
         for _ in range(self.substeps):
-            for table, first, end in runs:
-                self.calls.steps(table, constants, 1, CONTROL_STEP, first, end)
+            for calls, table, first, end in runs:
+                calls.steps(table, constants, 1, share, CONTROL_STEP, first, end)
             look()
-        for table, first, end in runs:
-            self.calls.finish(table, constants, first, end)
+        for calls, table, first, end in runs:
+            calls.finish(table, constants, first, end)

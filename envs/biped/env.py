@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.array_table import COMMON, NO_STATE, SENSED
 from ...controllers.jit import source_digest
 from ...controllers.model.robot import Similarity
 from ...controllers.settings import preset_config
+from ...controllers.validation import require_kind
 from ...controllers.whole_body.gait_machine import FAILURES
 from ..episode.episodes import GaitEpisodes, Ints
 from ..episode.gym_env import GaitEnv
@@ -25,9 +29,8 @@ from ..scenario.scenario import Scenario, get_profile
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of, model_digest
 from .core import BIPED, BIPED_LIMITS, BipedCore, biped_settings
 from .floor import tile_places
-from .period import COMMON, NO_STATE, SENSED, Arena
 
-__all__ = ["BIPED", "BIPED_LIMITS", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
+__all__ = ["BIPED", "BIPED_LIMITS", "BipedConfig", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
 # Rows of a snapshot that are in no array
 SIMULATION, TILES, KICKED = "simulation.state", "simulation.tiles", "kicks.done"
@@ -35,54 +38,73 @@ SIMULATION, TILES, KICKED = "simulation.state", "simulation.tiles", "kicks.done"
 
 @cache
 def _version() -> str:
-    """What the future of a robot follows from, besides its state and settings."""
-    code = source_digest(Arena.__module__)
+    """Name the code that the future of a robot follows from, besides its state and settings."""
+    code = source_digest(BipedCore.__module__)
     return f"push-recovery {version('push-recovery')} {code}, mujoco {mujoco.__version__}"
 
 
-class BipedEpisodes(GaitEpisodes[BipedCore]):
-    """Episodes of n robots with the settings of a preset, by name or file.
+@dataclass(frozen=True)
+class BipedConfig:
+    """Which bipeds: robot, settings, planning rate, and what is true of them in scenarios."""
 
-    `threads` share their physics and change nothing else. The robot is the biped, or another one by the
-    place of its RobotDescription (`module:attribute`) or by the description itself. `profile` names what is
-    true of the robots in scenarios that are drawn; one that is given to `reset` runs as it is. A `sensing`
-    stands above what any scenario says of it. `arm` names the policy whose own robot they are, where the
-    preset has one for it.
-    """
+    preset: str | None = None  # of the robot's settings and its planner's, by name or file; None: its own
+    control_hz: float = 100.0  # planning rate [Hz]; divides the physics rate of 500 Hz
+    robot: str | RobotDescription = "biped"  # or the place of another's description, `module:attribute`
+    profile: str = "exact"  # of robots in scenarios that are drawn; one that is given runs as it is
+    sensing: str | None = None  # in every scenario, above what it says; None: what it says
+    arm: str = ""  # policy whose own robot they are, where the preset has one for it
+
+
+class BipedEpisodes(GaitEpisodes[BipedCore]):
+    """Episodes of n robots of a config; `config` with all that its defaults stand for."""
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
     takes_kicks = True
     core_of: ClassVar[type[BipedCore]] = BipedCore
+    config_of = BipedConfig  # whose fields the constructor takes, too
 
-    def __init__(
-        self,
-        n: int,
-        preset: str | None = None,
-        control_hz: float = 100.0,
-        threads: int = 1,
-        robot: str | RobotDescription = "biped",
-        profile: str = "exact",
-        sensing: str | None = None,
-        arm: str = "",
-    ):
-        self.description = robot_description(robot)
+    def __init__(self, n: int, config: BipedConfig | None = None, threads: int = 1, **changes: Any):
+        """Build the robots.
+
+        Args:
+            n: number of robots.
+            config: which; None: the biped.
+            threads: that share their physics, and change nothing else.
+            changes: of single fields of the config.
+
+        Raises:
+            PushRecoveryError: an unknown name or an impossible value.
+        """
+        config = BipedConfig() if config is None else require_kind("config", config, BipedConfig)
+        config = replace(config, **changes)
+        self.description = robot_description(config.robot)
         body = compiled_robot(self.description)
-        self.profile = get_profile(profile).scaled(Similarity.of(body.robot))
-        preset = self.description.preset if preset is None else preset
-        settings = biped_settings(preset, arm).of_robot(body.robot)
+        self.profile = get_profile(config.profile).scaled(Similarity.of(body.robot))
+        preset = self.description.preset if config.preset is None else config.preset
+        self.config = replace(config, preset=preset, robot=self.description)
+        settings = biped_settings(preset, config.arm).of_robot(body.robot)
         check_preset(preset, body.robot, settings.limits)
-        super().__init__(n, body.robot, settings.limits, preset, control_hz, arm)
-        self.core = self.core_of(self.n, self.robot, self.limits, self.control_hz, threads, body, sensing)
-        self.core.configure(settings.gait, settings.gains, settings.bounds, preset_config(preset, arm))
+        super().__init__(n, body.robot, settings.limits, preset, config.control_hz, config.arm)
+        self.core = self.core_of(
+            self.n, self.robot, self.limits, self.control_hz, threads, body, config.sensing
+        )
+        self.core.configure(settings, preset_config(preset, config.arm))
 
-    def _clone(self, n: int, threads: int) -> BipedEpisodes:
-        own = self.description, self.profile.name, self.core.senses.forced, self.arm
-        return type(self)(n, self.preset, self.control_hz, threads, *own)
+    def _options(self) -> dict[str, Any]:
+        """Further arguments of the constructor that made these."""
+        return {}
+
+    def _clone(self, n: int, threads: int) -> Self:
+        return type(self)(n, self.config, threads, **self._options())
 
     def _arrays(self, k: int) -> Arrays:
-        onboard = bool(self.core.senses.of(k))
-        left_out = NO_STATE | COMMON | (set() if onboard else SENSED)
-        return arrays_of(self.core.arena_of(k), left_out) | super()._arrays(k)
+        core = self.core
+        estimate = core.senses.kinds[core.senses.of(k)].estimate
+        own = arrays_of(core.own, {NO_STATE, COMMON}) | super()._arrays(k)
+        if not estimate:
+            return arrays_of(core.arena_of(k), {NO_STATE, COMMON, SENSED}) | own
+        estimates = {f"estimate.{name}": array for name, array in estimate._asdict().items()}
+        return arrays_of(core.arena_of(k), {NO_STATE, COMMON}) | estimates | own
 
     def _beside_arrays(self, k: int) -> Arrays:
         simulations = self.core.simulations
@@ -97,14 +119,14 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         core = self.core
-        common = arrays_of(core.arena_of(0), NO_STATE | SENSED)
-        settings = [common[name].tobytes() for name in sorted(COMMON & set(common))]
+        common = arrays_of(core.arena_of(0), {NO_STATE, SENSED}, only=COMMON)
+        settings = [array.tobytes() for _, array in sorted(common.items())]
         return {
             "robot": f"{self.description.name} {model_digest(core.body.model)}",
             "form of the biped": self.name,
             "settings": digest_of(self._constants.tobytes(), core.constants.tobytes(), *settings),
             "planning rate": f"{self.control_hz:g} Hz",
-            "sensing": core.senses.forced or scenario.sensing,
+            "sensing": self.config.sensing or scenario.sensing,
             "version": _version(),
         }
 
@@ -124,7 +146,7 @@ class BipedEnv(GaitEnv):
     The robot's own gait limits are narrower than the paper's where its legs are: see `BIPED_LIMITS`.
     """
 
-    episodes_of: ClassVar[type[BipedEpisodes]] = BipedEpisodes
+    make_episodes: Callable[..., BipedEpisodes] = BipedEpisodes
 
     def __init__(
         self,
@@ -145,15 +167,15 @@ class BipedEnv(GaitEnv):
             preset: of the planner that belongs to this environment, and of the robot's settings; by name or
                 file, by default the robot's own.
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
-            robot: another one than the biped: see `BipedEpisodes`.
+            robot: another one than the biped: see `BipedConfig`.
             profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
                 or "hardware", with its own sensors, losses, delay, collisions and finer physics.
             sensing: what planner and control act on in every scenario, the true state ("exact") or what the
                 robot's own sensors tell ("onboard"); None: what the scenario says.
             arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).
         """
-        episodes = self.episodes_of(1, preset, control_hz, 1, robot, profile, sensing, arm)
-        super().__init__(episodes, render_mode, push_distribution)
+        config = BipedConfig(preset, control_hz, robot, profile, sensing, arm)
+        super().__init__(self.make_episodes(1, config), render_mode, push_distribution)
         self.arm = arm
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]

@@ -8,12 +8,12 @@ corner nearest to the sole, which hold all of it: half a tile is more than half 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import mujoco
 import numpy as np
 
-from ...controllers.array_table import Floats1, Ints1, Ints2, floats_at
+from ...controllers.array_table import COMMON, NO_STATE, Floats1, Ints1, Ints2, floats_at
 from ...controllers.jit import njit
 from ...controllers.model.robot import BodyPlan
 from ...controllers.whole_body.kinematics import Array
@@ -33,8 +33,8 @@ class Floor(NamedTuple):
     step: Floats1  # (n,) tiles are up to this high [m]; 0: the floor is a plane
     seed: Ints1  # (n,)
     side: Floats1  # (n,) 1, or -1 where y is mirrored
-    places: Ints2  # (n, 3) addresses of the boxes' places in the model, of the feet's; or 0
-    half_sole: Floats1  # (2,) half the length and the width of a sole [m]
+    places: Annotated[Ints2, NO_STATE]  # (n, 3) addresses of the boxes' places, of the feet's; or 0
+    half_sole: Annotated[Floats1, COMMON]  # (2,) half the length and the width of a sole [m]
 
 
 def level_floors(n: int, half_sole: tuple[float, float]) -> Floor:

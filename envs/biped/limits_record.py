@@ -6,12 +6,12 @@ judged by what its planner could see: the observation and the box.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from ...controllers.array_table import Floats1, Floats2, Ints1
+from ...controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
 from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
@@ -21,8 +21,8 @@ from ...controllers.stage_1 import time_to_place
 from ...controllers.stage_2.problem import acceleration_interval
 from ...controllers.whole_body.kinematics import Array
 from ...controllers.whole_body.limits import (
-    BOUNDS,
     COP_EDGE,
+    LIMIT_NAMES,
     STEP_LENGTH,
     STEP_TIME,
     STEP_WIDTH,
@@ -43,8 +43,8 @@ LEAN_SHARE = 0.95  # of the largest lean, from which it counts as met
 _ANGLE = TRUNK_ANGLE.start
 
 
-class PlanBounds(NamedTuple):
-    """What a plan may meet, the same for all robots."""
+class PlanLimits(NamedTuple):
+    """Limits that a plan may meet, the same for all robots."""
 
     length_min: float  # [m]
     length_max: float  # [m]
@@ -61,28 +61,28 @@ class PlanBounds(NamedTuple):
     final: float  # time before T from which a step is final [s]
 
 
-EDGES = len(PlanBounds._fields)
+EDGES = len(PlanLimits._fields)
 
 
-class BoundsRecord(NamedTuple):
-    """What n robots have met; the arrays are written by the compiled loop."""
+class LimitsRecord(NamedTuple):
+    """Limits that n robots have met; the compiled loop writes the arrays."""
 
     first: Floats2  # (n, 12) when each bound was first met [s], inf: never
     span: Floats2  # (n, 12) for how long it was met [s]
     plan: Ints1  # (n,) bits of the plan in force
     landing: Ints1  # (n,) TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan
-    edges: Floats1  # (EDGES,) `PlanBounds`, common to all robots
+    edges: Annotated[Floats1, COMMON]  # (EDGES,) `PlanLimits`, common to all robots
 
 
-class BoundsReport(NamedTuple):
+class LimitsReport(NamedTuple):
     """The bounds that one robot has met, in the order in which it met them."""
 
     met: dict[str, float]  # bound -> first time, from the start of the first push on [s]
     shares: dict[str, float]  # bound -> share of the time since then
 
 
-def plan_bounds(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, final: float) -> Array:
-    """`PlanBounds` as an array (EDGES,); a step is final from `final` [s] before T on.
+def plan_limits(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, final: float) -> Array:
+    """`PlanLimits` as an array (EDGES,); a step is final from `final` [s] before T on.
 
     A robot without a waist meets no bound of the trunk.
     """
@@ -91,7 +91,7 @@ def plan_bounds(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, fi
         acceleration, gravity = limits.trunk_acceleration_max, config.trunk_gravity / robot.trunk_inertia
         torque, lean = robot.trunk_torque_max / robot.trunk_inertia, LEAN_SHARE * robot.trunk_angle_max
     return np.array(
-        PlanBounds(
+        PlanLimits(
             length_min=limits.length_min,
             length_max=limits.length_max,
             width_min=limits.width_min,
@@ -109,34 +109,34 @@ def plan_bounds(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, fi
     )
 
 
-def empty_record(n: int, edges: Array) -> BoundsRecord:
-    """Of n robots that have met nothing."""
-    shape = n, len(BOUNDS)
-    return BoundsRecord(
+def empty_record(n: int, edges: Array) -> LimitsRecord:
+    """Make the record of n robots that have met nothing."""
+    shape = n, len(LIMIT_NAMES)
+    return LimitsRecord(
         np.full(shape, np.inf), np.zeros(shape), np.zeros(n, np.int64), np.zeros(n, np.int64), edges
     )
 
 
-def clear_record(record: BoundsRecord, k: int) -> None:
+def clear_record(record: LimitsRecord, k: int) -> None:
     """Forget what robot k has met."""
     record.first[k], record.span[k], record.plan[k], record.landing[k] = np.inf, 0.0, 0, 0
 
 
-def report_bounds(record: BoundsRecord, k: int, start: float, end: float) -> BoundsReport:
-    """What robot k met between the start of its first push (inf: none came) and the end of its time [s]."""
+def report_limits(record: LimitsRecord, k: int, start: float, end: float) -> LimitsReport:
+    """Limits that robot k met from the start of its first push, inf: none came, to the end [s]."""
     order = sorted((first, i) for i, first in enumerate(record.first[k].tolist()) if first < np.inf)
-    met = {BOUNDS[i]: first for first, i in order}
-    shares = {BOUNDS[i]: min(record.span.item(k, i) / (end - start), 1.0) for _, i in order}
-    return BoundsReport(met, shares)
+    met = {LIMIT_NAMES[i]: first for first, i in order}
+    shares = {LIMIT_NAMES[i]: min(record.span.item(k, i) / (end - start), 1.0) for _, i in order}
+    return LimitsReport(met, shares)
 
 
 @njit(cache=True, forceinline=True)
-def plan_bounds_met(observation: Array, plan: Array, before: int, edges: Array) -> int:
+def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) -> int:
     """Bits that a plan (7,) meets which was made from an observation (36,); canonical frame.
 
     A step that is final keeps the bits of its last decision, `before`.
     """
-    bounds = PlanBounds(*to_fixed_tuple(edges, EDGES))
+    bounds = PlanLimits(*to_fixed_tuple(edges, EDGES))
     bits, remaining = 0, plan[DURATION] - observation[ELAPSED]
     if remaining < bounds.final:
         bits = before & OF_STEP
@@ -165,7 +165,7 @@ def plan_bounds_met(observation: Array, plan: Array, before: int, edges: Array) 
 
 
 @njit(cache=True, forceinline=True)
-def note_bounds(record: BoundsRecord, k: int, bits: int, starts: Array, now: float, dt: float) -> None:
+def note_limits(record: LimitsRecord, k: int, bits: int, starts: Array, now: float, dt: float) -> None:
     """Count bits for dt from now on [s], once the first of the pushes with `starts` [s] has begun."""
     if bits == 0:
         return

@@ -1,23 +1,10 @@
-"""Model errors of n bipeds: altered models, late torques, noisy joints, noisy observations.
+"""Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
 
-Legs, arms and trunk that collide with each other and with the floor.
-
-The robot's own model has contacts of the soles, and of feet and shanks with one another, as explicit pairs,
-which stay as they are. Here all other shapes of its bodies take part, too. Those of a body and of its parent
-in the tree never meet, as MuJoCo has it, and neither do those that touch while the robot stands: shapes that
-collide are rounder than the robot, and are in each other about its joints.
-
-Models of robots that are not as control believes: body, losses, floor, and how the physics is computed.
-
-Mass, payload, trunk CoM, friction, slope, losses of the joints and collisions are in the robot's own model; a
-slope tilts gravity, the floor stays level in the world's axes.
-
-Model errors of n bipeds: models of their own, late torques, noisy joints, noisy observations.
-
-What is true of body, joints and floor is in the robot's own model (`plant.altered_model`). What gait machine,
-whole-body control and observation read of the robot's kinematics, mass matrix and bias comes from the nominal
-model at the measured joint state (`believe`); loads and forces of the contacts, and the pose of the pelvis
-over the floor, are measured as they are.
+What is true of body, joints and floor is in the robot's own model (`altered_model`): mass, payload, trunk
+CoM, friction, slope, losses of the joints, collisions. A slope tilts gravity, the floor stays level in the
+world's axes. What gait machine, whole-body control and observation read of the robot's kinematics, mass
+matrix and bias comes from the nominal model at the measured joint state (`compute_nominal`); loads and forces
+of the contacts, and the pose of the pelvis over the floor, are measured as they are.
 """
 
 from __future__ import annotations
@@ -34,12 +21,11 @@ from numba.np.numpy_support import carray
 
 from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.errors import InvalidValueError
-from ...controllers.estimation.base_estimate import listen_to_soles
 from ...controllers.jit import njit
 from ...controllers.math3 import stack_floats
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
-from ...controllers.whole_body.kinematics import LEG_DOF, NU, NV, WAIST_DOF, Array, Physics
+from ...controllers.whole_body.kinematics import NU, NV, WAIST_DOF, Array, Physics
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING
 from ..scenario.model_errors import (
@@ -60,16 +46,24 @@ from ..scenario.noise import (
     normal_pair,
 )
 from ..scenario.scenario import Scenario
-from ..sensing import OnboardArrays, sense
-from ..simulation import Handles, advance_measured, believe, show_measured, show_unmeasured, simulated
+from ..simulation import Handles, advance_measured, compute_nominal, show_measured, show_unmeasured, simulated
 from .actuators import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
 from .floor import add_tiles
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 COLLIDES = 1  # bit of contype and conaffinity
 
 
 def add_collisions(spec: mujoco.MjSpec, robot: CompiledRobot) -> None:
-    """Let all shapes of a spec collide; of the bodies of the feet only the soles, not what dresses them."""
+    """Let all shapes of a spec collide; of the bodies of the feet only the soles, not what dresses them.
+
+    The robot's own model has contacts of the soles, and of feet and shanks with one another, as explicit
+    pairs, which stay as they are. Shapes of a body and of its parent in the tree never meet, as MuJoCo has
+    it, and neither do those that touch while the robot stands: shapes that collide are rounder than the
+    robot, and are in each other about its joints.
+    """
     soles = robot.plan.sole_boxes
     feet = {spec.geom(name).parent.name for name in soles}
     pair = spec.pairs[0]
@@ -172,10 +166,6 @@ def _set_options(model: mujoco.MjModel, physics: PhysicsOptions) -> None:
         model.geom_solref[:, 0] = physics.contact_time
 
 
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
 LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
 DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
@@ -189,7 +179,7 @@ _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no 
 
 
 class RobotErrors(NamedTuple):
-    """What the compiled loop needs of the errors of n robots."""
+    """Errors of n robots as the compiled loop reads them."""
 
     physical: Ints1  # (n,) 1 where a physics step is more than a plain one
     believes: Ints1  # (n,) 1 where what control takes for the robot is not what the physics has
@@ -199,7 +189,7 @@ class RobotErrors(NamedTuple):
     period: Ints1  # (n,) planning periods since reset
     step: Ints1  # (n,) physics steps since reset, counted where `physical`
     torques: Floats3  # (n, LONGEST_DELAY + 1, 14) computed last, a ring [N m]
-    motors: Floats3  # (n, 3, 14) of the drives, see `plant.drives`
+    motors: Floats3  # (n, 3, 14) of the drives, see `actuators.LARGEST`
     power: Floats2  # (n, 3) most that a motor gives, and all of them [W]; share of its torque that lasts
     warmth: Floats2  # (n, 14) of the windings
     fine: Ints2  # (n, 2) physics steps in one of control; 1 where each is a whole mj_step, as RK4 needs
@@ -279,24 +269,21 @@ def delay_torque(errors: RobotErrors, k: int, torque: Array) -> None:
 
 
 @njit(cache=True)
-def measure_joint(phys: Physics, errors: RobotErrors, k: int, dof: int, channel: int, sign: float) -> None:
-    """Add noise to the angle of a joint and to its rate."""
-    angle, rate = normal_pair(errors.seed[k], errors.step[k], channel)
-    phys.qpos[k, dof + 1] += sign * errors.noise[k, JOINT_NOISE] * angle
-    phys.qvel[k, dof] += sign * RATE_NOISE * errors.noise[k, JOINT_NOISE] * rate
-
-
-@njit(cache=True)
 def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) -> None:
-    """Add noise to all 14 joints; legs are counted from the stance leg of step 0, and mirrored with it."""
-    for j in range(2):
-        sign = phys.mirror[j] if first_side == 1 else 1.0
-        measure_joint(phys, errors, k, WAIST_DOF + j, JOINT_CHANNEL + j, sign)
-    for leg in range(2):
-        channel = JOINT_CHANNEL + 2 + (6 if leg != first_side else 0)
-        for j in range(6):
-            sign = phys.mirror[2 + j] if first_side == 1 else 1.0
-            measure_joint(phys, errors, k, LEG_DOF[leg] + j, channel + j, sign)
+    """Add noise to angles and rates of all 14 joints.
+
+    Legs are counted from the stance leg of step 0, and mirrored with it.
+    """
+    deviation = errors.noise[k, JOINT_NOISE]
+    for own in range(NU):
+        leg, joint = (own - 2) // 6, (own - 2) % 6
+        count = own if own < 2 else 2 + joint + (6 if leg != first_side else 0)
+        mirrored = phys.mirror[own if own < 2 else 2 + joint]
+        sign = mirrored if first_side == 1 else 1.0
+        angle, rate = normal_pair(errors.seed[k], errors.step[k], JOINT_CHANNEL + count)
+        dof = WAIST_DOF + own
+        phys.qpos[k, dof + 1] += sign * deviation * angle
+        phys.qvel[k, dof] += sign * RATE_NOISE * deviation * rate
 
 
 @njit(cache=True)
@@ -342,25 +329,11 @@ def advance_with_errors(
         return
     if errors.noise[k, JOINT_NOISE] > 0.0:
         measure_joints(phys, errors, k, first_side)
-    believe(handles, k)
+    compute_nominal(handles, k)
 
 
 @njit(cache=True)
-def advance_onboard(
-    phys: Physics, errors: RobotErrors, k: int, handles: Handles, arrays: OnboardArrays, dt: float
-) -> None:
-    """One control step of a robot that knows of itself what its own sensors tell."""
-    move(arrays.judged, errors, k, arrays.handles, arrays.judged_contacts.force[k], dt)
-    show_unmeasured(arrays.handles, k)
-    sense(phys, arrays, k, errors.step[k], dt)
-    if errors.noise[k, JOINT_NOISE] > 0.0:
-        measure_joints(phys, errors, k, arrays.sensors.side[k])
-    believe(handles, k)
-    listen_to_soles(arrays.estimate, k, phys, dt)
-
-
-@njit(cache=True)
-def show(
+def write_seen(
     errors: RobotErrors, k: int, steps: int, span: float, omega: float, truth: Array, seen: Array
 ) -> None:
     """Write the observation (36,) that the policy sees of robot k from the one without noise (36,).

@@ -1,22 +1,21 @@
-"""A planning period of n bipeds: all arrays behind one address table, and the compiled calls.
+"""A planning period of n bipeds in one compiled call: begin, physics steps, finish; one loop for all.
 
-Which robots of a core act on the true state and which on their own sensors, and the arrays of both.
-
-All arrays of n bipeds behind one address table, and the compiled calls of a planning period.
+All arrays lie behind address tables (`Tables`). How an action becomes torques is an `Actuation`, where robots
+know their state from is an `Estimator`; `period_calls` puts both into the loop when it is compiled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import pairwise
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from ...controllers.array_table import Floats1, Floats2, part_of
+from ...controllers.array_table import COMMON, NO_STATE, SENSED, Floats1, Floats2, only_part_of, part_of
 from ...controllers.errors import InvalidValueError
-from ...controllers.estimation.base_estimate import BaseEstimate
+from ...controllers.estimation.base_estimate import CONTACT_FILTER, Estimator
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import (
     SelfModel,
@@ -28,98 +27,44 @@ from ...controllers.estimation.self_model import (
     show_known,
 )
 from ...controllers.jit import njit
-from ...controllers.validation import require_choice
-from ...controllers.whole_body.gait_machine import (
-    NOT_FINITE,
-    Gait,
-    GaitSettings,
-    accept,
-    check_failure,
-    control,
-    pass_time,
-)
+from ...controllers.math3 import Vector, vector_in
+from ...controllers.whole_body import gait_machine
+from ...controllers.whole_body.gait_machine import NOT_FINITE, Gait, GaitSettings
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Ints, Physics
 from ...controllers.whole_body.limits import DCM_TRACKING, Bounds, BoundSettings
 from ...controllers.whole_body.swing import TURN
 from ..scenario.arrays import Pushes, Schedule, follow
 from ..scenario.model_errors import CONTROL_STEP
-from ..scenario.scenario import ONBOARD, SENSING
-from ..sensing import OnboardArrays, Sensing, Sensors, Shown
-from ..simulation import Handles, advance
+from ..sensing import SensedObservation, Sensors, read_inertial, read_joints_and_feet
+from ..simulation import Handles, advance, compute_nominal, show_unmeasured
 from .actuators import brake_joints
 from .floor import Floor, place_tiles
-from .limits_record import BoundsRecord, note_bounds, plan_bounds_met
-from .model_errors import DCM_NOISE, RobotErrors, advance_onboard, advance_with_errors, show
+from .limits_record import LimitsRecord, note_limits, plan_limits_met
+from .model_errors import (
+    DCM_NOISE,
+    JOINT_NOISE,
+    RobotErrors,
+    advance_with_errors,
+    measure_joints,
+    move,
+    write_seen,
+)
 from .pushes import apply_pushes
 
-
-class Senses:
-    """The sensing of n robots, each its own; `kinds` holds the arrays of exact sensing, then of onboard.
-
-    The latter are made for the first robot that has sensors.
-    """
-
-    def __init__(self, n: int, exact: Sensing, make_onboard: Callable[[], Sensing], forced: str | None):
-        """Let all robots act on the true state, or on what is forced on them.
-
-        Args:
-            n: number of robots.
-            exact: arrays of exact sensing.
-            make_onboard: makes those of onboard sensing.
-            forced: sensing of every robot, whatever its scenario says; None: what that says.
-
-        Raises:
-            UnknownNameError: for another sensing.
-        """
-        if forced is not None:
-            require_choice("sensing", forced, SENSING)
-        self.forced = forced
-        self.kinds = [exact]
-        self.onboard = np.full(n, forced == ONBOARD)
-        self._make, self._runs = make_onboard, [(0, n)]
-        if forced == ONBOARD:
-            self.kinds.append(make_onboard())
-
-    @property
-    def last(self) -> Sensing:
-        """Of robots that act on their own sensors, once there are any; until then the exact one."""
-        return self.kinds[-1]
-
-    def of(self, k: int) -> int:
-        """Which of `kinds` robot k has."""
-        return int(self.onboard[k])
-
-    def assign(self, k: int, sensing: str) -> bool:
-        """Give robot k the sensing of a scenario; returns whether a kind has come with it."""
-        self.onboard[k] = (self.forced or sensing) == ONBOARD
-        changes = np.flatnonzero(np.diff(self.onboard)) + 1
-        self._runs = list(pairwise([0, *changes.tolist(), len(self.onboard)]))
-        if comes := self.of(k) == len(self.kinds):
-            self.kinds.append(self._make())
-        return comes
-
-    def alike(self, first: int, end: int) -> Iterator[tuple[int, int, int]]:
-        """(kind, first, end) of neighbours that sense alike, over the robots first..end-1."""
-        for start, stop in self._runs:
-            if start < end and stop > first:
-                yield self.of(start), max(start, first), min(stop, end)
-
-
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
+# part_of and to_fixed_tuple are intrinsics: their arguments are those of their signature, less the context.
 # pyright: reportCallIssue=false
-
 
 FASTEST = 1e3  # [m/s, rad/s] far beyond any robot, and slow enough for MuJoCo to compute without a warning
 SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields), len(BoundSettings._fields)
 
 
-class View(NamedTuple):
-    """What goes in and out besides the state of the robots."""
+class Exchange(NamedTuple):
+    """Inputs and outputs of the loop besides the state of the robots."""
 
     command: Floats2  # (n, 3) in force [m/s], [m/s], [rad/s]
     previous_action: Floats2  # (n, 7)
-    capture: Floats1  # constants of the capture margin
+    capture: Annotated[Floats1, COMMON]  # constants of the capture margin
     observation: Floats2  # (n, 36), written
     margin: Floats1  # (n,) capture margin [m], written
     world: Floats2  # (n, 6) DCM, CoP and CMP in the world [m], written
@@ -128,37 +73,41 @@ class View(NamedTuple):
 
 
 class Arena(NamedTuple):
-    """Everything that the compiled loop reads and writes."""
+    """Everything that the loop of any biped reads and writes."""
 
     physics: Physics
     gait: Gait
     pushes: Pushes
-    bounds: Bounds
-    exchange: View  # numba keeps the name `view` for itself
+    bounds: Annotated[Bounds, NO_STATE]
+    exchange: Exchange
     contacts: Contacts
-    handles: Handles  # of the simulations
+    handles: Annotated[Handles, NO_STATE]  # of the simulations
     errors: RobotErrors
-    met: BoundsRecord
+    met: LimitsRecord
     schedule: Schedule
     known: SelfModel
     floors: Floor
-    shown: Shown
-    sensors: Sensors
-    estimate: BaseEstimate
-    judged: Physics  # the true state: `physics` itself, but with onboard sensing
-    judged_contacts: Contacts
-    judged_handles: Handles
+    sensed: Annotated[SensedObservation, SENSED]
+    sensors: Annotated[Sensors, SENSED]
+    judged: Annotated[Physics, SENSED]  # the true state: `physics` itself, but of robots with sensors
+    judged_contacts: Annotated[Contacts, SENSED]
+    judged_handles: Annotated[Handles, NO_STATE]
 
 
-# What is no state of a robot: a thread's workspace, addresses, and what all robots have in common.
-NO_STATE = {"bounds", "handles", "judged_handles", "floors.places"}
-COMMON = {
-    "physics.soles", "physics.ankle_height", "physics.mirror", "physics.leg_form", "physics.knee_bend",
-    "exchange.capture", "met.edges", "floors.half_sole", "shown.onboard", "sensors.settings",
-    "sensors.present", "judged.soles", "judged.ankle_height", "judged.mirror", "judged.leg_form",
-    "judged.knee_bend",
-}  # fmt: skip
-SENSED = {"shown", "sensors", "estimate", "judged", "judged_contacts"}  # parts of onboard sensing alone
+class Tables(NamedTuple):
+    """Address tables of all that robots have which sense alike."""
+
+    arena: Ints  # of an `Arena`
+    own: Ints  # of what the actuation has beside it
+    estimate: Ints  # of what the estimator has; empty with exact sensing
+
+
+class Controller(NamedTuple):
+    """Constants and workspace of gait machine and whole-body control."""
+
+    settings: GaitSettings
+    gains: Gains
+    bounds: Bounds
 
 
 def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
@@ -168,38 +117,181 @@ def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings)
 
 @njit(cache=True)
 def settings_of(c: Array) -> GaitSettings:
-    """The first constants."""
+    """Read the constants of the gait machine."""
     return GaitSettings(*to_fixed_tuple(c[:SETTINGS], SETTINGS))
 
 
 @njit(cache=True)
-def bounds_of(t: Ints, c: Array) -> Bounds:
-    """The last constants, and the arrays of the bounds."""
-    settings = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
-    return Bounds(settings, *part_of(t, Arena, "bounds"))
+def controller_of(t: Tables, c: Array) -> Controller:
+    """Read all constants, and the arrays of the bounds."""
+    gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
+    bounds = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
+    return Controller(settings_of(c), gains, Bounds(bounds, *part_of(t.arena, Arena, "bounds")))
 
 
-@njit(cache=True, nogil=True)
-def begin_period(t: Ints, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
-    """Take over gaits (n, 7) and actions (n, 7) of robots first..end-1."""
-    gait, settings = part_of(t, Arena, "gait"), settings_of(c)
-    errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
-    exchange = part_of(t, Arena, "exchange")
-    seen, previous = exchange.observation, exchange.previous_action
-    for k in range(first, end):
-        if gait.failure[k] == 0:
-            errors.period[k] += 1
-        accept(gait, k, settings, gaits[k], actions[k], previous[k])
-        record.plan[k] = plan_bounds_met(seen[k], gait.plan[k], record.plan[k], record.edges)
+class Plant(NamedTuple):
+    """Parts of the arena that a physics step moves, whoever found the torques."""
+
+    physics: Physics
+    gait: Gait
+    pushes: Pushes
+    contacts: Contacts
+    handles: Handles
+    errors: RobotErrors
+    met: LimitsRecord
+    known: SelfModel
+    floors: Floor
+    judged: Physics
 
 
-@njit(cache=True)
-def onboard_of(t: Ints) -> OnboardArrays:
-    """The parts of onboard sensing."""
-    contacts, true_contacts = part_of(t, Arena, "contacts"), part_of(t, Arena, "judged_contacts")
-    sensors, estimate = part_of(t, Arena, "sensors"), part_of(t, Arena, "estimate")
-    judged, handles = part_of(t, Arena, "judged"), part_of(t, Arena, "judged_handles")
-    return OnboardArrays(contacts, sensors, estimate, judged, true_contacts, handles)
+@njit(cache=True, forceinline=True)
+def plant_of(t: Tables) -> Plant:
+    """Read the parts of the arena that a physics step moves."""
+    a = t.arena
+    return Plant(
+        part_of(a, Arena, "physics"), part_of(a, Arena, "gait"), part_of(a, Arena, "pushes"),
+        part_of(a, Arena, "contacts"), part_of(a, Arena, "handles"), part_of(a, Arena, "errors"),
+        part_of(a, Arena, "met"), part_of(a, Arena, "known"), part_of(a, Arena, "floors"),
+        part_of(a, Arena, "judged"),
+    )  # fmt: skip
+
+
+class Felt(NamedTuple):
+    """Contacts of a robot over a period, before its observation clears them; see `Contacts`."""
+
+    impulse: Vector
+    time: float
+    velocity: Vector
+
+
+class Actuation(NamedTuple):
+    """How an action becomes torques: compiled functions that the loop calls for one robot.
+
+    `own` is whatever `parts` reads of `Tables.own`, the table of a core's `own` parts.
+    """
+
+    begin: Callable[..., None]  # (t, c, k, gait (7,), action (7,)): hold what is asked in the period
+    parts: Callable[..., Any]  # (t): own, read once for all physics steps
+    torques: Callable[..., int]  # (own, plant, controller, k, share, dt): write phys.ctrl; bits of limits met
+    finish: Callable[..., None]  # (t, c, k, felt): what else is observed, after the robot's observation
+
+
+class PeriodCalls(NamedTuple):
+    """The compiled calls of a planning period of robots first..end-1."""
+
+    whole: Callable[..., None]  # (t, c, gaits (n, 7), actions (n, 7), steps, share, dt, first, end)
+    begin: Callable[..., None]  # (t, c, gaits, actions, first, end)
+    steps: Callable[..., None]  # (t, c, steps, share, dt, first, end)
+    finish: Callable[..., None]  # (t, c, first, end)
+
+
+@cache
+def period_calls(actuation: Actuation, estimator: Estimator | None) -> PeriodCalls:
+    """The loop of a planning period under an actuation, of robots that sense alike.
+
+    A step of the loop is `share` of a period and takes `dt` [s]. One robot makes all its steps before the
+    next begins, with its data still in the processor's cache. A robot that has fallen rests. One whose state
+    overflows falls at once, before control divides by it, and keeps the observation that it had.
+
+    Args:
+        actuation: what turns actions into torques.
+        estimator: of robots that act on their own sensors; None where all act on the true state, whose
+            loop is the one with the first estimator.
+    """
+    if estimator is None:
+        return period_calls(actuation, CONTACT_FILTER)
+    begin_robot, own_parts, torques, finish_robot = actuation
+    advance_sensing = sensing_step(estimator)
+
+    @njit(cache=True, nogil=True)
+    def begin(t, c, gaits, actions, first, end):
+        failure, period = part_of(t.arena, Arena, "gait").failure, part_of(t.arena, Arena, "errors").period
+        for k in range(first, end):
+            if failure[k] == 0:
+                period[k] += 1
+            begin_robot(t, c, k, gaits[k], actions[k])
+
+    @njit(cache=True, nogil=True)
+    def steps(t, c, count, share, dt, first, end):
+        plant, controller, own = plant_of(t), controller_of(t, c), own_parts(t)
+        gait, errors, sensing = plant.gait, plant.errors, acts_on_sensors(t)
+        for k in range(first, end):
+            if gait.failure[k] != 0:
+                continue
+            controller.bounds.grip[0] = plant.known.grip[k]
+            for _ in range(count):
+                met = torques(own, plant, controller, k, share, dt)
+                load_plant(plant, k, met, dt)
+                if errors.physical[k] == 0:
+                    brake_joints(plant.physics, k, errors.motors, dt)
+                    advance(plant.handles, k)
+                elif sensing:
+                    advance_sensing(t, plant.physics, errors, k, plant.handles, dt)
+                else:
+                    first_side = (gait.stance[k] + gait.steps[k]) % 2
+                    force = plant.contacts.force[k]
+                    advance_with_errors(plant.physics, errors, k, first_side, plant.handles, force, dt)
+                if escaped(plant.judged.qvel, k):
+                    gait.failure[k] = NOT_FINITE
+                    break
+                learn_from_step(plant, k, dt)
+
+    @njit(cache=True, nogil=True)
+    def finish(t, c, first, end):
+        judged, gait = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "gait")
+        contacts, settings = part_of(t.arena, Arena, "judged_contacts"), settings_of(c)
+        for k in range(first, end):
+            gait_machine.check_failure(judged, gait, k, settings)
+            if gait.failure[k] != NOT_FINITE:
+                impulse, velocity = vector_in(contacts.impulse, k, 0), vector_in(contacts.velocity, k, 0)
+                felt = Felt(impulse, contacts.time[k], velocity)
+                observe_robot(t, k, settings)
+                finish_robot(t, c, k, felt)
+
+    @njit(cache=True, nogil=True)
+    def whole(t, c, gaits, actions, count, share, dt, first, end):
+        begin(t, c, gaits, actions, first, end)
+        steps(t, c, count, share, dt, first, end)
+        finish(t, c, first, end)
+
+    return PeriodCalls(whole, begin, steps, finish)
+
+
+@cache
+def sensing_step(estimator: Estimator) -> Callable[..., None]:
+    """The physics step of a robot that knows of itself what its own sensors and an estimator say; compiled.
+
+    Each of the two has its turn: the inertial unit and `predict`, then joints, soles and `correct`.
+    """
+    predict, correct = estimator.predict, estimator.correct
+    Estimate = type(estimator.make(0))
+
+    @njit(cache=True)
+    def advance_sensing(t, phys, errors, k, handles, dt):
+        estimate, sensors = only_part_of(t.estimate, Estimate), part_of(t.arena, Arena, "sensors")
+        true, true_contacts = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "judged_contacts")
+        true_handles, contacts = (
+            part_of(t.arena, Arena, "judged_handles"),
+            part_of(t.arena, Arena, "contacts"),
+        )
+        move(true, errors, k, true_handles, true_contacts.force[k], dt)
+        show_unmeasured(true_handles, k)
+        count_contacts(true_contacts, k, dt)
+        step = errors.step[k]
+        predict(estimate, k, read_inertial(sensors, k, step, true, dt), phys, dt)
+        read_joints_and_feet(phys, contacts, sensors, true, true_contacts, k, step, dt)
+        if errors.noise[k, JOINT_NOISE] > 0.0:
+            measure_joints(phys, errors, k, sensors.side[k])
+        compute_nominal(handles, k)
+        correct(estimate, k, phys, dt)
+
+    return advance_sensing
+
+
+@njit(cache=True, forceinline=True)
+def acts_on_sensors(t: Tables) -> bool:
+    """Whether the robots of these tables act on their own sensors."""
+    return part_of(t.arena, Arena, "sensed").observation.shape[0] > 0
 
 
 @njit(cache=True)
@@ -211,149 +303,99 @@ def escaped(qvel: Array, k: int) -> bool:
     return not fine
 
 
-class Plant(NamedTuple):
-    """What torques act on: the parts of the arena that a physics step moves, whoever found the torques."""
-
-    physics: Physics
-    gait: Gait
-    pushes: Pushes
-    contacts: Contacts
-    handles: Handles
-    errors: RobotErrors
-    met: BoundsRecord
-    known: SelfModel
-    floors: Floor
-    judged: Physics
-    onboard: bool  # whether the robots act on their own sensors
-
-
 @njit(cache=True, forceinline=True)
-def plant_of(t: Ints) -> Plant:
-    """The parts of the arena that a physics step moves."""
-    return Plant(
-        part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), part_of(t, Arena, "pushes"),
-        part_of(t, Arena, "contacts"), part_of(t, Arena, "handles"), part_of(t, Arena, "errors"),
-        part_of(t, Arena, "met"), part_of(t, Arena, "known"), part_of(t, Arena, "floors"),
-        part_of(t, Arena, "judged"), part_of(t, Arena, "shown").onboard[0] != 0,
-    )  # fmt: skip
+def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
+    """Let pushes and the floor under robot k act in the coming physics step, whose time passes.
 
-
-@njit(cache=True, forceinline=True)
-def move(plant: Plant, t: Ints, k: int, met: int, dt: float) -> bool:
-    """One physics step of robot k under the torques in `ctrl`; False where its state has overflowed.
-
-    `met` are the bounds that these torques and their plan meet, as bits of `bounds_met`.
+    `met` are the limits that its torques and its plan meet, as bits of `limits_met`.
     """
-    phys, gait, pushes, contacts, handles, errors, record, known, floors, judged, onboard = plant
-    apply_pushes(judged, gait, k, pushes, dt)
-    note_bounds(record, k, met, pushes.start[k], gait.time[k], dt)
-    pass_time(gait, k, dt)
-    if floors.places[k, 0] != 0:
-        place_tiles(floors, k)
-    if errors.physical[k] == 0:
-        brake_joints(phys, k, errors.motors, dt)
-        advance(handles, k)
-    elif onboard:
-        advance_onboard(phys, errors, k, handles, onboard_of(t), dt)
-    else:
-        first_side = (gait.stance[k] + gait.steps[k]) % 2
-        advance_with_errors(phys, errors, k, first_side, handles, contacts.force[k], dt)
-    if escaped(judged.qvel, k):
-        gait.failure[k] = NOT_FINITE
-        return False
+    gait, pushes = plant.gait, plant.pushes
+    apply_pushes(plant.judged, gait, k, pushes, dt)
+    note_limits(plant.met, k, met, pushes.start[k], gait.time[k], dt)
+    gait_machine.pass_time(gait, k, dt)
+    if plant.floors.places[k, 0] != 0:
+        place_tiles(plant.floors, k)
+
+
+@njit(cache=True, forceinline=True)
+def learn_from_step(plant: Plant, k: int, dt: float) -> None:
+    """Give robot k the mass matrix and bias that it has learned, and count what its contacts gave."""
+    phys, known = plant.physics, plant.known
     scale_mass(known, k, phys)
-    feel_joints(known.joints, known.before, phys, gait, k, dt)
+    feel_joints(known.joints, known.before, phys, plant.gait, k, dt)
     add_losses(known.joints, phys, k)
-    count_contacts(contacts, k, dt)
-    count_asked(known, k, gait, dt)
-    return True
+    count_contacts(plant.contacts, k, dt)
+    count_asked(known, k, plant.gait, dt)
 
 
 @njit(cache=True)
-def gains_of(c: Array) -> Gains:
-    """The constants in the middle."""
-    return Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-
-
-@njit(cache=True, nogil=True)
-def physics_steps(t: Ints, c: Array, steps: int, dt: float, first: int, end: int) -> None:
-    """Control and physics of robots first..end-1.
-
-    One robot makes all its steps before the next begins, with its data still in the processor's cache. A
-    robot that has fallen rests. One whose state overflows falls at once, before control divides by it.
-    """
-    plant, bounds, gains, settings = plant_of(t), bounds_of(t, c), gains_of(c), settings_of(c)
-    phys, gait, record = plant.physics, plant.gait, plant.met
-    for k in range(first, end):
-        if gait.failure[k] != 0:
-            continue
-        bounds.grip[0] = plant.known.grip[k]
-        for _ in range(steps):
-            met = control(phys, gait, k, settings, gains, bounds, record.landing, dt) | record.plan[k]
-            if not move(plant, t, k, met, dt):
-                break
-
-
-@njit(cache=True, nogil=True)
-def finish_period(t: Ints, c: Array, first: int, end: int) -> None:
-    """Falls, commands, observations and margins of robots first..end-1.
-
-    One whose state is not finite keeps the observation that it had.
-    """
-    phys, gait, settings = part_of(t, Arena, "physics"), part_of(t, Arena, "gait"), settings_of(c)
-    command, previous, capture, out, margin, world, truth, com = part_of(t, Arena, "exchange")
-    contacts, starts = part_of(t, Arena, "contacts"), part_of(t, Arena, "pushes").start
-    errors, record = part_of(t, Arena, "errors"), part_of(t, Arena, "met")
-    schedule, known = part_of(t, Arena, "schedule"), part_of(t, Arena, "known")
-    judged, felt, shown = (
-        part_of(t, Arena, "judged"),
-        part_of(t, Arena, "judged_contacts"),
-        part_of(t, Arena, "shown"),
+def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
+    """Command, observation, margin and self-model of robot k after a period, and whether it kept its plan."""
+    a = t.arena
+    phys, gait, contacts = (
+        part_of(a, Arena, "physics"),
+        part_of(a, Arena, "gait"),
+        part_of(a, Arena, "contacts"),
     )
-    for k in range(first, end):
-        check_failure(judged, gait, k, settings)
-        if gait.failure[k] == NOT_FINITE:
-            continue
-        follow(schedule, k, gait.time[k], command[k])
-        gait.turn[k] = command[k, TURN]
-        span, before = contacts.time[k], (world[k, 0], world[k, 1])
-        com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
-        learn(known, k, phys, gait, contacts, settings)
-        mass = settings.mass * known.mass[k]
-        margin[k] = observe(
-            judged, gait, k, felt, mass, settings, command[k], previous[k], capture, truth[k], world[k]
+    command, previous, capture, out, margin, world, truth, com = part_of(a, Arena, "exchange")
+    errors, known = part_of(a, Arena, "errors"), part_of(a, Arena, "known")
+    judged, judged_contacts = part_of(a, Arena, "judged"), part_of(a, Arena, "judged_contacts")
+    follow(part_of(a, Arena, "schedule"), k, gait.time[k], command[k])
+    gait.turn[k] = command[k, TURN]
+    span, before = contacts.time[k], (world[k, 0], world[k, 1])
+    com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
+    learn(known, k, phys, gait, contacts, settings)
+    mass = settings.mass * known.mass[k]
+    margin[k] = observe(
+        judged, gait, k, judged_contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
+    )
+    seen = truth[k]
+    if acts_on_sensors(t):
+        sensed = part_of(a, Arena, "sensed")
+        seen = sensed.observation[k]
+        observe(
+            phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, seen, sensed.world[k]
         )
-        seen = shown.observation[k]
-        if shown.onboard[0] != 0:
-            told = shown.world[k]
-            observe(phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, seen, told)
-        show(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
-        if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
-            show_known(known, k, gait, span, out[k])
-        if not tracks_plan(judged, gait, k, span, settings, before, truth[k], world[k]):
-            note_bounds(record, k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
+    write_seen(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
+    if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
+        show_known(known, k, gait, span, out[k])
+    if not tracks_plan(judged, gait, k, span, settings, before, truth[k], world[k]):
+        starts = part_of(a, Arena, "pushes").start
+        note_limits(part_of(a, Arena, "met"), k, DCM_TRACKING, starts[k], gait.time[k] - span, span)
 
 
-@njit(cache=True, nogil=True)
-def whole_period(
-    t: Ints, c: Array, gaits: Array, actions: Array, steps: int, dt: float, first: int, end: int
-) -> None:
-    """A planning period of robots first..end-1, from their actions to their observations."""
-    begin_period(t, c, gaits, actions, first, end)
-    physics_steps(t, c, steps, dt, first, end)
-    finish_period(t, c, first, end)
+@njit(cache=True)
+def accept_gait(t: Tables, c: Array, k: int, asked: Array, action: Array) -> None:
+    """Hold a gait (7,) for robot k; note its action (7,) and the limits that the plan meets."""
+    gait, record = part_of(t.arena, Arena, "gait"), part_of(t.arena, Arena, "met")
+    exchange = part_of(t.arena, Arena, "exchange")
+    gait_machine.accept(gait, k, settings_of(c), asked, action, exchange.previous_action[k])
+    record.plan[k] = plan_limits_met(exchange.observation[k], gait.plan[k], record.plan[k], record.edges)
 
 
-class PeriodCalls(NamedTuple):
-    """The compiled calls of a planning period; which ones says who turns an action into torques."""
-
-    whole: Callable[..., None]
-    begin: Callable[..., None]
-    steps: Callable[..., None]
-    finish: Callable[..., None]
+@njit(cache=True)
+def no_parts(t: Tables) -> int:
+    """An actuation without parts of its own."""
+    return 0
 
 
-GAIT_CALLS = PeriodCalls(whole_period, begin_period, physics_steps, finish_period)
+@njit(cache=True, forceinline=True)
+def gait_torques(own: Any, plant: Plant, controller: Controller, k: int, share: float, dt: float) -> int:
+    """Whole-body control of the gait that robot k holds."""
+    settings, gains, bounds = controller
+    landing = plant.met.landing
+    return (
+        gait_machine.control(plant.physics, plant.gait, k, settings, gains, bounds, landing, dt)
+        | plant.met.plan[k]
+    )
+
+
+@njit(cache=True)
+def observe_no_more(t: Tables, c: Array, k: int, felt: Felt) -> None:
+    """The observation of the gait is all that is observed."""
+
+
+GAIT = Actuation(accept_gait, no_parts, gait_torques, observe_no_more)
 
 
 def substeps(control_hz: float) -> int:

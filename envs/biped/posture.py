@@ -1,12 +1,9 @@
 """The posture of a robot for a given CoM and two footholds, in closed form or by Newton's method.
 
-Closed-form inverse kinematics of a six-joint leg (hip yaw-roll-pitch, knee, ankle pitch-roll).
-
-The three hip axes meet in one point and the two ankle axes in another, so the position of the hip seen from
-the foot fixes knee, ankle pitch and ankle roll, and the rest of the rotation the three hip joints
-(Kajita et al., Introduction to Humanoid Robotics, section 2.5.2).
-
-The posture of a robot for a given CoM and two footholds.
+In a six-joint leg (hip yaw-roll-pitch, knee, ankle pitch-roll) whose three hip axes meet in one point and
+whose two ankle axes meet in another, the position of the hip seen from the foot fixes knee, ankle pitch and
+ankle roll, and the rest of the rotation the three hip joints (Kajita et al., Introduction to Humanoid
+Robotics, section 2.5.2). Another leg is found by Newton's method.
 """
 
 from __future__ import annotations
@@ -133,9 +130,7 @@ def _rot_y(angle: float) -> NDArray[np.float64]:
 
 CONVERGED = 1e-13  # error of the CoM of a posture [m]
 REACHED = 1e-9  # largest error of CoM and soles [m], [rad]
-SUNK = (
-    1e-10  # soles of a posture lie this deep in the floor, or rounding would say which corners touch it [m]
-)
+SUNK = 1e-10  # soles lie this deep in the floor, or rounding would say which corners touch it [m]
 FOLLOWS = 0.9  # how far the CoM moves, about, where the pelvis is shifted by 1 and the soles stay
 GUESS = (0.0, 0.0, 0.06)  # of the CoM over the pelvis' origin [m]
 ROUNDS = 50
@@ -243,12 +238,12 @@ def _newton(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array)
     for _ in range(ROUNDS):
         mujoco.mj_kinematics(robot.model, data)
         mujoco.mj_comPos(robot.model, data)
-        lacks = _lacks(robot, data, com, soles)
-        error = float(np.abs(lacks).max())
+        residual = _residual(robot, data, com, soles)
+        error = float(np.abs(residual).max())
         if error < CONVERGED:
             break
         jacobian = jacobian_of_com_and_soles(robot, data)[:, indices.moving_dof]
-        step = np.linalg.lstsq(jacobian, lacks)[0]
+        step = np.linalg.lstsq(jacobian, residual)[0]
         data.qpos[moving] += step * min(1.0, LARGEST_STEP / np.abs(step).max())
     for joint in (*indices.legs[0], *indices.legs[1]):
         low, high = robot.model.jnt_range[joint]
@@ -257,15 +252,15 @@ def _newton(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array)
     return error
 
 
-def _lacks(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array) -> Array:
-    """What CoM (3) and both soles, place (3) and rotation (3) each, lack of where they shall be."""
-    lacks, quat = np.zeros(15), np.empty(4)
-    lacks[:3] = com - data.subtree_com[0]
+def _residual(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Array) -> Array:
+    """How far CoM (3) and both soles, place (3) and rotation (3) each, are from their goal, (15,)."""
+    residual, quat = np.zeros(15), np.empty(4)
+    residual[:3] = com - data.subtree_com[0]
     for row, site, sole in zip((3, 9), robot.indices.soles, soles, strict=True):
-        lacks[row : row + 3] = sole - data.site_xpos[site]
+        residual[row : row + 3] = sole - data.site_xpos[site]
         mujoco.mju_mat2Quat(quat, data.site_xmat[site])
-        mujoco.mju_quat2Vel(lacks[row + 3 : row + 6], quat, -1.0)
-    return lacks
+        mujoco.mju_quat2Vel(residual[row + 3 : row + 6], quat, -1.0)
+    return residual
 
 
 def jacobian_of_com_and_soles(robot: CompiledRobot, data: mujoco.MjData) -> Array:

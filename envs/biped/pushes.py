@@ -1,9 +1,4 @@
-"""Pushes as forces and kicks as jumps of velocity on n bipeds; compiled.
-
-Kicks of n robots that are still to come: jumps of the velocity at the beginning of a planning period.
-
-Pushes as external forces on n bipeds; compiled, every physics step.
-"""
+"""Pushes as forces and kicks as jumps of velocity on n bipeds."""
 
 from __future__ import annotations
 
@@ -20,11 +15,14 @@ from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Physics
 from ..scenario.arrays import Pushes, mean_force, resolve_starts, turn_forces
 from ..scenario.push import Kick
 
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 DUE = 1e-9  # a kick this soon after the period begins is due: times are sums of steps [s]
 
 
 class Kicks:
-    """In the order of their start; `done` counts those that have come, and is a robot's state."""
+    """Kicks of n robots in the order of their start; `done` counts those that have come, a robot's state."""
 
     def __init__(self, n: int):
         self.done = np.zeros(n, np.int64)
@@ -46,10 +44,6 @@ class Kicks:
         while k in self.waiting and (kick := self._kicks[k][self.done[k]]).start <= now + DUE:
             self.pass_over(k, int(self.done[k]) + 1)
             yield kick
-
-
-# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 
 @njit(cache=True, forceinline=True)

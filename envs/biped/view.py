@@ -1,9 +1,4 @@
-"""The biped as a MuJoCo scene with markers, offscreen or in a window.
-
-The biped as a MuJoCo scene: its posture, and pushes, planned foothold, CoP and DCM as markers.
-
-Pictures of the biped: offscreen images, or a window.
-"""
+"""The biped as a MuJoCo scene, offscreen or in a window: posture, pushes, planned foothold, CoP and DCM."""
 
 from __future__ import annotations
 
@@ -17,7 +12,7 @@ from numpy.typing import NDArray
 from ...controllers.model.gait_box import STEP
 from ...controllers.model.observation import WORLD_COP, WORLD_DCM, canonical_frame, point_in_world
 from ...controllers.whole_body.kinematics import sole_position
-from ..rendering import Canvas, window_opens
+from ..rendering import Canvas, Owner, window_opens
 from ..robots.compiled_robot import CompiledRobot
 from .core import BipedCore
 
@@ -64,19 +59,10 @@ def to_world(core: BipedCore, x: float, y: float) -> Array:
 def add_markers(scene: mujoco.MjvScene, data: mujoco.MjData, core: BipedCore) -> None:
     """Append robot 0's markers to a scene; geoms that no longer fit are left out."""
     plan = core.gait.plan[0]
-    heading = float(core.gait.heading[0])
-    yaw = np.array(
-        [[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1.0]]
-    )
+    cos, sin = np.cos(core.gait.heading[0]), np.sin(core.gait.heading[0])
+    yaw, size = np.array([cos, -sin, 0, sin, cos, 0, 0, 0, 1.0]), (*core.body.half_sole, THICKNESS)
     foothold = to_world(core, plan[STEP], plan[STEP + 1]) + [0, 0, THICKNESS]
-    _add(
-        scene,
-        mujoco.mjtGeom.mjGEOM_BOX,
-        (*core.body.half_sole, THICKNESS),
-        foothold,
-        FOOTHOLD_COLOUR,
-        yaw.ravel(),
-    )
+    _add(scene, mujoco.mjtGeom.mjGEOM_BOX, size, foothold, FOOTHOLD_COLOUR, yaw)
     world = core.world[0]
     dcm, cop = world[WORLD_DCM : WORLD_DCM + 2], world[WORLD_COP : WORLD_COP + 2]
     _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, (DCM_RADIUS, 0, 0), np.array([*dcm, 0.02]), DCM_COLOUR)
@@ -187,6 +173,7 @@ class _Window:
     def __init__(self, robot: CompiledRobot) -> None:
         from mujoco import viewer
 
+        self._owner = Owner()
         self._model, self._pelvis = robot.picture, robot.indices.pelvis
         self._data = mujoco.MjData(self._model)
         self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
@@ -194,6 +181,7 @@ class _Window:
         self._lead = -np.inf  # simulated time less the clock [s]
 
     def draw(self, core: BipedCore) -> None:
+        self._owner.check()
         if not self._viewer.is_running():
             return
         with self._viewer.lock():
@@ -213,7 +201,8 @@ class _Window:
             self._lead = simulated - time.monotonic()
 
     def close(self) -> None:
-        self._viewer.close()
+        if self._owner.is_here():
+            self._viewer.close()
 
 
 def _aim(camera: mujoco.MjvCamera) -> None:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.array_table import parts_table
+from ...controllers.array_table import NO_STATE, parts_table
 from ...controllers.errors import InvalidValueError
 from ...controllers.jit import announce_compilation
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
@@ -304,7 +304,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def _arrays(self, k: int) -> Arrays:
         """Arrays of n robots whose rows k are the state of robot k, by PART.FIELD."""
-        return arrays_of(PeriodArrays(self.robots, self._episodes, self.monitor.state), {"robots"})
+        return arrays_of(PeriodArrays(self.robots, self._episodes, self.monitor.state), {NO_STATE})
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         """Properties that environments must share for a robot of a scenario to go from one to the other."""

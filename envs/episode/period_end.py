@@ -10,13 +10,13 @@ Numba unpacks every array of a call, so the two dozen arrays come as one table o
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from ...controllers.array_table import Floats1, Floats2, Ints1, part_of
+from ...controllers.array_table import NO_STATE, Floats1, Floats2, Ints1, part_of
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
@@ -193,7 +193,7 @@ CONSTANTS = len(PeriodConstants._fields)
 class PeriodArrays(NamedTuple):
     """Everything that `end_period` reads and writes, which gets it as the `parts_table` of this."""
 
-    robots: Robots
+    robots: Annotated[Robots, NO_STATE]  # the core's
     episodes: Episodes
     monitor: MonitorState
 

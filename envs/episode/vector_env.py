@@ -305,10 +305,12 @@ def vector_maker(
 
     first, alone = list(arguments(make).values())[:-1], arguments(single)
     of_env = alone.keys() & (arguments(GaitVectorEnv) | arguments(made)).keys()
-    known = {entry.name for entry in first}
+    config = getattr(episodes_of, "config_of", None)
+    fields = {} if config is None else arguments(config)
+    known = {"config", *(entry.name for entry in first)}  # a config comes by its fields
     rest = [
         entry
-        for entry in (arguments(episodes_of) | alone).values()
+        for entry in (arguments(episodes_of) | fields | alone).values()
         if entry.default is not entry.empty and entry.name not in known
     ]
     make.__signature__ = inspect.Signature([*first, *rest])  # type: ignore[attr-defined]

@@ -1,26 +1,21 @@
 """`PushRecovery/BipedJoint-v0` and `PushRecovery/BipedJointResidual-v0`: rewards, episodes, environments.
 
-Reward terms under joint targets: those of the gait that need no plan, and what makes a gait of targets.
-
-Named, pure, one number each per planning period, as those of `episode.reward`, whose `alive`, `fall`, `dcm`,
-`margin` and `trunk` are taken over. `swing` pays for a foot that rises and comes down in the time of the
-nominal step (as the feet's phase in MuJoCo Playground's gaits), and for nothing when no step comes.
-
-Episodes of bipeds whose joints are acted on; begun, judged and ended as those under gaits.
-
-`PushRecovery/BipedJoint-v0` and `PushRecovery/BipedJointResidual-v0`: single and vector form.
+Reward terms under joint targets are those of the gait that need no plan, `alive`, `fall`, `dcm`, `margin` and
+`trunk` of `episode.period_end`, and what makes a gait of targets; each is one number a planning period.
+Episodes are begun, judged and ended as those under gaits.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.array_table import Floats1, Floats2
+from ...controllers.array_table import COMMON, Floats1, Floats2
 from ...controllers.jit import njit, source_digest
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE
 from ...controllers.model.observation import COM_VELOCITY, COMMAND, ELAPSED, HEADING_ERROR, SWING_POSITION
@@ -29,13 +24,10 @@ from ...controllers.policies.two_stage import make_policy
 from ...controllers.validation import require_number
 from ...controllers.whole_body.kinematics import NU
 from ..biped.core import BipedCore
-from ..biped.env import BipedEnv, BipedEpisodes
+from ..biped.env import BipedConfig, BipedEnv, BipedEpisodes
 from ..episode.episodes import Mask, Period
-from ..episode.gym_env import GaitEnv
 from ..episode.period_end import REWARD_TERMS, Reward, end_period
 from ..episode.vector_env import vector_maker
-from ..robots.description import RobotDescription
-from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import Arrays, arrays_of, digest_of
 from .core import JointCore, JointResidualCore
@@ -68,6 +60,9 @@ def heading(obs):  # pragma: no cover
 @njit(cache=True)
 def swing(obs, duration, apex, failed):  # pragma: no cover
     """exp(-(z - apex sin(pi t / T))^2 / CLEARANCE^2) until T, z = 0 until 1.25 T, nothing later.
+
+    Pays for a foot that rises and comes down in the time of the nominal step (as the feet's phase in MuJoCo
+    Playground's gaits), and for nothing when no step comes.
 
     z is the height of the swing sole, t the time in the step, T the nominal `duration` [s], `apex` [m].
     """
@@ -138,12 +133,6 @@ class JointRewards(NamedTuple):
     before: Floats2  # (n, 14) what the joints were asked, in the robot's own order
 
 
-class Rewarded(NamedTuple):
-    """The part of a snapshot that these are."""
-
-    joint_rewards: JointRewards
-
-
 class OnJointsEpisodes(BipedEpisodes):
     """Episodes of n bipeds whose joints are acted on, with a planner below or without."""
 
@@ -154,16 +143,15 @@ class OnJointsEpisodes(BipedEpisodes):
         """Joint observations (n, 58); with a planner below, the gait's (n, 36) before them."""
         return self.core.joints.observation
 
-    def _arrays(self, k: int) -> Arrays:
-        return super()._arrays(k) | self.core.more_arrays()
-
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         code = source_digest(type(self.core).__module__).encode()
-        return super()._made_for(scenario) | {"set of drives": digest_of(self.core.more_settings(), code)}
+        common = arrays_of(self.core.own, (), only=COMMON)
+        drives = digest_of(*(array.tobytes() for _, array in sorted(common.items())), code)
+        return super()._made_for(scenario) | {"set of drives": drives}
 
 
 class JointEpisodes(OnJointsEpisodes):
-    """Episodes of n bipeds under joint targets; the arguments are those of `BipedEpisodes`."""
+    """Episodes of n bipeds under joint targets."""
 
     name = "PushRecovery/BipedJoint-v0"
     core_of: ClassVar[type[BipedCore]] = JointCore
@@ -172,13 +160,14 @@ class JointEpisodes(OnJointsEpisodes):
     action_size: ClassVar[int] = NU
     reward_terms: tuple[str, ...] = JOINT_REWARD_TERMS
 
-    def __init__(self, n: int, *args: Any, **kwargs: Any):
-        super().__init__(n, *args, **kwargs)
+    def __init__(self, n: int, config: BipedConfig | None = None, threads: int = 1, **changes: Any):
+        """Build the robots, see `BipedEpisodes`."""
+        super().__init__(n, config, threads, **changes)
         terms = np.zeros((n, len(self.reward_terms)))
         self._rewards = JointRewards(terms, total=np.zeros(n), before=np.zeros((n, NU)))
 
     def begin(self, k: int, scenario: Scenario) -> None:
-        """As that of `GaitEpisodes`."""
+        """Put robot k at the beginning of a scenario, see `GaitEpisodes`."""
         super().begin(k, scenario)
         self._rewards.before[k] = 0.0
 
@@ -203,7 +192,8 @@ class JointEpisodes(OnJointsEpisodes):
         self._period = Period(Reward(self._rewards.total, self._rewards.terms), *self._ends)
 
     def _arrays(self, k: int) -> Arrays:
-        return super()._arrays(k) | arrays_of(Rewarded(self._rewards), ())
+        rewards = {f"joint_rewards.{name}": array for name, array in self._rewards._asdict().items()}
+        return super()._arrays(k) | rewards
 
 
 class JointResidualEpisodes(OnJointsEpisodes):
@@ -223,36 +213,28 @@ class JointResidualEpisodes(OnJointsEpisodes):
     def __init__(
         self,
         n: int,
+        config: BipedConfig | None = None,
+        threads: int = 1,
         policy: str = "two-stage",
         scale: float = DEFAULT_SCALE,
-        preset: str | None = None,
-        control_hz: float = 100.0,
-        threads: int = 1,
-        robot: str | RobotDescription = "biped",
-        profile: str = "exact",
-        sensing: str | None = None,
-        arm: str = "",
         gate: Gate = DEFAULT_GATE,
+        **changes: Any,
     ):
         """Put a planner below.
 
         Args:
             n: number of robots.
+            config: which, see `BipedEpisodes`.
+            threads: that share the physics.
             policy: name of what plans, for `make_policy`.
             scale: what a residual of 1 adds, as a share of the motor's largest torque, within 0-1.
-            preset: see `BipedEpisodes`, and so the other arguments.
-            control_hz: planning rate [Hz].
-            threads: that share the physics.
-            robot: whose joints they are.
-            profile: of the robots in scenarios that are drawn.
-            sensing: above what a scenario says of it.
-            arm: the policy whose own robot they are.
             gate: (shut, open) of `ResidualGate` [m], which residuals are multiplied by; None: always open.
+            changes: of single fields of the config.
 
         Raises:
             PushRecoveryError: an unknown policy, or an impossible scale or gate.
         """
-        super().__init__(n, preset, control_hz, threads, robot, profile, sensing, arm)
+        super().__init__(n, config, threads, **changes)
         self.policy, self.scale = policy, require_number("scale", scale, 0.0, 1.0)
         self.planner = make_policy(policy, self.robot, self.limits, self.preset)
         self.core.scale_residual(self.scale)
@@ -261,12 +243,9 @@ class JointResidualEpisodes(OnJointsEpisodes):
         self._statuses = np.full(n, None, dtype=object)
         self._planned = np.zeros(n, np.bool_)  # whether these two are of this episode
 
-    def _clone(self, n: int, threads: int) -> JointResidualEpisodes:
-        own = self.description, self.profile.name, self.core.senses.forced, self.arm
+    def _options(self) -> dict[str, Any]:
         gate = None if self.gate is None else self.gate.band
-        return JointResidualEpisodes(
-            n, self.policy, self.scale, self.preset, self.control_hz, threads, *own, gate
-        )
+        return {"policy": self.policy, "scale": self.scale, "gate": gate}
 
     def action_settings(self) -> dict[str, Any]:
         """The planner below, and how much of a residual is added when."""
@@ -306,7 +285,7 @@ class BipedJointEnv(BipedEnv):
     settings of the robot count, touchdown and the nominal gait among them.
     """
 
-    episodes_of: ClassVar[type[BipedEpisodes]] = JointEpisodes
+    make_episodes = JointEpisodes
 
 
 class BipedJointResidualEnv(BipedEnv):
@@ -316,37 +295,20 @@ class BipedJointResidualEnv(BipedEnv):
         self,
         policy: str = "two-stage",
         scale: float = DEFAULT_SCALE,
-        render_mode: str | None = None,
-        control_hz: float = 100.0,
-        preset: str | None = None,
-        push_distribution: dict[str, Any] | PushDistribution | None = None,
-        robot: str | RobotDescription = "biped",
-        profile: str = "exact",
-        sensing: str | None = None,
-        arm: str = "",
         gate: Gate = DEFAULT_GATE,
+        **biped: Any,
     ):
         """Build one biped.
 
         Args:
             policy: name of the planner below.
             scale: what a residual of 1 adds, as a share of the motor's largest torque, within 0-1.
-            render_mode: see `BipedEnv`, and so the other arguments.
-            control_hz: rate of planner and residual [Hz].
-            preset: of the planner below and of the robot's settings.
-            push_distribution: of the scenarios that `reset` draws.
-            robot: another one than the biped.
-            profile: of the robots in scenarios that `reset` draws.
-            sensing: what is seen and controlled in every scenario, the true state or onboard sensors.
-            arm: the policy whose own robot it is, where the preset has one.
             gate: (shut, open) [m]: how far the DCM is from the nominal gait where the residual begins to act,
                 and where all of it does; None: it always acts.
+            biped: see `BipedEnv`.
         """
-        episodes = JointResidualEpisodes(
-            1, policy, scale, preset, control_hz, 1, robot, profile, sensing, arm, gate
-        )
-        GaitEnv.__init__(self, episodes, render_mode, push_distribution)
-        self.arm = arm
+        self.make_episodes = partial(JointResidualEpisodes, policy=policy, scale=scale, gate=gate)
+        super().__init__(**biped)
 
 
 make_biped_joint_vector = vector_maker(BipedJointEnv, JointEpisodes)

@@ -81,7 +81,12 @@ class CommandChange(JsonRecord):
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
 SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
-EXACT_SENSING, ONBOARD = SENSING = ("exact", "onboard")  # see `Scenario.sensing`
+# What control acts on: the true state, or the estimate by an `Estimator`, with the place where that is
+SENSING: dict[str, str | None] = {
+    "exact": None,
+    "onboard": "push_recovery.controllers.estimation.base_estimate:CONTACT_FILTER",
+}
+EXACT_SENSING, ONBOARD = SENSING
 __all__ = ["SETTLE_TIME", "Command", "CommandChange", "Kick", "Scenario"]
 
 
@@ -128,7 +133,7 @@ class Scenario(JsonRecord):
         if not isinstance(self.errors, ModelErrors):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
-        require_choice("sensing", self.sensing, SENSING)
+        require_choice("sensing", self.sensing, list(SENSING))
         for before, change in pairwise(self.changes):
             if change.time <= before.time:
                 raise InvalidValueError(

@@ -20,7 +20,7 @@ from ...controllers.files import write_atomically
 from ...controllers.model import gait_box, observation
 from ...controllers.model.observation import canonical_frame, point_in_world, side_sign
 from ...controllers.policies.interface import Policy
-from ...controllers.whole_body.limits import BOUNDS
+from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode import period_end
 from ...envs.episode.episodes import GaitEpisodes
@@ -82,7 +82,7 @@ class Recorder:
                 if joint != MISSING
             }
             self._motors = [i for i, motor in enumerate(body.indices.motors) if motor != MISSING]
-            limits = {LIMIT + name: "1" for name in BOUNDS}
+            limits = {LIMIT + name: "1" for name in LIMIT_NAMES}
         self._limits = tuple(limits)
         self.units = {**UNITS, **dict.fromkeys(self.torques, "N m"), **limits}
 
@@ -116,7 +116,7 @@ class Recorder:
         motion = self._episodes.motion()
         self._time, self._step = float(motion.time[0]), int(motion.steps[0])
         self._delivered = core.pushes.delivered[0].sum(axis=0)
-        self._met = core.bounds_record.span[0].copy() if self._limits else np.empty(0)
+        self._met = core.limits_record.span[0].copy() if self._limits else np.empty(0)
 
     def _row(self) -> Row:
         """The numbers of now, by column."""
@@ -161,8 +161,8 @@ class Recorder:
         push = core.pushes.delivered[0].sum(axis=0) - self._delivered
         put("push_{}", "x y z", push / span if span > 0.0 else np.zeros(3))
         if self._limits:
-            met = core.bounds_record.span[0] - self._met
-            share = np.clip(met / span, 0.0, 1.0) if span > 0.0 else np.zeros(len(BOUNDS))
+            met = core.limits_record.span[0] - self._met
+            share = np.clip(met / span, 0.0, 1.0) if span > 0.0 else np.zeros(len(LIMIT_NAMES))
             row.update(zip(self._limits, share, strict=True))
         return {name: float(row[name]) for name in self.units}
 

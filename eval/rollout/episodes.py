@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.policies.interface import Policy, as_policy, declares
-from ...envs.biped.limits_record import BoundsReport
+from ...envs.biped.limits_record import LimitsReport
 from ...envs.episode.episodes import GaitEpisodes, Held, Mask, hold_action
 from ...envs.episode.gym_env import GaitEnv, check_action
 from ...envs.scenario.scenario import Scenario
 from ...envs.wrappers import ActionHold, ResidualAction
-from .outcome import NO_BOUNDS, EffortMeter, Ending, Outcome
+from .outcome import NO_LIMITS, EffortMeter, Ending, Outcome
 
 Actions = NDArray[np.float32]
 
@@ -294,15 +294,15 @@ class GymRobot:
             recovered_at=info.get("recovered_at"),
             failure_reason=info.get("failure_reason"),
             total_reward=self._total,
-            bounds=bounds_met(self.episodes, k),
+            bounds=limits_met(self.episodes, k),
             measures={} if self._meter is None else self._meter.of(k),
         )
 
 
-def bounds_met(episodes: Any, k: int) -> BoundsReport:
+def limits_met(episodes: Any, k: int) -> LimitsReport:
     """Bounds that robot k of the episodes has met; none where its core keeps no record."""
-    met = getattr(getattr(episodes, "core", None), "bounds_met", None)
-    return NO_BOUNDS if met is None else met(k)
+    met = getattr(getattr(episodes, "core", None), "limits_met", None)
+    return NO_LIMITS if met is None else met(k)
 
 
 class Slots:
@@ -385,7 +385,7 @@ class Slots:
                 recovered_at=episodes.monitor.recovered_at(k),
                 failure_reason=episodes.failures[episodes.failure()[k]],
                 total_reward=0.0,
-                bounds=bounds_met(episodes, k),
+                bounds=limits_met(episodes, k),
                 measures=self._meter.of(k),
             )
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
 from ...envs.biped.env import BipedEpisodes
-from ...envs.biped.limits_record import BoundsReport
+from ...envs.biped.limits_record import LimitsReport
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import wilson_interval
 
-NO_BOUNDS = BoundsReport({}, {})
+NO_LIMITS = LimitsReport({}, {})
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
 
 
@@ -33,7 +33,7 @@ class Ending:
     recovered_at: float | None  # time from which the recovery criterion held [s]
     failure_reason: str | None
     total_reward: float
-    bounds: BoundsReport = NO_BOUNDS  # met; none where the core keeps no record
+    bounds: LimitsReport = NO_LIMITS  # met; none where the core keeps no record
     measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of an `EffortMeter`, if any
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.whole_body.limits import BOUNDS
+from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.statistics import PairedCounts
@@ -63,7 +63,7 @@ def limits_met(rows: Iterable[Row]) -> dict[str, dict[str, float]]:
     Limits that no row met are left out.
     """
     rows, found = list(rows), {}
-    for name in BOUNDS:
+    for name in LIMIT_NAMES:
         shares = [row.get("limit_shares", {}).get(name, 0.0) for row in rows]
         if any(shares):
             found[name] = {

@@ -27,7 +27,7 @@ from ...controllers.model.capturability import max_recoverable_force, recoverabl
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from ...controllers.model.robot import RobotModel
-from ...controllers.whole_body.limits import BOUNDS
+from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, Push, polar_push
@@ -397,7 +397,7 @@ def fall_cell(falls: Sequence[Mapping[str, Any]]) -> str:
     if not falls or falls[0]["first_limit"] is None:
         return "-"
     shares = falls[0]["limit_shares"]
-    longest = sorted(shares, key=lambda name: (-shares[name], BOUNDS.index(name)))[:3]
+    longest = sorted(shares, key=lambda name: (-shares[name], LIMIT_NAMES.index(name)))[:3]
     return f"{falls[0]['first_limit']}; " + ", ".join(f"{name} {shares[name]:.2f}" for name in longest)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import read_file, write_text
 from ...controllers.validation import parse_json
-from ...envs.biped.limits_record import BoundsReport
+from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.tables import markdown_table
@@ -140,7 +140,7 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     """
     outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
-        bounds = BoundsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
+        bounds = LimitsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
         ending = Ending(
             not outcome["survived"],
             outcome["end_time"],

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.files import write_text
-from ...controllers.whole_body.limits import BOUNDS
+from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
@@ -293,7 +293,7 @@ def limits_table(evaluation: Evaluation) -> Table:
         ("limit", "met while", *evaluation.rows),
         [
             (limit, LIMITS.get(limit, ""), *(cell(summary, limit) for summary in summaries))
-            for limit in BOUNDS
+            for limit in LIMIT_NAMES
             if any(limit in part for summary in summaries for part in summary.values())
         ],
         f"Mean share of the time, of falls / of recoveries. {LIMITS_NOTE}",
@@ -308,7 +308,7 @@ def limit_details(evaluation: Evaluation) -> list[Table]:
     nothing, tables = {"first": 0, "met": 0.0, "time": 0.0}, []
     for name, rows in evaluation.rows.items():
         summary, lines = limit_summary(rows), []
-        for limit in BOUNDS:
+        for limit in LIMIT_NAMES:
             if any(limit in part for part in summary.values()):
                 fell, stood = (part.get(limit, nothing) for part in summary.values())
                 numbers = (f"{part[what]:.2f}" for part in (fell, stood) for what in ("met", "time"))

@@ -15,12 +15,10 @@ from push_recovery.controllers.array_table import (
     part_of,
     parts_table,
 )
-from push_recovery.envs.biped import period as biped_arena
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.episode import period_end as gait_period
+from push_recovery.envs.biped.period import Arena, controller_of
+from push_recovery.envs.episode.period_end import PeriodArrays
 from push_recovery.envs.scenario.scenario import Scenario
-
-ARENA, JUDGED = biped_arena.Arena, gait_period.PeriodArrays
 
 
 def reader(parts, name):
@@ -51,20 +49,20 @@ def same(found, held):
             assert own == other, name
 
 
-@pytest.mark.parametrize("name", ARENA._fields)
+@pytest.mark.parametrize("name", Arena._fields)
 def test_the_arena_is_read_where_it_is(episodes, name):
     core = episodes.core
-    arena, table = core._arenas[0][0], core._tables[0][0]
+    arena, tables = core._arenas[0][0], core._tables[0][0]
     if name == "bounds":  # which has settings, too
-        same(biped_arena.bounds_of(table, core._constants), arena.bounds)
+        same(controller_of(tables, core.constants).bounds, arena.bounds)
     else:
-        same(reader(ARENA, name)(table), getattr(arena, name))
+        same(reader(Arena, name)(tables.arena), getattr(arena, name))
 
 
-@pytest.mark.parametrize("name", JUDGED._fields)
+@pytest.mark.parametrize("name", PeriodArrays._fields)
 def test_the_judge_reads_its_arrays_where_they_are(episodes, name):
-    judged = gait_period.PeriodArrays(episodes.robots, episodes._episodes, episodes.monitor.state)
-    same(reader(JUDGED, name)(episodes._table), getattr(judged, name))
+    judged = PeriodArrays(episodes.robots, episodes._episodes, episodes.monitor.state)
+    same(reader(PeriodArrays, name)(episodes._table), getattr(judged, name))
 
 
 class Settings(NamedTuple):
@@ -92,12 +90,12 @@ ONE, TWO = One(Settings(1.0), np.zeros(3), np.zeros((2, 2), np.int64)), Two(np.z
 
 def test_a_part_begins_after_the_arrays_of_those_before_it():
     rows = first_rows(Parts)
-    assert rows._asdict() == {"one": 0, "other": 2, "two": 4}
+    assert rows == {"one": 0, "other": 2, "two": 4}
     one, two = ONE, TWO
     table = parts_table(Parts(one, one, two))
     assert table.shape == (5, 1 + 2 * DIMENSIONS)
-    assert table[rows.other, 0] == one.a.ctypes.data
-    assert table[rows.two, :2].tolist() == [two.c.ctypes.data, 5]
+    assert table[rows["other"], 0] == one.a.ctypes.data
+    assert table[rows["two"], :2].tolist() == [two.c.ctypes.data, 5]
 
 
 def test_what_is_read_is_written_where_it_is_held():

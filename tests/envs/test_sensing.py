@@ -4,13 +4,16 @@ Bipeds that act on their own sensors: no leak of the true state, repeatable, and
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from numba import njit
+from push_recovery.controllers.array_table import Floats2
 from push_recovery.controllers.errors import UnknownNameError
-from push_recovery.controllers.estimation.base_estimate import deviations
+from push_recovery.controllers.estimation.base_estimate import Estimator, deviations
 from push_recovery.controllers.estimation.observe import Contacts
 from push_recovery.controllers.math3 import of_rotation, product, rotated
 from push_recovery.controllers.model.robot import GRAVITY
@@ -18,9 +21,10 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import NU, PELVIS
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.biped.period import sensing_step
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.scenario import SENSING, Command, Scenario
 from push_recovery.envs.sensing import (
     BASE,
     JOINT,
@@ -29,7 +33,6 @@ from push_recovery.envs.sensing import (
     read_feet,
     read_inertial,
     read_joints,
-    seed_sensors,
     sensors_of,
 )
 
@@ -68,7 +71,7 @@ def contacts(force=(3.0, -4.0, 600.0)) -> Contacts:
 
 def sensing(true, settings=PERFECT, seed=1, side=0, present=None):
     sensors = sensors_of(1, settings, np.ones(NU) if present is None else present)
-    seed_sensors(sensors, 0, seed, side)
+    sensors.seed[0], sensors.side[0] = seed, side
     sensors.gravity[0, 2] = -G
     begin_sensing(sensors, 0, true, contacts())
     return sensors
@@ -350,6 +353,50 @@ def test_the_environment_takes_it_alone_and_in_a_vector():
     vector = gym.make_vec("PushRecovery/Biped-v0", num_envs=2, sensing="onboard")
     vector.reset(seed=1)
     vector.step(np.zeros((2, 7), np.float32))
+
+
+class Still(NamedTuple):
+    """An estimate of robots that take themselves for standing where they began."""
+
+    place: Floats2
+
+
+def begin_still(estimate: Still, k: int, place, attitude, velocity) -> None:
+    estimate.place[k] = place
+
+
+@njit
+def predict_still(estimate, k, inertial, phys, dt):
+    for i in range(3):
+        phys.qpos[k, i], phys.qvel[k, i], phys.qvel[k, 3 + i] = estimate.place[k, i], 0.0, 0.0
+
+
+@njit
+def correct_still(estimate, k, phys, dt):
+    estimate.place[k, 0] += 0.001  # seen in the next step
+
+
+STILL = Estimator(lambda n: Still(np.zeros((n, 3))), begin_still, predict_still, correct_still)
+
+
+def test_an_estimator_may_come_from_outside(monkeypatch, begin):
+    """One file and its name in SENSING: it finds the base, sensors and kinematics are as with any other."""
+    monkeypatch.setitem(SENSING, "still", f"{__name__}:STILL")
+    core = BipedCore(2, BIPED, BIPED_LIMITS)
+    begin(core, 1, Scenario("exact"))
+    begin(core, 0, Scenario("still", noise_seed=2, sensing="still"))
+    assert core.senses.onboard.tolist() == [True, False]
+    start = core.judged.qpos[0, :3].copy()
+    np.testing.assert_array_equal(core.estimate.place[0], start)
+    tables = core._tables[core.senses.of(0)][0]
+    for i in range(15):  # no torques: it sinks
+        sensing_step(STILL)(tables, core.physics, core.errors, 0, core.simulations.handles, DT)
+        np.testing.assert_allclose(core.physics.qpos[0, :3], start + [0.001 * i, 0.0, 0.0], atol=1e-12)
+    assert core.judged.qpos[0, 2] < start[2] - 5e-4
+    np.testing.assert_allclose(core.physics.qpos[0, JOINT:], core.judged.qpos[0, JOINT:], atol=3e-3)
+    np.testing.assert_allclose(core.physics.xpos[0, PELVIS], core.physics.qpos[0, :3], atol=1e-12)
+    assert core.true_state(0) is core.judged
+    assert core.true_state(1) is core.physics
 
 
 def test_episodes_alike_sense_alike():

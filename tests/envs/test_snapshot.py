@@ -1,8 +1,8 @@
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
-from push_recovery.controllers.array_table import Floats1, Floats2, Ints1
+from push_recovery.controllers.array_table import COMMON, NO_STATE, SENSED, Floats1, Floats2, Ints1
 from push_recovery.envs.snapshot import arrays_of, take_rows
 
 
@@ -15,11 +15,11 @@ class Walk(NamedTuple):
 
 class Floor(NamedTuple):
     height: Floats1
-    size: Floats1
+    size: Annotated[Floats1, COMMON]
 
 
 class Parts(NamedTuple):
-    walk: Walk
+    walk: Annotated[Walk, SENSED]
     floor: Floor
 
 
@@ -28,16 +28,18 @@ def parts() -> Parts:
     return Parts(walk, Floor(np.ones(3), np.ones(7)))
 
 
-def test_every_annotated_array_is_found_unless_it_is_left_out():
+def test_every_annotated_array_is_found_unless_its_annotation_or_its_part_s_is_left_out():
     assert list(arrays_of(parts(), ())) == [
         "walk.time", "walk.place", "walk.steps", "floor.height", "floor.size",
     ]  # fmt: skip
-    assert list(arrays_of(parts(), {"walk", "floor.size"})) == ["floor.height"]
+    assert list(arrays_of(parts(), {SENSED, COMMON})) == ["floor.height"]
+    assert list(arrays_of(parts(), {NO_STATE}, only=COMMON)) == ["floor.size"]
+    assert list(arrays_of(parts(), {COMMON}, only=SENSED)) == ["walk.time", "walk.place", "walk.steps"]
 
 
 def test_rows_are_copies_that_cannot_be_written():
     whole = parts()
-    rows = take_rows(arrays_of(whole, {"floor.size"}), 1, 3)
+    rows = take_rows(arrays_of(whole, {COMMON}), 1, 3)
     whole.walk.place[1] = -1.0
     assert rows["walk.place"].tolist() == [2.0, 3.0]
     assert rows["walk.time"].shape == ()

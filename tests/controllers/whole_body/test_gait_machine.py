@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.gait_machine import (
     accept,
+    com_cmp_offset_and_deficit,
     has_landed,
     landing_error,
-    lever_and_missing,
     reach_height,
     touch_down,
 )
@@ -232,9 +232,9 @@ def test_with_the_missing_cmp_the_dcm_lands_where_stepping_in_place_has_it(stanc
     plan = np.array([0.15, 0.25, 0.45, 0.03, -0.02, 1.5, -2.0])
     place, speed = (0.04, 0.06), (0.3, -0.2)
     growth = math.exp(s.omega * remaining)
-    lever, missing = lever_and_missing(place, speed, plan, sign, growth, s)
+    offset, missing = com_cmp_offset_and_deficit(place, speed, plan, sign, growth, s)
     planned = np.array([0.03 + s.cmp_gain * 1.5, sign * (-0.02 - s.cmp_gain * 2.0)])
-    np.testing.assert_allclose(lever, place - planned, atol=1e-15)
+    np.testing.assert_allclose(offset, place - planned, atol=1e-15)
     cmp, dcm = planned + missing, np.array(place) + np.array(speed) / s.omega
     width = sign * 0.25
     goal = [0.15, width - width / (1.0 + math.exp(s.omega * 0.45))]

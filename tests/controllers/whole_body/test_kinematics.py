@@ -11,7 +11,6 @@ from push_recovery.controllers.whole_body.kinematics import (
     CHAIN,
     KNEE,
     LEG_DOF,
-    LEG_QPOS,
     NU,
     NV,
     PELVIS,
@@ -36,6 +35,8 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import PLAN, biped_model
 from push_recovery.envs.robots.variants import VARIANTS
+
+LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 
 MODEL = biped_model()
 

@@ -23,12 +23,12 @@ from push_recovery.controllers.whole_body.limits import (
     JOINT_TORQUE,
     SHARE_OF_GRIP,
     SOLE_EDGE,
-    bounds_met,
     centre_of_pressure,
     clip_torque,
     driving_share,
     full_sole_force,
     kept_cop,
+    limits_met,
     make_bounds,
     missing_cmp,
     share_within,
@@ -133,7 +133,7 @@ def judged(wrench, torque=None) -> tuple[bool, int]:
     torque = np.zeros(NU) if torque is None else torque
     x, y = centre_of_pressure(wrench, AXIS)
     cop = turned(np.clip(x, -S.cop_x_max, S.cop_x_max), np.clip(y, -S.cop_y_max, S.cop_y_max))
-    return within_bounds(wrench, torque, AXIS, bounds), bounds_met(
+    return within_bounds(wrench, torque, AXIS, bounds), limits_met(
         wrench, torque, AXIS, (cop[0], cop[1]), bounds
     )
 

@@ -13,7 +13,6 @@ from push_recovery.controllers.whole_body.swing import (
     exchange_soles,
     given_yaw,
     swing_update,
-    swing_update_batch,
     turn_references,
     turned_command,
 )
@@ -81,22 +80,6 @@ def test_late_foot_descends_at_constant_speed():
     trace = fly(lambda t: 0.5, end=0.7)
     assert trace[-1, 5] == pytest.approx(-DESCENT, rel=1e-3)
     assert trace[-1, 8] == pytest.approx(0.0, abs=0.05)
-
-
-def test_batch_gives_the_bits_of_single_feet():
-    rng = np.random.default_rng(0)
-    states, targets = rng.normal(0, 0.1, (5, 9)), rng.normal(0, 0.2, (5, 2))
-    elapsed, duration = rng.uniform(0, 0.4, 5), rng.uniform(0.3, 0.6, 5)
-    single = states.copy()
-    swing_update_batch(states, targets, elapsed, duration, DT, APEX, DESCENT)
-    for i in range(5):
-        swing_update(single[i], *targets[i], elapsed[i], duration[i], DT, APEX, DESCENT)
-    assert np.array_equal(single, states)
-
-
-def test_batch_refuses_wrong_shapes():
-    with pytest.raises(InvalidValueError, match="states"):
-        swing_update_batch(np.zeros((2, 9)), np.zeros((3, 2)), np.zeros(2), np.ones(2), DT)
 
 
 def test_a_foot_with_too_little_time_comes_down_at_two_metres_a_second_and_is_late():

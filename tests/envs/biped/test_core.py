@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.model.observation import PUSH_ESTIMATE
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
@@ -59,7 +60,7 @@ def test_without_changes_the_robot_is_that_of_the_environment(tmp_path):
     plain = walk(BipedEpisodes(1))
     assert np.array_equal(walk(BipedEpisodes(1)), plain)
     everything = preset(tmp_path / "all.json", **BipedSettings().to_dict())
-    assert np.array_equal(walk(BipedEpisodes(1, everything)), plain)
+    assert np.array_equal(walk(BipedEpisodes(1, preset=everything)), plain)
 
 
 @pytest.mark.parametrize(
@@ -67,12 +68,12 @@ def test_without_changes_the_robot_is_that_of_the_environment(tmp_path):
     [("gait", "apex", 0.1), ("gains", "swing_kp", 200.0), ("bounds", "cop_x_max", 0.03)],
 )
 def test_a_change_reaches_the_robot(tmp_path, section, field, value):
-    changed = BipedEpisodes(1, preset(tmp_path / "one.json", **{section: {field: value}}))
+    changed = BipedEpisodes(1, preset=preset(tmp_path / "one.json", **{section: {field: value}}))
     assert not np.array_equal(walk(changed, 30), walk(BipedEpisodes(1), 30))
 
 
 def test_limits_are_the_action_box_and_the_nominal_gait(tmp_path):
-    episodes = BipedEpisodes(1, preset(tmp_path / "box.json", limits={"duration_max": 0.7}))
+    episodes = BipedEpisodes(1, preset=preset(tmp_path / "box.json", limits={"duration_max": 0.7}))
     assert episodes.limits.duration_max == 0.7
     assert episodes.nominal(0.0, 0.0).duration > BipedEpisodes(1).nominal(0.0, 0.0).duration
     lowest, highest = episodes.gaits(np.array([[-1.0] * 7, [1.0] * 7], np.float32))
@@ -227,6 +228,35 @@ def test_a_closer_look_changes_nothing(biped_core, begin):
     np.testing.assert_array_equal(
         np.array(looks)[cores[0].substeps - 1 :: cores[0].substeps], first[:, 0, :21]
     )
+
+
+def test_the_push_estimate_is_what_the_floor_s_impulse_leaves_of_the_momentum(biped_core, begin):
+    """(m (v - v_before) - J) / (m omega^2 t), v the CoM's and J of MuJoCo's contacts; a reset starts anew."""
+    core = biped_core()
+    begin(core, 0, Scenario("before", (Push((300.0, 0.0, 0.0), 0.1, 0.0),)))
+    for _ in range(7):
+        step(core)
+    core.contacts.impulse[0], core.contacts.time[0] = (40.0, -30.0, 500.0), 0.004
+    begin(core, 0, Scenario("pushed", (Push((90.0, 60.0, 0.0), 0.1, 0.0),)))
+    model, data, impulse = core.simulations.models[0], core.simulations.data[0], np.zeros(2)
+
+    def velocity():
+        mujoco.mj_subtreeVel(model, data)
+        return data.subtree_linvel[1, :2].copy()
+
+    def look():
+        impulse[:] += 0.002 * data.qfrc_constraint[:2]
+
+    core.after_physics_step = look
+    for _ in range(3):
+        before = velocity()
+        impulse[:] = 0.0
+        step(core)
+        change = BIPED.mass * (velocity() - before)
+        expected = (change - impulse) / (BIPED.mass * BIPED.omega**2 * 0.01)
+        seen = core.truth[0, PUSH_ESTIMATE]
+        np.testing.assert_allclose(np.abs(seen), np.abs(expected), rtol=1e-6)  # the frame is mirrored
+        np.testing.assert_allclose(seen[0], 90.0 / (BIPED.mass * BIPED.omega**2), rtol=0.02)
 
 
 def test_a_fallen_robot_rests_until_its_reset(biped_core, begin):

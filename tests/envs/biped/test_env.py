@@ -4,6 +4,7 @@ The biped starts, walks at the commanded speed, stops, and stays where it is.
 """
 
 import math
+from dataclasses import asdict, replace
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +14,7 @@ from push_recovery.controllers.model import observation as layout
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
-from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.env import BipedConfig, BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
@@ -238,3 +239,20 @@ def test_after_the_stop_it_steps_in_place(walk):
     way = walk[1][round(PERIODS * END)] - walk[1][round(PERIODS * STOP)]
     speeds = [np.hypot(command.vx, command.vy) for command in COMMANDS]
     assert (np.hypot(*way.T) < np.multiply(speeds, 0.8) + 0.05).all()  # in the way of 0.8 s, and the sway
+
+
+def test_a_config_is_passed_whole_or_by_its_fields():
+    config = BipedConfig(control_hz=50.0, profile="hardware", sensing="exact", arm="two-stage")
+    whole, changed = BipedEpisodes(2, config, threads=2), BipedEpisodes(2, config, sensing="onboard")
+    assert (whole.config.preset, whole.config.robot) == (
+        "biped",
+        whole.description,
+    )  # what defaults stand for
+    assert whole.clone(3).config == whole.config == BipedEpisodes(1, **asdict(config)).config
+    assert changed.core.senses.onboard.all()
+    assert not whole.core.senses.onboard.any()
+    assert changed.config == replace(whole.config, sensing="onboard")
+    with pytest.raises(InvalidValueError, match="config must be a BipedConfig, got 'biped'"):
+        BipedEpisodes(1, "biped")
+    with pytest.raises(TypeError, match="speed"):
+        gym.make(ID, speed=1.0)

@@ -125,6 +125,39 @@ def test_soles_touch_the_floor_as_without_collisions():
     np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-9, atol=1e-9)
 
 
+def test_gravity_on_a_slope_is_turned_and_no_larger():
+    """A floor that rises by 0.08 rad ahead pulls back by sin, down by cos; two slopes by their tangents."""
+    ahead, aside = own(slope_forward=0.08).opt.gravity, own(slope_left=-0.08).opt.gravity
+    np.testing.assert_allclose(ahead, [-0.783963148, 0.0, -9.778624739], rtol=1e-8)
+    np.testing.assert_allclose(aside, [0.0, 0.783963148, -9.778624739], rtol=1e-8)
+    both = own(slope_forward=0.08, slope_left=0.05).opt.gravity
+    assert np.linalg.norm(both) == pytest.approx(9.81)
+    np.testing.assert_allclose(both[:2] / both[2], [0.0801711, 0.0500417], rtol=1e-5)
+
+
+def test_floors_of_all_steps_share_a_model_whose_tiles_each_robot_copies():
+    low, high = (altered_model(biped(), ModelErrors(floor_step=step)) for step in (0.002, 0.02))
+    assert low is high
+    slippery = own(floor_step=0.01, friction=0.3)
+    pairs = slippery.geom_bodyid[slippery.pair_geom1] == 0
+    assert pairs.sum() >= 8  # four tiles a foot
+    assert (slippery.pair_friction[pairs, :2] == 0.3).all()
+    assert (slippery.pair_friction[~pairs] == biped_model().pair_friction[-(~pairs).sum() :]).all()
+
+
+def test_of_a_foot_only_the_sole_collides_and_all_that_does_is_as_hard_as_the_soles():
+    model = own(collisions=True)
+    collides = (model.geom_contype == 1) & (model.geom_conaffinity == 1)
+    assert ((model.geom_contype == 1) == (model.geom_conaffinity == 1)).all()
+    for g in range(model.ngeom):
+        if model.body(model.geom_bodyid[g]).name in {"left_foot", "right_foot"}:
+            assert collides[g] == (model.geom(g).name in PLAN.sole_boxes)
+    assert collides.sum() > 10
+    np.testing.assert_array_equal(
+        model.geom_solref[collides], np.tile(model.pair_solref[0], (collides.sum(), 1))
+    )
+
+
 def test_friction_is_that_of_all_that_collides():
     model = own(collisions=True, friction=0.5)
     solid = model.geom_contype > 0
@@ -500,6 +533,25 @@ def test_a_fallen_robot_is_seen_as_it_was(biped_core, begin):
     step(core)
     kept = np.delete(before, range(27, 34))  # all but the previous action
     np.testing.assert_array_equal(np.delete(core.observation[0], range(27, 34)), kept)
+
+
+def test_a_resting_robot_is_not_moved_by_its_drift_again(biped_core, begin):
+    """In noise what it sees stays as it was: a drift that it has learned is in there already."""
+    core, push = biped_core(2), Push((0.0, 900.0, 0.0), 0.2, 0.05)
+    for k, noise in enumerate((0.003, 0.0)):
+        begin(core, k, Scenario(f"{k}", (push,), errors=ModelErrors(dcm_noise=noise)))
+    for _ in range(200):
+        step(core)
+    assert core.gait.failure.all()
+    action, held = np.zeros((2, 7)), BIPED_LIMITS.from_action(np.zeros((2, 7)))
+    core.known.drift[:], core.known.felt[:] = (0.03, -0.02), 0.0
+    core.step(held, action)
+    seen = core.observation.copy()
+    for _ in range(3):
+        core.step(held, action)
+        np.testing.assert_array_equal(core.observation, seen)
+    shift = core.observation[1, DCM] - core.truth[1, DCM]
+    np.testing.assert_allclose(np.abs(shift), [0.03, 0.02], atol=1e-12)
 
 
 def test_without_noise_all_that_is_true_is_seen(biped_core, begin):

@@ -8,7 +8,6 @@ from push_recovery.controllers.whole_body.kinematics import (
     FOOT_BODY,
     LEG_DOF,
     LEG_JOINT,
-    LEG_QPOS,
     NU,
     NV,
     PELVIS,
@@ -20,6 +19,8 @@ from push_recovery.envs.biped.core import BIPED
 from push_recovery.envs.biped.posture import LegGeometry, leg_geometry, leg_joints, level_leg, posture
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.scenario.model_errors import CONTROL_STEP
+
+LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 
 THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET = 0.36, 0.36, 0.06, 0.05, 0.10  # as biped.xml has them [m]
 LEG = LegGeometry(THIGH, SHANK, ANKLE_HEIGHT, HIP_DROP, HIP_OFFSET)

@@ -207,10 +207,10 @@ def test_recovery_and_limits_count_from_the_kick():
         Scenario("a", kicks=(Kick((0.0, 0.9, 0.0), 0.5),), settle_time=1.0), Scenario("b", duration=1.5)
     )
     act(envs, 149)
-    met = envs.core.bounds_met(0)
+    met = envs.core.limits_met(0)
     assert met.met
     assert min(met.met.values()) >= 0.5
-    assert not envs.core.bounds_met(1).met
+    assert not envs.core.limits_met(1).met
     _, _, _, truncated, _ = envs.step(POLICY.predict(envs.core.observation)[0])
     assert truncated.tolist() == [True, True]  # 1 s after the kick
 

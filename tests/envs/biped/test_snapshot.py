@@ -6,16 +6,17 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers.array_table import COMMON, NO_STATE, SENSED
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.period import COMMON, NO_STATE, SENSED
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
+from push_recovery.envs.snapshot import arrays_of
 from push_recovery.envs.wrappers import ResidualVectorEnv
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
@@ -44,25 +45,24 @@ def act(envs) -> tuple:
     return envs.step(POLICY.predict(envs.core.observation)[0])
 
 
-def arrays_in(episodes: BipedEpisodes) -> dict[str, np.ndarray]:
-    """All arrays that compiled code is handed, under the kind of sensing, part and field."""
+def arrays_in(episodes: BipedEpisodes, left_out=(NO_STATE,), only: str = "") -> dict[str, np.ndarray]:
+    """Arrays that compiled code is handed, under the kind of sensing, part and field."""
     found = {}
     for kind, arenas in enumerate(episodes.core._arenas):
-        for name, part in zip(arenas[0]._fields, arenas[0], strict=True):
-            for field, array in zip(part._fields, part, strict=True):
-                if isinstance(array, np.ndarray):
-                    found[f"{kind} {name}.{field}"] = array
-    for name, part in (("episodes", episodes._episodes), ("monitor", episodes.monitor.state)):
-        found |= {f"{name}.{field}": array for field, array in part._asdict().items()}
+        arrays = arrays_of(arenas[0], left_out, only)
+        if kind and not only:
+            estimate = episodes.core.senses.kinds[kind].estimate
+            arrays |= {f"estimate.{field}": array for field, array in estimate._asdict().items()}
+        found |= {f"{kind} {name}": array for name, array in arrays.items()}
     return found
 
 
 def of_robots(episodes: BipedEpisodes) -> dict[str, np.ndarray]:
-    """Those of them that have a row a robot, without addresses."""
-    return {
-        name: array for name, array in arrays_in(episodes).items()
-        if not {name[2:], name[2:].partition(".")[0]} & (NO_STATE | COMMON) and len(array) == episodes.n
-    }  # fmt: skip
+    """Those of them that have a row a robot, and what judges the robots."""
+    found = arrays_in(episodes, (NO_STATE, COMMON))
+    for name, part in (("episodes", episodes._episodes), ("monitor", episodes.monitor.state)):
+        found |= {f"{name}.{field}": array for field, array in part._asdict().items()}
+    return {name: array for name, array in found.items() if len(array) == episodes.n}
 
 
 def poison(episodes: BipedEpisodes, k: int) -> None:
@@ -110,15 +110,12 @@ def test_what_all_robots_have_in_common_is_what_does_not_grow_with_their_number(
     few, more = (vector(n) for n in (3, 19))
     for envs in (few, more):
         envs.reset(options={"scenario": SCENARIOS[1]})
-    grows = {
-        name[2:] for name, array in arrays_in(few.episodes).items()
-        if name[1] == " " and len(array) == 3 and len(arrays_in(more.episodes)[name]) == 19
-    }  # fmt: skip
-    every = {name[2:] for name in arrays_in(few.episodes) if name[1] == " "}
-    every = {name for name in every if not {name, name.partition(".")[0]} & NO_STATE}
-    assert every - grows == COMMON
-    onboard = {name.partition(".")[0] for name in grows} & SENSED
-    assert onboard == SENSED
+    small, large = (arrays_in(envs.episodes) for envs in (few, more))
+    own = {name for name in small if name.startswith("1 ")}  # of robots with sensors
+    grows = {name for name in own if len(small[name]) == 3 and len(large[name]) == 19}
+    assert own - grows == {name for name in arrays_in(few.episodes, only=COMMON) if name.startswith("1 ")}
+    sensed = arrays_of(few.core._arenas[1][0], {COMMON}, only=SENSED)
+    assert {f"1 {name}" for name in sensed} < grows
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -141,8 +138,8 @@ def test_a_robot_put_back_goes_on_as_the_original_in_any_slot(walked, futures, t
     for k, to in enumerate(order):
         sensed = bool(envs.core.senses.of(k))
         for name, array in source.items():
-            kind, part = name[0], name[2:].partition(".")[0]
-            if sensed or not (kind == "1" and part in SENSED):
+            part = name[2:].partition(".")[0]
+            if sensed or part not in {"sensed", "sensors", "estimate", "judged", "judged_contacts"}:
                 row, there = array[k], here[name][to]
                 if part in {"pushes", "schedule"} and np.ndim(row):  # there may be more room than is taken
                     row, there = row[: taken[part][k]], there[: taken[part][k]]

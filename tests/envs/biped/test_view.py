@@ -1,8 +1,11 @@
 """Pictures of the biped: what is drawn, where, and that drawing changes nothing."""
 
 import os
+import select
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium as gym
 import mujoco
@@ -170,3 +173,56 @@ def test_error_names_both_backends_where_neither_works():
     assert "egl: " in done.stdout
     assert "osmesa: " in done.stdout
     assert "libosmesa6" in done.stdout
+
+
+def in_forked_child(act) -> str:
+    """What `act` raises in a forked child, as text; the child has 20 s."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            act()
+            os.write(writing, b"nothing")
+        except BaseException as error:
+            os.write(writing, f"{type(error).__name__}: {error}".encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        answered = select.select([pipe], [], [], 20.0)[0]
+        if not answered:
+            os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return pipe.read().decode() if answered else "no answer"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_child_is_refused_a_picture_and_does_not_hang(env):
+    env.reset(seed=0)
+    env.render()
+
+    def draw_anew():
+        other = gym.make("PushRecovery/Biped-v0", render_mode="rgb_array")
+        other.reset(seed=0)
+        other.render()
+
+    for act in (env.render, draw_anew):
+        said = in_forked_child(act)
+        assert said.startswith(f"RenderError: a picture was opened in process {os.getpid()}, "), said
+        assert "'spawn'" in said
+    assert in_forked_child(env.close) == "nothing"
+    assert env.render().shape == (480, 640, 3)
+
+
+def test_another_thread_is_refused_the_picture_of_the_first_one(env):
+    env.reset(seed=0)
+    env.render()
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(RenderError, match="drawn by the thread that opened it"):
+            pool.submit(env.render).result(20.0)
+        own = pool.submit(gym.make, "PushRecovery/Biped-v0", render_mode="rgb_array").result(60.0)
+        pool.submit(own.reset, seed=0).result(60.0)
+        assert pool.submit(own.render).result(60.0).shape == (480, 640, 3)
+        pool.submit(own.close).result(20.0)
+    assert env.render().shape == (480, 640, 3)

@@ -87,7 +87,7 @@ def test_action_zero_is_the_planner_bit_for_bit(profile):
         if ends[0].failed[0]:
             break
     assert plan.core.gait.steps[0] >= 3
-    assert plan.core.bounds_met(0) == residual.core.bounds_met(0)
+    assert plan.core.limits_met(0) == residual.core.limits_met(0)
 
 
 def test_a_residual_adds_its_share_of_the_motors_torque():
@@ -101,6 +101,25 @@ def test_a_residual_adds_its_share_of_the_motors_torque():
             torques.append(episodes.core.physics.ctrl[0].copy())
         added = torques[1] - torques[0]
         np.testing.assert_allclose(added, 0.25 * 0.2 * biped().motors[0] * sign, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [JointEpisodes, JointResidualEpisodes])
+def test_effort_is_the_mean_over_the_physics_steps_of_a_period_whether_looked_at_or_not(kind):
+    plain, watched, torques = kind(1, control_hz=50.0), kind(1, control_hz=50.0), []
+    core = watched.core
+    core.after_physics_step = lambda: torques.append(core.physics.ctrl[0].copy())
+    for episodes in (plain, watched):
+        episodes.begin(0, Scenario("walk", command=Command(0.1)))
+    rng = np.random.default_rng(4)
+    for _ in range(4):
+        torques.clear()
+        action = rng.uniform(-0.2, 0.2, (1, 14)).astype(np.float32)
+        plain.step(action)
+        watched.step(action)
+        assert len(torques) == 10
+        shares = np.array(torques) / biped().motors[0]
+        assert core.joints.effort[0] == pytest.approx((shares**2).sum(axis=1).mean(), rel=1e-12)
+        assert core.joints.effort[0] == plain.core.joints.effort[0]
 
 
 def test_robots_do_not_depend_on_each_other_nor_on_threads(run, pushed):

@@ -9,7 +9,6 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
-from push_recovery.envs.joint.core import COMMON
 from push_recovery.envs.joint.env import JointEpisodes, JointResidualEpisodes
 from push_recovery.envs.joint.taught import TaughtEpisodes
 from push_recovery.envs.scenario.push import Push
@@ -24,15 +23,16 @@ def actions_of(kind, n: int) -> np.ndarray:
     return np.random.default_rng(3).uniform(-size, size, (BEFORE + AFTER, n, 14)).astype(np.float32)
 
 
+DRIVES = {f"joints.{name}" for name in ("posture", "reach", "stiffness", "damping", "largest", "gait")}
+
+
 def beside(episodes) -> dict[str, np.ndarray]:
     """Arrays with a row a robot that are no part of a plain biped's arena."""
-    parts = {"joints": episodes.core.joints}
+    parts = episodes.core.own._asdict()
     if isinstance(episodes, JointEpisodes):
         parts["joint_rewards"] = episodes._rewards
-    if isinstance(episodes, TaughtEpisodes):
-        parts |= {"walk": episodes.core.walk, "teacher": episodes.core.teacher}
     found = {f"{part}.{name}": array for part, own in parts.items() for name, array in own._asdict().items()}
-    return {name: array for name, array in found.items() if name not in COMMON}
+    return {name: array for name, array in found.items() if name not in DRIVES}
 
 
 def period(episodes, actions) -> np.ndarray:

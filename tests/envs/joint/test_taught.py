@@ -61,3 +61,13 @@ def test_what_it_asks_is_the_same_in_a_mirror():
         taught.step(np.repeat(action, 2, axis=0))
         np.testing.assert_allclose(taught.targets[0], taught.targets[1], atol=1e-4)
     assert np.abs(taught.targets[0]).max() > 0.05
+
+
+def test_episodes_alike_are_taught_by_the_same_planner():
+    taught = TaughtEpisodes(1, policy="stage-1", control_hz=50.0, sensing="exact").clone(3, threads=2)
+    assert (taught.n, taught.policy, taught.control_hz, taught.config.sensing) == (
+        3,
+        "stage-1",
+        50.0,
+        "exact",
+    )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.whole_body.limits import BOUNDS
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.eval.record.film import StripCamera
 from push_recovery.eval.report import episodes as pictures
 from push_recovery.eval.report.episodes import (
@@ -39,7 +39,7 @@ def test_limits_of_falls_and_recoveries(evaluation):
 
 
 def test_every_limit_has_words():
-    assert set(LIMITS) == set(BOUNDS)
+    assert set(LIMITS) == set(LIMIT_NAMES)
 
 
 def drawn() -> StripCamera:

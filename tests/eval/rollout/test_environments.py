@@ -27,12 +27,12 @@ def preset(tmp_path_factory):
 
 
 def test_the_environment_is_the_robot_of_its_arm(preset):
-    one = BipedEpisodes(1, preset, arm="stage-1")
+    one = BipedEpisodes(1, preset=preset, arm="stage-1")
     for episodes in (one, one.clone(2)):
         assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.05, 0.4)
         assert episodes.touchdown_delay == 0.009
     for arm in ("", "two-stage"):
-        episodes = BipedEpisodes(1, preset, arm=arm)
+        episodes = BipedEpisodes(1, preset=preset, arm=arm)
         assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.0527, 0.431)
         assert episodes.touchdown_delay == 0.0155
 

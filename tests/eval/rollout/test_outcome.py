@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.limits_record import BoundsReport
+from push_recovery.envs.biped.limits_record import LimitsReport
 from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -85,7 +85,7 @@ def test_recovered_is_standing_and_settled(fell, settled, reason, expected):
 
 
 def test_a_row_tells_of_the_first_push_and_of_bounds_in_their_order():
-    report = BoundsReport({"sole_edge": 1.23456789, "contact": 1.5}, {"sole_edge": 0.1234567, "contact": 0.5})
+    report = LimitsReport({"sole_edge": 1.23456789, "contact": 1.5}, {"sole_edge": 0.1234567, "contact": 0.5})
     found = Outcome.of(PUSHED, "p", Ending(False, 6.2, 2.5, None, 12.5, report), 620)
     assert (found.impulse, found.psi_deg) == (pytest.approx(20.0), pytest.approx(-57.29577951308232))
     assert (found.pushes, found.command, found.first_limit) == (2, (0.3, -0.1), "sole_edge")

@@ -10,7 +10,7 @@ import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile
-from push_recovery.controllers.whole_body.limits import BOUNDS
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -51,7 +51,9 @@ def test_falls_and_recoveries_are_counted_apart():
 def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
     shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
     falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
-    longest = sorted(("contact", "leg_reach"), key=BOUNDS.index)  # of equal ones in the order of the bounds
+    longest = sorted(
+        ("contact", "leg_reach"), key=LIMIT_NAMES.index
+    )  # of equal ones in the order of the bounds
     assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
     assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
 
