@@ -207,7 +207,7 @@ class CompiledRobot:
 
     @cached_property
     def leg_form(self) -> int:
-        """MEETING_AXES where the closed form of `leg_inverse` holds for both legs."""
+        """MEETING_AXES where the closed form of the inverse of a leg holds for both legs."""
         data = self.in_reference_posture()
         for joints in self.indices.legs:
             anchors, axes = data.xanchor[list(joints)], data.xaxis[list(joints)]

@@ -76,7 +76,7 @@ def register_robot(name: str, robot: str) -> tuple[str, ...]:
     others shall find it, as in `push-recovery evaluate --env my_robot:PushRecovery/Mine-v0`.
 
     Args:
-        name: letters and digits, as `Mine`.
+        name: letters and digits, such as "Mine".
         robot: `module:attribute` of its `RobotDescription`, or a robot file.
 
     Raises:

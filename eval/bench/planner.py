@@ -271,7 +271,8 @@ def _time_all(name: str, problems: Sequence[Sequence[Dense]]) -> tuple[Timing, l
 def solver_timings(policy: TwoStagePolicy, observations: Array) -> dict[str, Any]:
     """Each solver on the same recorded problems, from matrices to solution, one call each from Python.
 
-    `stage_2_NAME_us` is of both axes; `stage_2_NAME_error_m` the largest difference of its CoP from ours;
+    For each solver NAME, stage_2_NAME_us is the time for both axes, and stage_2_NAME_error_m is the largest
+    difference of its CoP from ours;
     `stage_2_daqp_c_us` the time that DAQP itself counts in its C code.
     """
     recorded, missing = record(policy, observations), missing_solvers()

@@ -114,7 +114,7 @@ def biped_timings(policy: TwoStagePolicy, quick: bool) -> dict[str, Any]:
 
 
 def bench(env_id: str, seconds: float) -> dict[str, Any]:
-    """All timings that this environment has, in one run; keys of the contract, and those of `bench_tables`.
+    """All timings that this environment has, in one run; named by `KEYS` and `GROUPS`.
 
     `threads` is that of the vector form; all else is measured on one.
 

@@ -170,8 +170,18 @@ def _arity(hint: Any) -> dict[str, Any]:
     if get_origin(kind) is tuple:
         return {**_arity(get_args(kind)[0]), "nargs": "*"}
     if get_origin(kind) is Literal:
-        return {"choices": get_args(kind)}
+        return {"type": _choice(get_args(kind))}
     return {"type": _number(kind)} if kind in (int, float) else {}
+
+
+def _choice(valid: tuple[str, ...]) -> Callable[[str], None]:
+    """A check that a word is one of several."""
+
+    def check(word: str) -> None:
+        if word not in valid:
+            raise argparse.ArgumentTypeError(f"must be one of {valid}, got {word!r}")
+
+    return check
 
 
 def _number(kind: type) -> Callable[[str], None]:

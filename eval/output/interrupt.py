@@ -39,7 +39,7 @@ class CtrlC:
     """Within the block the first Ctrl-C raises KeyboardInterrupt, and the others do nothing.
 
     The process ends where the block has not ended GRACE after the first one, as in compiled code that does
-    not look up, and where the exception is raised in a place that can't pass it on, such as `__del__`. Only
+    not look up, and where the exception is raised in a place that can't pass it on, such as ``__del__``. Only
     the main thread may say so; in another one, and where Ctrl-C is ignored, nothing changes.
 
     Args:

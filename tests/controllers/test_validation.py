@@ -24,9 +24,9 @@ from push_recovery.controllers.validation import (
     require_number,
     require_vector,
 )
-from push_recovery.envs.episode.episodes import check_hold
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.wrappers import ActionHold
 from push_recovery.eval.ceiling import Answers
 from push_recovery.eval.score.suites import load_suite
 
@@ -89,8 +89,9 @@ def test_a_number_of_numpy_is_taken_wherever_one_of_python_is_and_becomes_it(val
 @pytest.mark.parametrize("value", NUMPY_INTEGERS, ids=lambda value: type(value).__name__)
 def test_an_integer_of_numpy_is_taken_wherever_one_of_python_is_and_becomes_it(value):
     about = PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), hold=value)
+    held = ActionHold(gym.make("PushRecovery/Pendulum-v0"), value)
     found = [require_integer("n", value), RangeThreads(value).threads, PlannerConfig(tail_intervals=value)
-             .tail_intervals, about.hold, check_hold(value)]  # fmt: skip
+             .tail_intervals, about.hold, held.periods]  # fmt: skip
     assert found == [2] * 5
     assert {type(one) for one in found} == {int}
     assert TwoStagePolicy(threads=value).predict(np.zeros(36))[0].shape == (7,)
@@ -102,7 +103,8 @@ def test_what_is_no_number_is_refused(value):
     for make in (
         lambda: require_number("x", value), lambda: require_integer("n", value), lambda: RangeThreads(value),
         lambda: PlannerConfig(tail_intervals=value), lambda: PlannerConfig(beta_dcm=value),
-        lambda: RobotModel(mass=value), lambda: GaitLimits(length_max=value), lambda: check_hold(value),
+        lambda: RobotModel(mass=value), lambda: GaitLimits(length_max=value),
+        lambda: ActionHold(gym.make("PushRecovery/Pendulum-v0"), value),  # type: ignore[arg-type]
         lambda: PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), hold=value),
     ):  # fmt: skip
         with pytest.raises(InvalidValueError):

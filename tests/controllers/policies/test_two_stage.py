@@ -339,12 +339,12 @@ def files_of_a_decision(policy, obs):
 
     A compiled function that Python calls has a frame, those that it calls have none.
     """
-    project, found = Path(two_stage.__file__).parents[2], []
+    controllers, found = Path(two_stage.__file__).parents[1], []
 
     def look(frame, event, _):
         path = Path(frame.f_code.co_filename)
-        if event == "call" and path.is_relative_to(project):
-            found.append(str(path.relative_to(project / "controllers")))
+        if event == "call" and path.is_relative_to(controllers):
+            found.append(str(path.relative_to(controllers)))
 
     sys.setprofile(look)
     try:
