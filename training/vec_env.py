@@ -83,7 +83,7 @@ class SB3VecEnv(SharedVecEnv):
     has. `reset_infos` holds the latest reset's info of each robot.
 
     Args:
-        env: a vector environment that knows the reset option `reset_mask`, such as one of ``gym.make_vec``, in
+        env: a vector environment that knows the reset option `reset_mask`, as those of Gymnasium do, in
             any autoreset mode but "SameStep".
 
     Raises:
