@@ -179,7 +179,7 @@ def _choice(valid: tuple[str, ...]) -> Callable[[str], None]:
 
     def check(word: str) -> None:
         if word not in valid:
-            raise argparse.ArgumentTypeError(f"must be one of {valid}, got {word!r}")
+            raise argparse.ArgumentTypeError(f"got {word!r}, must be one of {valid}")
 
     return check
 
