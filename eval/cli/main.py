@@ -103,7 +103,7 @@ def _parse(name: str, command: type[Options], words: Sequence[str], **default: A
             )  # fmt: skip
     except SystemExit as leave:
         if not leave.code:
-            print(getattr(command, "EPILOG", ""), end="")
+            print(command.epilog(), end="")
             raise
         error: BaseException | None = leave
         while error is not None and not isinstance(error, PushRecoveryError):

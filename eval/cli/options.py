@@ -69,6 +69,11 @@ class Options:
             has an empty name, as of an unset variable.
     """
 
+    @classmethod
+    def epilog(cls) -> str:
+        """Text that follows the help; by default none."""
+        return ""
+
     def __post_init__(self) -> None:
         for entry in fields(self):
             value, option = getattr(self, entry.name), "--" + entry.name.replace("_", "-")

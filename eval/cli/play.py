@@ -1,28 +1,17 @@
-"""`push-recovery play`, and one episode as a film, a contact sheet, a page in 3D, arrays or a figure."""
+"""`push-recovery play`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
-import gymnasium as gym
 from tyro.conf import arg
 
 from ...controllers.errors import UnknownNameError
-from ...controllers.files import write_atomically
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Command, Scenario
-from ..output.progress import Work, about, progress_bars
-from ..output.rows import require_place
-from ..record.film import Shot, episode_film, require_imageio, strip
-from ..record.plot import PLOT_FORMATS, write_plot
-from ..record.record import LOG_FORMATS, record_episode, write_log
-from ..record.words import describe
-from ..rollout.episodes import GymRobot, Watch, planning_period, rollout
-from ..rollout.policy_source import acting_in
 from .options import (
     Count,
     EnvOptions,
@@ -34,86 +23,6 @@ from .options import (
     RobotOptions,
     within,
 )
-
-FILMED, WATCHED = 20.0, 5.0  # seconds that an episode takes, about
-FORMATS = (".mp4", ".gif", ".png", ".html")
-
-
-class Written(NamedTuple):
-    """The files that an episode is written to, each where it is asked for."""
-
-    out: Path | None = None  # film, contact sheet or page
-    log: Path | None = None  # time histories
-    plot: Path | None = None  # their figure
-
-    def check(self) -> str:
-        """Refuse other formats and places that can't be written to; returns the suffix of `out`.
-
-        Raises:
-            UnknownNameError: a suffix is no known format.
-            InvalidValueError: a file can't be written.
-            MissingExtraError: what writes a film or a page is not installed.
-        """
-        for path, valid in zip(self, (FORMATS, LOG_FORMATS, PLOT_FORMATS), strict=True):
-            if path is not None and path.suffix.lower() not in valid:
-                raise UnknownNameError("output format", path.suffix.lower() or str(path), valid)
-        suffix = "" if self.out is None else self.out.suffix.lower()
-        if suffix == ".mp4":
-            require_imageio()
-        elif suffix == ".html":
-            from ..play.browser import require_play
-
-            require_play()
-        for path in filter(None, self):
-            require_place(path)
-        return suffix
-
-
-def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> str:
-    """Run a scenario and write what has been asked for; returns the push and its outcome in words.
-
-    Raises:
-        PushRecoveryError: as `Written.check`, before the episode begins.
-    """
-    suffix, last = written.check(), {}
-    drawn = None if suffix in {"", ".html"} else "rgb_array"
-    with acting_in(env_id, policy, render_mode=drawn) as (env, acting, _):
-        watch, content = _observer(suffix, policy, env)
-
-        def look(robot: GymRobot) -> None:
-            last.update(info=robot.info)
-            if watch is not None:
-                watch(robot)
-
-        work = Work(f"one episode of {policy}", about(WATCHED if written.out is None else FILMED))
-        with progress_bars([policy], 1, work) as bars:
-            if written.log is None and written.plot is None:
-                rollout(env, acting, scenario, policy, look)
-            else:
-                found = record_episode(env, acting, scenario, policy, look)
-                if written.log is not None:
-                    write_log(found, written.log)
-                if written.plot is not None:
-                    write_plot(found, written.plot)
-            if written.out is not None:
-                write_atomically(written.out, content())
-            bars.set(policy, 1)
-    return describe(last["info"])
-
-
-def _observer(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Callable[[], bytes]]:
-    """Who looks at an episode for a file of a format, and what makes its content in the end."""
-    if not suffix:
-        return None, bytes
-    if suffix == ".html":
-        from ..play.replay import Replay
-
-        replay = Replay(env, policy)
-        return replay, replay.page
-    shot = Shot(policy, planning_period(env))
-    if suffix == ".png":
-        return shot, lambda: strip(shot)
-    return shot, lambda: episode_film(shot, suffix)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,6 +60,8 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     def run(self) -> None:
         """Play until Ctrl-C, or render one episode and say what became of it."""
         scenario = self._scenario()
+        from .show import Written, show_episode
+
         written = Written(*(None if name is None else Path(name) for name in (self.out, self.log, self.plot)))
         if not any(written):
             self._play(scenario)

@@ -6,12 +6,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
-from ..bench.run import EPILOG
 from .options import (
     Count,
     Directory,
@@ -32,11 +31,16 @@ if TYPE_CHECKING:
 class Bench(EnvOptions, JsonOption):
     """Time the parts on this machine."""
 
-    EPILOG: ClassVar[str] = EPILOG  # below the help
-
     seconds: Real = field(default=20.0, metadata=within(0.1, 600))
     """Simulated time of one robot's closed loop [s]. With less than 5 only what is quick is measured: without
     Humanoid-v5, other solvers, more than 64 robots, and the start of a process."""
+
+    @classmethod
+    def epilog(cls) -> str:
+        """The meaning of the keys of `--json`."""
+        from ..bench.keys import EPILOG
+
+        return EPILOG
 
     def run(self) -> None:
         """Measure and print."""

@@ -415,3 +415,18 @@ def test_the_command_takes_it_with_trust_alone(tmp_path, capsys):
     assert len(json.loads(first)["policy_sha256"]) == 64
     other = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     assert main(["compare", str(path), other, *words, "--trust", "--out", str(tmp_path / "two")]) == 0
+
+
+def test_options_are_read_before_anything_slow_is_loaded():
+    """`--help` and a wrong word are answered at once; what a command needs is loaded when it runs."""
+    code = (
+        "import sys\n"
+        "from importlib import import_module\n"
+        "from push_recovery.eval.cli.main import COMMANDS\n"
+        "for module, *_ in COMMANDS.values():\n"
+        "    if module.count('.') == 1:  # training comes with an extra\n"
+        "        import_module(module, 'push_recovery.eval.cli')\n"
+        "print(sorted({'matplotlib', 'mujoco', 'numba', 'scipy'} & sys.modules.keys()))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "[]\n"
