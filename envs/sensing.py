@@ -23,25 +23,12 @@ import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+from ..controllers import math3
 from ..controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ..controllers.estimation.base_estimate import TILT_AT_FIRST, VELOCITY_AT_FIRST, Estimator, Inertial
 from ..controllers.estimation.observe import Contacts
 from ..controllers.jit import njit
-from ..controllers.math3 import (
-    Quaternion,
-    Vector,
-    add,
-    conjugate,
-    cross,
-    of_rotation,
-    product,
-    rotated,
-    rotation_of,
-    scaled,
-    subtract,
-    vector_in,
-    vector_of,
-)
+from ..controllers.math3 import Quaternion, Vector, subtract, vector_in, vector_of
 from ..controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ..controllers.model.robot import GRAVITY
 from ..controllers.validation import require_choice
@@ -178,7 +165,7 @@ def begin_sensing(sensors: Sensors, k: int, true: Physics, contacts: Contacts) -
         sensors.offset[k, i] *= s.angle_offset
         sensors.angle[k, i] = round_to(true.qpos[k, JOINT + i] + sensors.offset[k, i], s.angle_resolution)
     keep_attitude(sensors, k, attitude(true, k))
-    down = rotated(conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
+    down = math3.rotated(math3.conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
     for i in range(3):
         sensors.floor[k, i] = down[i]
     for leg in range(2):
@@ -218,10 +205,10 @@ def read_inertial(sensors: Sensors, k: int, step: int, true: Physics, dt: float)
             sensors.rate_bias[k, i] += s.rate_walk * walk * rate_walk[i]
             sensors.force_bias[k, i] += s.force_walk * walk * force_walk[i]
     velocity, before = vector_in(true.qvel, k, 0), vector_in(sensors.before, k, 0)
-    felt = subtract(scaled(subtract(velocity, before), 1.0 / dt), vector_in(sensors.gravity, k, 0))
+    felt = subtract(math3.scaled(subtract(velocity, before), 1.0 / dt), vector_in(sensors.gravity, k, 0))
     now, faced = attitude(true, k), sensors.faced[k]
-    turned = product(conjugate((faced[0], faced[1], faced[2], faced[3])), now)
-    force, rate = rotated(conjugate(now), felt), scaled(rotation_of(turned), 1.0 / dt)
+    turned = math3.product(math3.conjugate((faced[0], faced[1], faced[2], faced[3])), now)
+    force, rate = math3.rotated(math3.conjugate(now), felt), math3.scaled(math3.rotation_of(turned), 1.0 / dt)
     keep_attitude(sensors, k, now)
     reading = np.empty(6)
     for i in range(3):
@@ -264,7 +251,7 @@ def read_feet(
         value = sensors.load[k, leg] + s.load_noise * (first if leg == side else second)
         out.load[k, leg] = value if value >= s.load_least else 0.0
     noise = polar_noise(seed, step, LOAD_CHANNEL + 1, side)
-    force = rotated(conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
+    force = math3.rotated(math3.conjugate(attitude(true, k)), vector_in(contacts.force, k, 0))
     for i in range(3):
         sensors.floor[k, i] += share * (force[i] - sensors.floor[k, i])
     return (
@@ -373,14 +360,7 @@ def exact_sensing(physics: Physics, contacts: Contacts, handles: Handles) -> Sen
 def onboard_sensing(
     simulations: Simulations, physics: Physics, contacts: Contacts, present: Array
 ) -> Sensing:
-    """Control acts on an estimate, in the arrays `physics` and `contacts`.
-
-    Args:
-        simulations: of the robots.
-        physics: arrays of control.
-        contacts: of control.
-        present: (14,) 1 for a joint that the robot has, otherwise 0.
-    """
+    """Control acts on an estimate, in the arrays `physics` and `contacts`."""
     n, (arrays, handles) = len(physics.qpos), simulations.outputs_beside()
     beside = {id(own): arrays[name] for name, own in simulations.arrays.items()}
     judged = Physics._make(beside.get(id(field), field) for field in physics)
@@ -413,11 +393,11 @@ def begin_onboard(sense: Sense, k: int, physics: Physics, contacts: Contacts, gr
     sensors.gravity[k] = gravity
     begin_sensing(sensors, k, true, true_contacts)
     x, y, _ = axial_noise(seed, AT_BEGIN, GUESS_CHANNEL, side)
-    level = of_rotation(cross(tuple(gravity / GRAVITY), (0.0, 0.0, -1.0)))
-    tilt = product(of_rotation((TILT_AT_FIRST * x, TILT_AT_FIRST * y, 0.0)), level)
-    off = scaled(polar_noise(seed, AT_BEGIN, GUESS_CHANNEL + 2, side), VELOCITY_AT_FIRST)
-    velocity = np.array(add(rotated(level, vector_in(true.qvel, k, 0)), off))
-    turned = np.array(product(tilt, attitude(true, k)))
+    level = math3.of_rotation(math3.cross(tuple(gravity / GRAVITY), (0.0, 0.0, -1.0)))
+    tilt = math3.product(math3.of_rotation((TILT_AT_FIRST * x, TILT_AT_FIRST * y, 0.0)), level)
+    off = math3.scaled(polar_noise(seed, AT_BEGIN, GUESS_CHANNEL + 2, side), VELOCITY_AT_FIRST)
+    velocity = np.array(math3.add(math3.rotated(level, vector_in(true.qvel, k, 0)), off))
+    turned = np.array(math3.product(tilt, attitude(true, k)))
     if estimator is not None:
         estimator.begin(estimate, k, true.qpos[k, :3], turned, velocity)
     physics.qpos[k, 3:7], physics.qvel[k, :3] = turned, velocity
@@ -433,6 +413,6 @@ def read_joints_and_feet(
     What else control reads has to be computed next: kinematics, M and bias of that state.
     """
     read_joints(sensors, k, step, judged, phys, dt)
-    force = rotated(attitude(phys, k), read_feet(sensors, k, step, judged, judged_contacts, phys, dt))
+    force = math3.rotated(attitude(phys, k), read_feet(sensors, k, step, judged, judged_contacts, phys, dt))
     for i in range(3):
         contacts.force[k, i] = force[i]

@@ -28,9 +28,8 @@ from ..controllers.policies.two_stage import POLICY_NAMES, make_policy
 from ..controllers.settings import PlannerConfig
 from ..controllers.validation import require_integer, require_kind
 from .biped.env import BipedEnv, BipedEpisodes
-from .episode.action_meaning import note_hold, note_residual
 from .episode.episodes import GaitEpisodes
-from .episode.gym_env import check_action, spaces_of
+from .episode.gym_env import check_action, note_hold, note_residual, spaces_of
 from .episode.info import Info, put
 from .episode.vector_env import Actions, GaitVectorEnv, Mask, vector_maker
 from .scenario.scenario import Scenario

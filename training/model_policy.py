@@ -34,7 +34,7 @@ from ..controllers.policies.interface import Policy, as_policy
 from ..controllers.policies.learned import LearnedPolicy, PolicyDescription, read_residual
 from ..controllers.policies.residual import Below
 from ..controllers.validation import differences
-from ..envs.episode.action_meaning import HOLD, RESIDUAL, Meaning, noted
+from ..envs.episode.gym_env import HOLD, RESIDUAL, Meaning, noted
 
 # Settings that the algorithm of a name alone has, the first that fits
 SETTING_OF = {"PPO": "clip_range", "TD3": "target_policy_noise", "SAC": "target_entropy", "A2C": "vf_coef"}

@@ -32,19 +32,18 @@ from ...controllers.whole_body.limits import BoundSettings, make_bounds
 from ..robots.biped import biped
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING, inputs, outputs
-from ..scenario.arrays import NUMBERS, assign_changes, assign_pushes, empty_pushes, empty_schedule
+from ..scenario.arrays import NUMBERS, Kicks, assign_changes, assign_pushes, empty_pushes, empty_schedule
 from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.noise import counter_seed
 from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
 from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..simulation import Simulations, compute_nominal
-from .floor import assign_floor, connect_floor, floor_height, has_tiles, lay_floor, level_floors
+from .floor import assign_floor, lay_floor, level_floors, pattern_of
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, period_calls, substeps
 from .posture import posture
-from .pushes import Kicks
 
 BIPED = RobotModel()  # Table II
 OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
@@ -174,7 +173,7 @@ class BipedCore:
         self.schedule = empty_schedule(n)
         self.kicks = Kicks(n)
         self.known = empty_self_model(n)
-        self.floors = level_floors(n, self.body.half_sole)
+        self.floors = level_floors(n)
         self.command = np.zeros((n, 3))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
@@ -263,9 +262,8 @@ class BipedCore:
         for push in scenario.forces:
             require_choice("push body", push.body, tuple(self.body.pushed))
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
-        assign_floor(self.floors, k, scenario)
-        if has_tiles(self.simulations.models[k]):
-            connect_floor(self.floors, k, self.body, self.simulations.models[k], self.simulations.data[k])
+        model, data = self.simulations.models[k], self.simulations.data[k]
+        assign_floor(self.floors, k, scenario, self.body.plan.sole_boxes, model, data)
         pushes = assign_pushes(self.pushes, k, scenario, self.body.pushed)
         schedule = assign_changes(self.schedule, k, scenario)
         comes = self.senses.assign(k, scenario.sensing)
@@ -280,13 +278,15 @@ class BipedCore:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
 
         `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones. The posture is
-        that of the nominal robot, each sole on its tiles where the floor has them; model errors act from
-        here on.
+        that of the nominal robot, each sole flat on the floor; model errors act from here on.
         """
         self.assign(k, scenario)
         stance = SIDES.index(scenario.stance_side)
         sign = side_sign(stance)
-        soles = self._soles(k, stance, start.swing[0], sign * start.swing[1])
+        soles = np.zeros((2, 3))  # the stance sole at the origin, each on the highest point under it
+        soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
+        for sole in soles:
+            sole[2] = self._floor_height(k, scenario, sole[0], sole[1])
         com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
         qpos, qvel = posture(self.body, com, velocity, soles)
@@ -309,18 +309,17 @@ class BipedCore:
         kind = self.senses.of(k)
         self._calls[kind].finish(self._tables[kind][0], self.constants, k, k + 1)
 
-    def _soles(self, k: int, stance: int, swing_x: float, swing_y: float) -> Array:
-        """Where robot k stands, (2, 3) [m]: the stance sole at the origin, each sole on its tile."""
-        soles = np.zeros((2, 3))
-        soles[1 - stance, :2] = swing_x, swing_y
-        for sole in soles:
-            sole[2] = floor_height(self.floors, k, sole[0], sole[1])
-        return soles
+    def _floor_height(self, k: int, scenario: Scenario, x: float, y: float) -> float:
+        """Height of a sole of robot k that lies at (x, y): the highest of the floor at its corners [m]."""
+        length, width = self.body.half_sole
+        corners = [(x + a * length, y + b * width) for a in (1.0, -1.0) for b in (1.0, -1.0)]
+        pattern = pattern_of(self.floors, k)
+        heights = (part.height(*at, pattern) for part in scenario.errors.terrains for at in corners)
+        return max(heights, default=0.0)
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""
-        if has_tiles(self.simulations.models[k]):
-            lay_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
+        lay_floor(self.floors, k, self.simulations.models[k], self.simulations.data[k], qpos)
         self.simulations.put(k, qpos, qvel)
         self._stateless.discard(k)
         if self.senses.of(k):

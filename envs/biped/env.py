@@ -178,16 +178,13 @@ class BipedEnv(GaitEnv):
         super().__init__(self.make_episodes(1, config), render_mode, push_distribution)
         self.arm = arm
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """The robot with its push, planned foothold and DCM: an image (480, 640, 3), or a window."""
-        if self.render_mode is None:
-            return None
-        if self._picture is None:
-            from .view import BipedView
+    def _make_picture(self, window: bool) -> Any:
+        from .view import BipedView
 
-            self._picture = BipedView(self.episodes.core.body, window=self.render_mode == "human")
-        image = self._picture.draw(self.core)
-        return image if self.render_mode == "rgb_array" else None
+        return BipedView(self.core.body, window=window)
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        return self._picture.draw(self.core)
 
 
 make_biped_vector = vector_maker(BipedEnv, BipedEpisodes)  # of PushRecovery/Biped-v0

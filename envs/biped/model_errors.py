@@ -29,7 +29,6 @@ from ...controllers.whole_body.kinematics import NU, NV, WAIST_DOF, Array, Physi
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING
 from ..scenario.model_errors import (
-    BOUNDS,
     CONTROL_STEP,
     EXACT_MODEL,
     PLAIN_PHYSICS,
@@ -46,9 +45,10 @@ from ..scenario.noise import (
     normal_pair,
 )
 from ..scenario.scenario import Scenario
+from ..scenario.terrain import Terrain
 from ..simulation import Handles, advance_measured, compute_nominal, show_measured, show_unmeasured, simulated
 from .actuators import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
-from .floor import add_tiles
+from .floor import has_tiles
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
@@ -86,9 +86,9 @@ def touching(robot: CompiledRobot, model: mujoco.MjModel) -> list[tuple[str, str
     return [(model.body(first).name, model.body(second).name) for first, second in sorted(pairs)]
 
 
-OUTSIDE = {
+OUTSIDE = {  # errors that are in no model; terrain goes a way of its own
     "delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None,
-    "continuous_torque": None,
+    "continuous_torque": None, "slope_forward": 0.0, "slope_left": 0.0, "floor_step": 0.0, "terrain": None,
 }  # fmt: skip
 ENUMS = {
     "integrator": ("mjtIntegrator", "mjINT_"),
@@ -101,42 +101,47 @@ def altered_model(
     robot: CompiledRobot, errors: ModelErrors, physics: PhysicsOptions = PLAIN_PHYSICS
 ) -> mujoco.MjModel | None:
     """The robot with such errors, never modified; None where its own model has none of them."""
-    inside = replace(errors, **OUTSIDE)
-    if inside == EXACT_MODEL and physics == PLAIN_PHYSICS:
+    inside, terrains = replace(errors, **OUTSIDE), tuple(part.modelled() for part in errors.terrains)
+    if inside == EXACT_MODEL and physics == PLAIN_PHYSICS and not terrains:
         return None
-    if inside.floor_step > 0.0:
-        inside = replace(inside, floor_step=BOUNDS["floor_step"][2])  # one model for tiles of all heights
-    return _altered(robot, inside, physics)
+    return _altered(robot, inside, physics, terrains, errors.tilt)
 
 
 @lru_cache(maxsize=8)
-def _altered(robot: CompiledRobot, errors: ModelErrors, physics: PhysicsOptions) -> mujoco.MjModel:
-    model = simulated(_shaped(robot, errors.floor_step > 0.0, errors.collisions))
+def _altered(
+    robot: CompiledRobot,
+    errors: ModelErrors,
+    physics: PhysicsOptions,
+    terrains: tuple[Terrain, ...],
+    tilt: tuple[float, float],
+) -> mujoco.MjModel:
+    shapes = tuple(part for part in terrains if part.shapes)
+    model = simulated(_shaped(robot, shapes, errors.collisions))
     _alter_body(model, robot, errors)
     joints = [dof for dof in robot.indices.dof[6:] if dof >= 0]
     model.dof_frictionloss[joints] += errors.joint_friction
     model.dof_damping[joints] += errors.joint_damping
     model.dof_armature[joints] += errors.armature
     if errors.friction is not None:
-        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = errors.friction  # floor and tiles
+        model.pair_friction[model.geom_bodyid[model.pair_geom1] == 0, :2] = errors.friction  # of the floor
         if errors.collisions:
             model.geom_friction[:, 0] = errors.friction
-    downhill = np.array([-np.tan(errors.slope_forward), -np.tan(errors.slope_left), -1.0])
-    if errors.slope_forward or errors.slope_left:
+    downhill = np.array([-np.tan(tilt[0]), -np.tan(tilt[1]), -1.0])
+    if any(tilt):
         model.opt.gravity[:] = GRAVITY / np.linalg.norm(downhill) * downhill
     _set_options(model, physics)
     return model
 
 
 @lru_cache(maxsize=4)
-def _shaped(robot: CompiledRobot, uneven: bool, collisions: bool) -> mujoco.MjModel:
-    """The robot over tiles, with collisions, or both; never modified."""
-    if not uneven and not collisions:
+def _shaped(robot: CompiledRobot, terrains: tuple[Terrain, ...], collisions: bool) -> mujoco.MjModel:
+    """The robot over terrains, with collisions, or both; never modified."""
+    if not terrains and not collisions:
         return robot.model
     solid = robot.description.solid if collisions else None
     spec = (solid or robot.description.spec)()
-    if uneven:
-        add_tiles(spec, robot.plan)
+    for terrain in terrains:
+        terrain.shape(spec, robot.plan.sole_boxes)
     if collisions:
         add_collisions(spec, robot)
     return robot.compiled(spec)
@@ -170,9 +175,11 @@ LONGEST_DELAY = 25  # physics steps
 RATE_NOISE = 50.0  # deviation of a joint's rate over that of its angle [1/s]
 DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
 STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
-BELIEVED = {  # errors with which the robot's kinematics, mass matrix and bias are what control takes them for
-    "friction", "floor_step", "joint_friction", "joint_damping", "collisions", "motor_power", "bus_power",
-    "continuous_torque", "delay", "dcm_noise",
+# Errors with which the robot's kinematics, mass matrix and bias are what control takes them for; so they are
+# on any terrain but one that tilts gravity
+BELIEVED = {
+    "friction", "floor_step", "slope_forward", "slope_left", "terrain", "joint_friction", "joint_damping",
+    "collisions", "motor_power", "bus_power", "continuous_torque", "delay", "dcm_noise",
 }  # fmt: skip
 
 _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen
@@ -228,7 +235,7 @@ def assign_errors(
         return None
     check_biped_errors(errors)
     model = altered_model(robot, errors, physics)
-    table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0
+    table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0 or any(errors.tilt)
     table.delay[k] = round(errors.delay / CONTROL_STEP)
     limits = {EACH: errors.motor_power, TOGETHER: errors.bus_power, CONTINUOUS: errors.continuous_torque}
     for column, limit in limits.items():
@@ -242,7 +249,7 @@ def assign_errors(
     table.physical[k] = table.believes[k] or table.delay[k] > 0 or finely or limited
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
-    return copy.copy(model) if errors.floor_step > 0.0 else model  # its tiles move
+    return copy.copy(model) if model is not None and has_tiles(model) else model  # its tiles move
 
 
 def joint_inertias(robot: CompiledRobot, model: mujoco.MjModel) -> Array:

@@ -11,48 +11,35 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numba.np.numpy_support import carray
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...controllers.array_table import COMMON, NO_STATE, SENSED, Floats1, Floats2, only_part_of, part_of
 from ...controllers.errors import InvalidValueError
+from ...controllers.estimation import self_model
 from ...controllers.estimation.base_estimate import CONTACT_FILTER, Estimator
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
-from ...controllers.estimation.self_model import (
-    SelfModel,
-    add_losses,
-    count_asked,
-    feel_joints,
-    learn,
-    scale_mass,
-    show_known,
-)
+from ...controllers.estimation.self_model import SelfModel
 from ...controllers.jit import njit
-from ...controllers.math3 import Vector, vector_in
+from ...controllers.math3 import Vector, cross, stack_floats, to_world, vector_at, vector_in, vector_of
+from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body import gait_machine
 from ...controllers.whole_body.gait_machine import NOT_FINITE, Gait, GaitSettings
 from ...controllers.whole_body.inverse_dynamics import Gains
-from ...controllers.whole_body.kinematics import Array, Ints, Physics
+from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Array, Ints, Physics
 from ...controllers.whole_body.limits import DCM_TRACKING, Bounds, BoundSettings
 from ...controllers.whole_body.swing import TURN
-from ..scenario.arrays import Pushes, Schedule, follow
+from ..scenario.arrays import Pushes, Schedule, follow, mean_force, resolve_starts, turn_forces
 from ..scenario.model_errors import CONTROL_STEP
 from ..sensing import SensedObservation, Sensors, read_inertial, read_joints_and_feet
 from ..simulation import Handles, advance, compute_nominal, show_unmeasured
+from . import model_errors
 from .actuators import brake_joints
 from .floor import Floor, place_tiles
 from .limits_record import LimitsRecord, note_limits, plan_limits_met
-from .model_errors import (
-    DCM_NOISE,
-    JOINT_NOISE,
-    RobotErrors,
-    advance_with_errors,
-    measure_joints,
-    move,
-    write_seen,
-)
-from .pushes import apply_pushes
+from .model_errors import RobotErrors
 
-# part_of and to_fixed_tuple are intrinsics: their arguments are those of their signature, less the context.
+# Intrinsics such as part_of have the arguments of their signature, less the typing context.
 # pyright: reportCallIssue=false
 
 FASTEST = 1e3  # [m/s, rad/s] far beyond any robot, and slow enough for MuJoCo to compute without a warning
@@ -230,7 +217,9 @@ def period_calls(actuation: Actuation, estimator: Estimator | None) -> PeriodCal
                 else:
                     first_side = (gait.stance[k] + gait.steps[k]) % 2
                     force = plant.contacts.force[k]
-                    advance_with_errors(plant.physics, errors, k, first_side, plant.handles, force, dt)
+                    model_errors.advance_with_errors(
+                        plant.physics, errors, k, first_side, plant.handles, force, dt
+                    )
                 if escaped(plant.judged.qvel, k):
                     gait.failure[k] = NOT_FINITE
                     break
@@ -274,14 +263,14 @@ def sensing_step(estimator: Estimator) -> Callable[..., None]:
             part_of(t.arena, Arena, "judged_handles"),
             part_of(t.arena, Arena, "contacts"),
         )
-        move(true, errors, k, true_handles, true_contacts.force[k], dt)
+        model_errors.move(true, errors, k, true_handles, true_contacts.force[k], dt)
         show_unmeasured(true_handles, k)
         count_contacts(true_contacts, k, dt)
         step = errors.step[k]
         predict(estimate, k, read_inertial(sensors, k, step, true, dt), phys, dt)
         read_joints_and_feet(phys, contacts, sensors, true, true_contacts, k, step, dt)
-        if errors.noise[k, JOINT_NOISE] > 0.0:
-            measure_joints(phys, errors, k, sensors.side[k])
+        if errors.noise[k, model_errors.JOINT_NOISE] > 0.0:
+            model_errors.measure_joints(phys, errors, k, sensors.side[k])
         compute_nominal(handles, k)
         correct(estimate, k, phys, dt)
 
@@ -304,6 +293,32 @@ def escaped(qvel: Array, k: int) -> bool:
 
 
 @njit(cache=True, forceinline=True)
+def place_of(number: int) -> int:
+    """Row of `Physics` that a body has: those of `push.BODIES` their own, a robot's links the last ones."""
+    return PUSHED_BODY[number] if number < len(PUSHED_BODY) else BODIES + number - len(PUSHED_BODY)
+
+
+@njit(cache=True, forceinline=True)
+def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -> None:
+    """Write the mean push over the coming physics step into the external forces of one robot."""
+    now, mean = gait.time[k], carray(stack_floats(3), (3,))
+    resolve_starts(
+        pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - gait.elapsed[k],
+        gait.plan[k, DURATION], now, now + dt,
+    )  # fmt: skip
+    turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
+    phys.xfrc[k] = 0.0
+    for i in range(pushes.start.shape[1]):
+        if mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, mean):
+            body, force = place_of(pushes.body[k, i]), vector_of(mean, 0)
+            torque = cross(to_world(phys.xmat, k, body, vector_at(pushes.offset, k, i)), force)
+            for a in range(3):
+                phys.xfrc[k, body, a] += force[a]
+                phys.xfrc[k, body, 3 + a] += torque[a]
+                pushes.delivered[k, i, a] += force[a] * dt
+
+
+@njit(cache=True, forceinline=True)
 def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
     """Let pushes and the floor under robot k act in the coming physics step, whose time passes.
 
@@ -321,11 +336,11 @@ def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
 def learn_from_step(plant: Plant, k: int, dt: float) -> None:
     """Give robot k the mass matrix and bias that it has learned, and count what its contacts gave."""
     phys, known = plant.physics, plant.known
-    scale_mass(known, k, phys)
-    feel_joints(known.joints, known.before, phys, plant.gait, k, dt)
-    add_losses(known.joints, phys, k)
+    self_model.scale_mass(known, k, phys)
+    self_model.feel_joints(known.joints, known.before, phys, plant.gait, k, dt)
+    self_model.add_losses(known.joints, phys, k)
     count_contacts(plant.contacts, k, dt)
-    count_asked(known, k, plant.gait, dt)
+    self_model.count_asked(known, k, plant.gait, dt)
 
 
 @njit(cache=True)
@@ -344,7 +359,7 @@ def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
     gait.turn[k] = command[k, TURN]
     span, before = contacts.time[k], (world[k, 0], world[k, 1])
     com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
-    learn(known, k, phys, gait, contacts, settings)
+    self_model.learn(known, k, phys, gait, contacts, settings)
     mass = settings.mass * known.mass[k]
     margin[k] = observe(
         judged, gait, k, judged_contacts, mass, settings, command[k], previous[k], capture, truth[k], world[k]
@@ -356,9 +371,9 @@ def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
         observe(
             phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, seen, sensed.world[k]
         )
-    write_seen(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
-    if span > 0.0 or errors.noise[k, DCM_NOISE] == 0.0:  # otherwise it is seen as it was
-        show_known(known, k, gait, span, out[k])
+    model_errors.write_seen(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
+    if span > 0.0 or errors.noise[k, model_errors.DCM_NOISE] == 0.0:  # otherwise it is seen as it was
+        self_model.show_known(known, k, gait, span, out[k])
     if not tracks_plan(judged, gait, k, span, settings, before, truth[k], world[k]):
         starts = part_of(a, Arena, "pushes").start
         note_limits(part_of(a, Arena, "met"), k, DCM_TRACKING, starts[k], gait.time[k] - span, span)

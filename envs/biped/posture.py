@@ -264,12 +264,7 @@ def _residual(robot: CompiledRobot, data: mujoco.MjData, com: Array, soles: Arra
 
 
 def jacobian_of_com_and_soles(robot: CompiledRobot, data: mujoco.MjData) -> Array:
-    """Velocities of the CoM (3) and of both soles (6 each) by qvel, (15, nv) [m/s], [rad/s].
-
-    Args:
-        robot: whose they are.
-        data: with the places of bodies and the CoM up to date, as after `mj_kinematics` and `mj_comPos`.
-    """
+    """Velocities of the CoM (3) and of both soles (6 each) by qvel, (15, nv) [m/s], [rad/s]."""
     rows = np.zeros((15, robot.model.nv))
     mujoco.mj_jacSubtreeCom(robot.model, data, rows[:3], 0)
     for row, site in zip((3, 9), robot.indices.soles, strict=True):

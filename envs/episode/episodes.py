@@ -27,18 +27,7 @@ from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
 from ..scenario.scenario import EXACT, Profile, Scenario
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, take_rows
-from .period_end import (
-    COLUMNS,
-    REWARD_TERMS,
-    Episodes,
-    Motion,
-    PeriodArrays,
-    Reward,
-    Robots,
-    end_period,
-    period_constants,
-    write_info,
-)
+from . import period_end
 from .recovery import GaitMonitor, uphill_dcm
 
 Array = NDArray[np.float64]
@@ -83,7 +72,7 @@ C = TypeVar("C", bound=Core)
 class Period(NamedTuple):
     """The end of one planning period of n robots; the next one writes over it."""
 
-    reward: Reward
+    reward: period_end.Reward
     failed: Mask  # (n,)
     truncated: Mask  # (n,)
 
@@ -99,7 +88,7 @@ class GaitEpisodes(ABC, Generic[C]):
     name: ClassVar[str]  # of the environment, for errors
     observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
     action_size: ClassVar[int] = GAIT_SIZE
-    reward_terms: tuple[str, ...] = REWARD_TERMS
+    reward_terms: tuple[str, ...] = period_end.REWARD_TERMS
     profile: Profile = EXACT  # of the robots in scenarios that are drawn
     core: C
 
@@ -130,14 +119,14 @@ class GaitEpisodes(ABC, Generic[C]):
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
-        self._episodes = Episodes(
+        self._episodes = period_end.Episodes(
             pushes=np.zeros(n, np.int64), changed=np.zeros(n), fixed=np.full(n, np.nan), settle=np.zeros(n),
             uphill=np.zeros((n, 2)), before=np.zeros((n, GAIT_SIZE)), planned=self.planned,
-            terms=np.zeros((n, len(REWARD_TERMS))), total=np.zeros(n),
+            terms=np.zeros((n, len(period_end.REWARD_TERMS))), total=np.zeros(n),
         )  # fmt: skip
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated
-        self._constants = period_constants(robot, limits, *timing)
-        self.robots: Robots | Any = None  # arrays of the core, from the first `begin` on
+        self._constants = period_end.period_constants(robot, limits, *timing)
+        self.robots: period_end.Robots | Any = None  # arrays of the core, from the first `begin` on
         self.measures: dict[str, Measure] = {}  # that `info` has besides
         self._added_terms: list[Measure] = []
         self._scenarios: list[Scenario | None] = [None] * n
@@ -179,7 +168,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self.measures[name or measure.__name__] = measure
 
     @abstractmethod
-    def motion(self) -> Motion:
+    def motion(self) -> period_end.Motion:
         """Steps, CoM, time and stance sides."""
 
     def action_settings(self) -> dict[str, Any]:
@@ -211,8 +200,8 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def info_rows(self) -> Array:
         """Numbers of the moment for `info`, (n, COLUMNS) of `period_end`; a fresh array."""
-        rows = np.empty((self.n, COLUMNS))
-        write_info(self._table, rows)
+        rows = np.empty((self.n, period_end.COLUMNS))
+        period_end.write_info(self._table, rows)
         return rows
 
     def gaits(self, actions: NDArray[Any]) -> Array:
@@ -260,8 +249,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self._episodes.changed[k] = scenario.last_sudden_change
         self._episodes.fixed[k] = np.nan if scenario.duration is None else scenario.duration
         self._episodes.settle[k] = scenario.settle_time
-        slopes = scenario.errors.slope_forward, scenario.errors.slope_left
-        self._episodes.uphill[k] = uphill_dcm(self.robot.com_height, *slopes)
+        self._episodes.uphill[k] = uphill_dcm(self.robot.com_height, *scenario.errors.tilt)
 
     def state_snapshot(self, k: int) -> RobotSnapshot:
         """The whole state of robot k between two planning periods.
@@ -304,7 +292,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def _arrays(self, k: int) -> Arrays:
         """Arrays of n robots whose rows k are the state of robot k, by PART.FIELD."""
-        return arrays_of(PeriodArrays(self.robots, self._episodes, self.monitor.state), {NO_STATE})
+        return arrays_of(period_end.PeriodArrays(self.robots, self._episodes, self.monitor.state), {NO_STATE})
 
     def _made_for(self, scenario: Scenario) -> dict[str, str]:
         """Properties that environments must share for a robot of a scenario to go from one to the other."""
@@ -328,7 +316,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def _end_period(self, gaits: Array) -> Period:
         """Count what a period under gaits (n, 7) was worth and who has come to an end."""
-        end_period(self._table, self._constants, gaits, self._ends)
+        period_end.end_period(self._table, self._constants, gaits, self._ends)
         return self._with_added_terms()
 
     def _with_added_terms(self) -> Period:
@@ -337,7 +325,7 @@ class GaitEpisodes(ABC, Generic[C]):
             return self._period
         added = np.stack([term(self) for term in self._added_terms], axis=1)
         total, terms = self._period.reward
-        reward = Reward(total + added.sum(axis=1), np.concatenate([terms, added], axis=1))
+        reward = period_end.Reward(total + added.sum(axis=1), np.concatenate([terms, added], axis=1))
         return self._period._replace(reward=reward)
 
     def _bind_if_new(self) -> None:
@@ -348,12 +336,12 @@ class GaitEpisodes(ABC, Generic[C]):
     def _bind(self) -> None:
         """Write the address table anew."""
         core, motion, episodes = self.core, self.motion(), self._episodes
-        self.robots = Robots(
+        self.robots = period_end.Robots(
             *motion, self.failure(), core.truth, core.margin, core.command, core.previous_action,
             core.pushes.start, core.pushes.duration, core.world,
         )  # fmt: skip
-        self._table = parts_table(PeriodArrays(self.robots, episodes, self.monitor.state))
-        self._period = Period(Reward(episodes.total, episodes.terms), *self._ends)
+        self._table = parts_table(period_end.PeriodArrays(self.robots, episodes, self.monitor.state))
+        self._period = Period(period_end.Reward(episodes.total, episodes.terms), *self._ends)
 
     def __copy__(self) -> Self:
         """A copy shares no array with its original, or is refused (a biped's)."""

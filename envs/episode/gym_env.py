@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Self
+from dataclasses import asdict
+from typing import Any, ClassVar, Self, TypeVar
 
 import gymnasium as gym
 import numpy as np
@@ -19,13 +20,60 @@ from ...controllers.validation import require_integer
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import RobotSnapshot
-from .action_meaning import meaning_of, note
 from .episodes import GaitEpisodes
 from .info import InfoReader
 
 Array = NDArray[np.float64]
 
 RENDER_MODES = ("human", "rgb_array")
+
+# What an action means is noted on the action space of its environment, so that a saved model knows it, since
+# gait actions, corrections of a planner and held actions have equal spaces. Learning libraries save the
+# spaces with a model. Wrappers that make a space of their own leave no note there.
+Meaning = dict[str, Any]  # plain values, which can be read without this project
+S = TypeVar("S", bound=gym.Space[Any])
+NOTE = "push_recovery_meaning"  # attribute of a space
+# Of a meaning; all else in it says what the environment is below them
+HOLD, RESIDUAL = "hold", "residual"
+
+
+def noted(space: gym.Space[Any] | None) -> Meaning | None:
+    """The meaning that was noted on a space; None where nothing was."""
+    return getattr(space, NOTE, None)
+
+
+def note(space: S, meaning: Meaning) -> S:
+    """The space with a meaning noted on it; in all else it is as before."""
+    setattr(space, NOTE, meaning)
+    return space
+
+
+def meaning_of(episodes: GaitEpisodes) -> Meaning:
+    """Meaning of an action for one planning period to the robots of episodes."""
+    return {
+        "environment": episodes.name,
+        "robot": asdict(episodes.robot),
+        "limits": asdict(episodes.limits),
+        "control_hz": float(episodes.control_hz),
+        **episodes.action_settings(),
+    }
+
+
+def note_hold(space: S, periods: int) -> S:
+    """A space like this one, whose actions are held for some planning periods; itself for one period."""
+    if periods == 1:
+        return space
+    meaning = noted(space) or {}
+    return note(copy.deepcopy(space), meaning | {HOLD: meaning.get(HOLD, 1) * periods})
+
+
+def note_residual(space: S, below: gym.Space[Any] | None, residual: Meaning) -> S:
+    """The space with the note that its actions are residuals on a policy."""
+    meaning = dict(noted(below) or {})
+    inner = {key: meaning.pop(key) for key in (HOLD, RESIDUAL) if key in meaning}
+    if inner:  # a hold or a residual below a residual
+        meaning["below"] = inner
+    return note(space, meaning | {RESIDUAL: residual})
 
 
 def check_action(
@@ -99,11 +147,6 @@ class EpisodesEnv:
         self, episodes: GaitEpisodes, push_distribution: dict[str, Any] | PushDistribution | None
     ) -> tuple[Any, Any]:
         """Take the episodes and what is drawn for them; returns a robot's observation and action space.
-
-        Args:
-            episodes: of the robots.
-            push_distribution: of the scenarios that are drawn, as an object or its dict; None: the default
-                one, of the robot's size.
 
         Raises:
             InvalidValueError: neither a PushDistribution nor a dict, or an impossible field.
@@ -247,6 +290,22 @@ class GaitEnv(EpisodesEnv, gym.Env[Array, NDArray[np.float32]]):
     def _look(self, terms: Array) -> tuple[Array, dict[str, Any]]:
         """Observation and info of now, with the reward terms (1, terms)."""
         return self.episodes.seen[0].copy(), self._info.of_robot(0, terms[0])
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The robot with its push, footholds and DCM: an image (480, 640, 3), or a window."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            self._picture = self._make_picture(self.render_mode == "human")
+        image = self._draw()
+        return image if self.render_mode == "rgb_array" else None
+
+    def _make_picture(self, window: bool) -> Any:
+        """What `_draw` draws with; imported only now, since drawing libraries are slow to load."""
+        raise NotImplementedError
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        raise NotImplementedError
 
     def close(self) -> None:
         """Close the window, if there is one."""

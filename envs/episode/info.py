@@ -15,21 +15,8 @@ from numpy.typing import NDArray
 
 from ..scenario.push import SIDES, Push
 from ..scenario.scenario import Scenario
+from . import period_end
 from .episodes import GaitEpisodes
-from .period_end import (
-    CMP,
-    COP,
-    DCM,
-    FAILURE,
-    LOADED,
-    MARGIN,
-    PHASE,
-    PUSH,
-    PUSH_START,
-    RECOVERED_AT,
-    SIDE,
-    TIME,
-)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -101,22 +88,22 @@ class InfoReader:
         """Info of robot k, with its reward terms; the arrays are the caller's."""
         row = self._episodes.info_rows()[k]
         values = row.tolist()
-        push, (left, right) = int(values[PUSH]), values[LOADED]
-        start = number_or_none(values[PUSH_START])
+        push, (left, right) = int(values[period_end.PUSH]), values[period_end.LOADED]
+        start = number_or_none(values[period_end.PUSH_START])
         more = self._episodes.more_info().items()
         return {
             "scenario_id": self._ids[k],
-            "time": values[TIME],
+            "time": values[period_end.TIME],
             "push": None if push < 0 else {**self._pushes[k][push], "start": start},
-            "capture_margin": values[MARGIN],
-            "phase": values[PHASE],
-            "stance_side": SIDES[int(values[SIDE])],
-            "failure_reason": self._reasons[int(values[FAILURE])],
-            "recovered_at": number_or_none(values[RECOVERED_AT]),
+            "capture_margin": values[period_end.MARGIN],
+            "phase": values[period_end.PHASE],
+            "stance_side": SIDES[int(values[period_end.SIDE])],
+            "failure_reason": self._reasons[int(values[period_end.FAILURE])],
+            "recovered_at": number_or_none(values[period_end.RECOVERED_AT]),
             "reward_terms": dict(zip(self._episodes.reward_terms, terms.tolist(), strict=True)),
-            "dcm": row[DCM],
-            "cop": row[COP],
-            "cmp": row[CMP],
+            "dcm": row[period_end.DCM],
+            "cop": row[period_end.COP],
+            "cmp": row[period_end.CMP],
             "contacts": {LEFT: left > 0.0, RIGHT: right > 0.0},
             **{key: copy.copy(rows[k]) for key, (rows, known) in more if known[k]},
         }
@@ -124,32 +111,34 @@ class InfoReader:
     def of_robots(self, rows: Mask, terms: Array) -> Info:
         """Info of the robots `rows` (n,), with the reward terms (n, terms); the arrays are the caller's."""
         numbers, info = self._episodes.info_rows(), {}
-        failure, recovered_at = numbers[:, FAILURE].astype(np.int64), numbers[:, RECOVERED_AT]
+        failure = numbers[:, period_end.FAILURE].astype(np.int64)
+        recovered_at = numbers[:, period_end.RECOVERED_AT]
         put(info, "scenario_id", self._ids.copy(), rows)
-        put(info, "time", numbers[:, TIME], rows)
+        put(info, "time", numbers[:, period_end.TIME], rows)
         put(info, "push", *self._push(numbers, rows))
-        put(info, "capture_margin", numbers[:, MARGIN], rows)
-        put(info, "phase", numbers[:, PHASE], rows)
-        put(info, "stance_side", self._sides[numbers[:, SIDE].astype(np.int64)], rows)
+        put(info, "capture_margin", numbers[:, period_end.MARGIN], rows)
+        put(info, "phase", numbers[:, period_end.PHASE], rows)
+        put(info, "stance_side", self._sides[numbers[:, period_end.SIDE].astype(np.int64)], rows)
         put(info, "failure_reason", self._reasons[failure], rows & (failure != 0))
         put(info, "recovered_at", recovered_at, rows & ~np.isnan(recovered_at))
         put(info, "reward_terms", _columns(self._episodes.reward_terms, terms, rows), rows)
-        put(info, "dcm", numbers[:, DCM], rows)
-        put(info, "cop", numbers[:, COP], rows)
-        put(info, "cmp", numbers[:, CMP], rows)
-        put(info, "contacts", _columns(SIDES, numbers[:, LOADED] > 0.0, rows), rows)
+        put(info, "dcm", numbers[:, period_end.DCM], rows)
+        put(info, "cop", numbers[:, period_end.COP], rows)
+        put(info, "cmp", numbers[:, period_end.CMP], rows)
+        put(info, "contacts", _columns(SIDES, numbers[:, period_end.LOADED] > 0.0, rows), rows)
         for key, (values, known) in self._episodes.more_info().items():
             put(info, key, values.copy(), rows & known)
         return info
 
     def _push(self, numbers: Array, rows: Mask) -> tuple[Info, Mask]:
         """The push of every robot that its row names, and which of the robots `rows` (n,) have one."""
-        robots, index = np.arange(len(rows)), np.maximum(numbers[:, PUSH], 0).astype(np.int64)
-        pushes, has, info = self._numbers[robots, index], rows & (numbers[:, PUSH] >= 0), {}
+        robots, index = np.arange(len(rows)), np.maximum(numbers[:, period_end.PUSH], 0).astype(np.int64)
+        pushes, has, info = self._numbers[robots, index], rows & (numbers[:, period_end.PUSH] >= 0), {}
         for key, column in _COLUMN.items():
             put(info, key, pushes[:, column], has)
         put(info, "body", self._bodies[robots, index], has)
-        put(info, "start", numbers[:, PUSH_START], has & ~np.isnan(numbers[:, PUSH_START]))
+        start = numbers[:, period_end.PUSH_START]
+        put(info, "start", start, has & ~np.isnan(start))
         return info, has
 
 

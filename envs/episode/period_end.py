@@ -18,26 +18,16 @@ from numpy.typing import NDArray
 
 from ...controllers.array_table import NO_STATE, Floats1, Floats2, Ints1, part_of
 from ...controllers.jit import njit
+from ...controllers.model import observation as layout
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
-from ...controllers.model.observation import (
-    COMMAND,
-    ELAPSED,
-    PREVIOUS_ACTION,
-    STANCE_CONTACT,
-    SWING_CONTACT,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-    canonical,
-    canonical_frame,
-)
 from ...controllers.model.robot import RobotModel
 from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _ANGLE, _RATE, _ACTION, _COMMAND = (
-    part.start for part in (TRUNK_ANGLE, TRUNK_RATE, PREVIOUS_ACTION, COMMAND)
+    part.start for part in (layout.TRUNK_ANGLE, layout.TRUNK_RATE, layout.PREVIOUS_ACTION, layout.COMMAND)
 )
 
 
@@ -226,8 +216,8 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         vx, vy = obs[_COMMAND], obs[_COMMAND + 1]
         nominal_gait_kernel(vx, vy, width, low, high, omega, delay, nominal, double_support)
         nominal_dcm_kernel(nominal, width, omega, delay, double_support, start)
-        frame = canonical_frame(robots.heading[k], robots.side[k])
-        uphill[0], uphill[1] = canonical(frame, episodes.uphill[k, 0], episodes.uphill[k, 1])
+        frame = layout.canonical_frame(robots.heading[k], robots.side[k])
+        uphill[0], uphill[1] = layout.canonical(frame, episodes.uphill[k, 0], episodes.uphill[k, 1])
         started_dcm_kernel(obs, uphill, double_support, omega, started)
         event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
         if robots.steps[k] != monitor.steps[k]:
@@ -271,7 +261,7 @@ def write_info(t, rows):  # pragma: no cover
     for k in range(rows.shape[0]):
         row, obs, time, side = rows[k], robots.observation[k], robots.time[k], robots.side[k]
         row[TIME], row[MARGIN] = time, robots.margin[k]
-        row[PHASE] = min(obs[ELAPSED] / episodes.planned[k], 1.0)
+        row[PHASE] = min(obs[layout.ELAPSED] / episodes.planned[k], 1.0)
         row[SIDE], row[FAILURE] = side, robots.failure[k]
         row[RECOVERED_AT] = monitor.recovered_at[k]
         row[PUSH] = push = latest_push(robots.push_start[k], episodes.pushes[k], time)
@@ -279,7 +269,7 @@ def write_info(t, rows):  # pragma: no cover
         row[PUSH_START] = robots.push_start[k, push] if begun else np.nan
         for i in range(robots.world.shape[1]):
             row[_POINTS + i] = robots.world[k, i]
-        row[_LOADED + side], row[_LOADED + 1 - side] = obs[STANCE_CONTACT], obs[SWING_CONTACT]
+        row[_LOADED + side], row[_LOADED + 1 - side] = obs[layout.STANCE_CONTACT], obs[layout.SWING_CONTACT]
 
 
 @njit(cache=True)

@@ -18,9 +18,8 @@ from ...controllers.validation import require_integer
 from ..scenario.distribution import PushDistribution
 from ..scenario.scenario import Scenario
 from ..snapshot import RobotSnapshot
-from .action_meaning import note_hold
 from .episodes import GaitEpisodes, Held, hold_action
-from .gym_env import EpisodesEnv, check_action, check_options
+from .gym_env import EpisodesEnv, check_action, check_options, note_hold
 from .info import Info, overwrite
 
 Array = NDArray[np.float64]

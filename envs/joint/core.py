@@ -12,24 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ...controllers import joint_control
 from ...controllers.array_table import part_of
 from ...controllers.jit import njit
-from ...controllers.joint_control import (
-    JOINT,
-    JOINT_OBSERVATION_SIZE,
-    TARGET_REACH,
-    Joints,
-    add_residual,
-    count_effort,
-    follow_contacts,
-    follow_targets,
-    hold_nominal,
-    joint_constants,
-    nominal_constants,
-    observe_joints,
-    to_own,
-    velocity_noise,
-)
+from ...controllers.joint_control import JOINT, JOINT_OBSERVATION_SIZE, TARGET_REACH, Joints
 from ...controllers.math3 import to_world, vector_at, vector_of
 from ...controllers.model.nominal_gait import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_CMP, WORLD_COP
@@ -38,20 +24,10 @@ from ...controllers.settings import PlannerConfig
 from ...controllers.whole_body.gait_machine import FLOOR, Gait
 from ...controllers.whole_body.kinematics import NU, PELVIS, Array, Physics
 from ...controllers.whole_body.limits import JOINT_TORQUE, LIMIT_NAMES
+from ..biped import period
 from ..biped.core import DEFAULT_PLANNER, BipedCore, BipedSettings
 from ..biped.limits_record import LimitsReport
-from ..biped.period import (
-    Actuation,
-    Arena,
-    Controller,
-    Felt,
-    Plant,
-    Tables,
-    accept_gait,
-    acts_on_sensors,
-    gait_torques,
-    settings_of,
-)
+from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables
 from ..biped.posture import posture
 from ..robots.compiled_robot import CompiledRobot
 from ..scenario.scenario import Scenario
@@ -80,7 +56,9 @@ def hold_joints(t: Tables, k: int) -> bool:
     joints, gait = joints_of(t), part_of(t.arena, Arena, "gait")
     if gait.failure[k] != 0:
         return False
-    to_own(joints.asked[k], part_of(t.arena, Arena, "physics").mirror, gait.stance[k], joints.held[k])
+    joint_control.to_own(
+        joints.asked[k], part_of(t.arena, Arena, "physics").mirror, gait.stance[k], joints.held[k]
+    )
     joints.effort[k] = 0.0
     return True
 
@@ -90,14 +68,16 @@ def observe_joints_of(t: Tables, c: Array, k: int, planned: bool) -> None:
     """Joint observation of robot k; after that of the gait where a planner acts as well."""
     joints, exchange = joints_of(t), part_of(t.arena, Arena, "exchange")
     seen, known, out = exchange.observation[k], exchange.truth[k], joints.observation[k]
-    if acts_on_sensors(t):
+    if period.acts_on_sensors(t):
         known = part_of(t.arena, Arena, "sensed").observation[k]
     if planned:
         out[:OBSERVATION_SIZE] = seen
         out = out[OBSERVATION_SIZE:]
     phys, gait = part_of(t.arena, Arena, "physics"), part_of(t.arena, Arena, "gait")
-    noise = velocity_noise(seen, known)
-    observe_joints(phys, gait, k, settings_of(c), joints, exchange.command[k], noise, out)
+    noise = joint_control.velocity_noise(seen, known)
+    joint_control.observe_joints(
+        phys, gait, k, period.settings_of(c), joints, exchange.command[k], noise, out
+    )
 
 
 @njit(cache=True)
@@ -133,7 +113,7 @@ def write_floor_points(judged: Physics, gait: Gait, k: int, force: Array, world:
 def begin_residual(t: Tables, c: Array, k: int, gait: Array, action: Array) -> None:
     """Hold the planner's gait (7,), its action (7,) and the residual of robot k."""
     hold_joints(t, k)
-    accept_gait(t, c, k, gait, action)
+    period.accept_gait(t, c, k, gait, action)
 
 
 @njit(cache=True, forceinline=True)
@@ -141,9 +121,9 @@ def residual_torques(
     joints: Joints, plant: Plant, controller: Controller, k: int, share: float, dt: float
 ) -> int:
     """Whole-body control of robot k, and what is added to its torques."""
-    met = gait_torques(0, plant, controller, k, share, dt)
-    met |= add_residual(plant.physics, k, joints, controller.bounds)
-    count_effort(plant.physics, k, joints, share)
+    met = period.gait_torques(0, plant, controller, k, share, dt)
+    met |= joint_control.add_residual(plant.physics, k, joints, controller.bounds)
+    joint_control.count_effort(plant.physics, k, joints, share)
     return met
 
 
@@ -161,7 +141,7 @@ def begin_targets(t: Tables, c: Array, k: int, gait: Array, action: Array) -> No
     """Hold the joint targets of robot k; gait and action are nobody's."""
     if hold_joints(t, k):
         seen = part_of(t.arena, Arena, "exchange").observation[k]
-        hold_nominal(part_of(t.arena, Arena, "gait"), k, seen, joints_of(t).gait)
+        joint_control.hold_nominal(part_of(t.arena, Arena, "gait"), k, seen, joints_of(t).gait)
 
 
 @njit(cache=True, forceinline=True)
@@ -169,9 +149,9 @@ def target_torques(
     joints: Joints, plant: Plant, controller: Controller, k: int, share: float, dt: float
 ) -> int:
     """PD control of robot k."""
-    follow_contacts(plant.physics, plant.gait, k, controller.settings, joints)
-    met = follow_targets(plant.physics, k, joints, controller.bounds)
-    count_effort(plant.physics, k, joints, share)
+    joint_control.follow_contacts(plant.physics, plant.gait, k, controller.settings, joints)
+    met = joint_control.follow_targets(plant.physics, k, joints, controller.bounds)
+    joint_control.count_effort(plant.physics, k, joints, share)
     return met
 
 
@@ -207,13 +187,14 @@ class JointCore(BipedCore):
         return JointParts(self._make_joints())
 
     def _make_joints(self) -> Joints:
-        largest, stiffness, damping = joint_constants(self.body.motors)
+        largest, stiffness, damping = joint_control.joint_constants(self.body.motors)
         return Joints(
             asked=np.zeros((self.n, NU)), held=np.zeros((self.n, NU)), lifted=np.zeros(self.n, np.int64),
             air=np.zeros((self.n, 2), np.int64), effort=np.zeros(self.n),
             observation=np.zeros((self.n, self.observation_size)),
             posture=standing_posture(self.body, self.robot), reach=self._reach(largest), stiffness=stiffness,
-            damping=damping, largest=largest, gait=nominal_constants(self.robot, self._limits, 0.0),
+            damping=damping, largest=largest,
+            gait=joint_control.nominal_constants(self.robot, self._limits, 0.0),
         )  # fmt: skip
 
     def _reach(self, largest: Array) -> Array:
@@ -223,7 +204,9 @@ class JointCore(BipedCore):
     def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
         """Set the constants as `BipedCore` does; the planner's delay of touchdown is the nominal gait's."""
         super().configure(settings, planner)
-        self.joints.gait[:] = nominal_constants(self.robot, self._limits, planner.touchdown_delay)
+        self.joints.gait[:] = joint_control.nominal_constants(
+            self.robot, self._limits, planner.touchdown_delay
+        )
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Reset as `BipedCore` does; the joints have been asked for nothing yet."""

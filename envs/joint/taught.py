@@ -17,18 +17,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers import joint_control
 from ...controllers.array_table import Floats2, Ints1, part_of
 from ...controllers.estimation.observe import observe
 from ...controllers.jit import njit
-from ...controllers.joint_control import (
-    JOINT,
-    Joints,
-    count_effort,
-    follow_contacts,
-    follow_targets,
-    joint_sign,
-    own_joint,
-)
+from ...controllers.joint_control import Joints
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
@@ -84,11 +77,11 @@ def add_target(phys: Physics, k: int, joints: Joints, share: float, side: int, a
     `asked` is canonical for a robot that stands on side `side`.
     """
     for c in range(NU):
-        i = own_joint(c, side)
+        i = joint_control.own_joint(c, side)
         if joints.largest[i] > 0.0:
             lead = phys.qvel[k, NV - NU + i] * joints.damping[i] + phys.ctrl[k, i]
-            target = phys.qpos[k, JOINT + i] + lead / joints.stiffness[i] - joints.posture[i]
-            asked[c] += joint_sign(phys.mirror, i, side) * (share * target / joints.reach[i])
+            target = phys.qpos[k, joint_control.JOINT + i] + lead / joints.stiffness[i] - joints.posture[i]
+            asked[c] += joint_control.joint_sign(phys.mirror, i, side) * (share * target / joints.reach[i])
 
 
 @njit(cache=True)
@@ -111,10 +104,10 @@ def taught_torques(
     bounds.grip[0] = bounds.settings.friction
     met = control(phys, walk, k, settings, gains, bounds, teacher.landing, dt)
     add_target(phys, k, joints, share, teacher.side[k], teacher.target[k])
-    follow_contacts(phys, plant.gait, k, settings, joints)
+    joint_control.follow_contacts(phys, plant.gait, k, settings, joints)
     if teacher.leads[k] == 0:
-        met = follow_targets(phys, k, joints, bounds)
-    count_effort(phys, k, joints, share)
+        met = joint_control.follow_targets(phys, k, joints, bounds)
+    joint_control.count_effort(phys, k, joints, share)
     pass_time(walk, k, dt)
     return met
 

@@ -121,8 +121,7 @@ def assign_errors(table: PendulumErrors, k: int, scenario: Scenario, dt: float) 
     lag = math.floor((errors.delay + INSTANT) / dt)
     rest = errors.delay - lag * dt
     table.weight[k] = 1.0 + errors.mass
-    slopes = math.tan(errors.slope_forward), math.tan(errors.slope_left)
-    table.downhill[k] = 0.0 - GRAVITY * slopes[0], 0.0 - GRAVITY * slopes[1]
+    table.downhill[k] = [0.0 - GRAVITY * math.tan(angle) for angle in errors.tilt]
     table.lag[k], table.rest[k] = lag, rest if rest > INSTANT else 0.0
     table.deviation[k] = errors.dcm_noise
     table.seed[k] = counter_seed(scenario.noise_seed)

@@ -13,37 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.jit import njit
-from ...controllers.model.capturability import (
-    BOUNDS,
-    HIGH,
-    LOW,
-    capture_constants,
-    constants_of,
-    offset_bounds_kernel,
-)
+from ...controllers.model import capturability
+from ...controllers.model import observation as layout
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
 from ...controllers.model.nominal_gait import NominalStart, both_stand, check_double_support, gaits_of_actions
-from ...controllers.model.observation import (
-    COM,
-    COM_VELOCITY,
-    COMMAND,
-    DCM,
-    ELAPSED,
-    OBSERVATION_SIZE,
-    PREVIOUS_ACTION,
-    PUSH_ESTIMATE,
-    STANCE_CONTACT,
-    SWING_CONTACT,
-    SWING_POSITION,
-    SWING_VELOCITY,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-    WORLD_CMP,
-    WORLD_COP,
-    WORLD_DCM,
-    WORLD_SIZE,
-    side_sign,
-)
 from ...controllers.model.robot import RobotModel
 from ...controllers.validation import require_kind
 from ..episode.episodes import GaitEpisodes, Ints
@@ -54,21 +27,12 @@ from ..scenario.arrays import assign_changes, assign_pushes, empty_pushes, empty
 from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
-from .dynamics import (
-    DIVERGED,
-    FAILURES,
-    NOT_FINITE,
-    Pendulums,
-    Physics,
-    advance,
-    assign_errors,
-    no_errors,
-    show,
-)
+from . import dynamics
 
-_DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
-_SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
-_ANGLE, _RATE, _PREVIOUS = TRUNK_ANGLE.start, TRUNK_RATE.start, PREVIOUS_ACTION.start
+_DCM, _COM, _VELOCITY = layout.DCM.start, layout.COM.start, layout.COM_VELOCITY.start
+_SWING, _SWING_VELOCITY = layout.SWING_POSITION.start, layout.SWING_VELOCITY.start
+_ANGLE, _RATE, _PUSH = layout.TRUNK_ANGLE.start, layout.TRUNK_RATE.start, layout.PUSH_ESTIMATE.start
+_COMMAND, _PREVIOUS = layout.COMMAND.start, layout.PREVIOUS_ACTION.start
 
 Array = NDArray[np.float64]
 BEYOND = 0.1  # a fall is certain this far outside what can be recovered from [m]
@@ -90,9 +54,9 @@ def observe(s, command, previous, p, out, world, first, end):  # pragma: no cove
         phase = min(max(elapsed - p.double_support, 0.0) / swing, 1.0)
         blend = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase * phase)
         pace = 30.0 * (phase * (1.0 - phase)) ** 2 / swing
-        o[ELAPSED] = elapsed
+        o[layout.ELAPSED] = elapsed
         for axis in range(2):
-            sign = side_sign(s.side[k]) if axis == 1 else 1.0
+            sign = layout.side_sign(s.side[k]) if axis == 1 else 1.0
             o[_COM + axis] = sign * (s.com[k, axis] - s.stance[k, axis])
             o[_VELOCITY + axis] = sign * s.velocity[k, axis]
             o[_DCM + axis] = o[_COM + axis] + o[_VELOCITY + axis] / p.omega
@@ -103,12 +67,13 @@ def observe(s, command, previous, p, out, world, first, end):  # pragma: no cove
             o[_RATE + axis] = sign * s.rate[k, axis]
             o[_COMMAND + axis] = sign * command[k, axis]
             o[_PUSH + axis] = sign * s.push[k, axis]
-            world[k, WORLD_DCM + axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
-            world[k, WORLD_COP + axis], world[k, WORLD_CMP + axis] = s.cop[k, axis], s.cmp[k, axis]
+            world[k, layout.WORLD_DCM + axis] = s.com[k, axis] + s.velocity[k, axis] / p.omega
+            world[k, layout.WORLD_COP + axis] = s.cop[k, axis]
+            world[k, layout.WORLD_CMP + axis] = s.cmp[k, axis]
         o[_SWING + 2] = APEX * 16.0 * (phase * (1.0 - phase)) ** 2
         o[_SWING_VELOCITY + 2] = APEX * 32.0 * phase * (1.0 - phase) * (1.0 - 2.0 * phase) / swing
-        o[STANCE_CONTACT] = 1.0
-        o[SWING_CONTACT] = 1.0 if elapsed == 0.0 or both_stand(elapsed, p.double_support) else 0.0
+        o[layout.STANCE_CONTACT] = 1.0
+        o[layout.SWING_CONTACT] = 1.0 if elapsed == 0.0 or both_stand(elapsed, p.double_support) else 0.0
         for i in range(previous.shape[1]):
             o[_PREVIOUS + i] = previous[k, i]
 
@@ -120,14 +85,15 @@ def margin_of(o, elapsed, double_support, constants):  # pragma: no cover
     What is left of double support lets the CoP stand as far as the other foot, which moves the bounds by
     p (1 - exp(-omega (d - t))).
     """
-    bounds, margin, reach = np.empty(BOUNDS), np.inf, 0.0
+    bounds, margin, reach = np.empty(capturability.BOUNDS), np.inf, 0.0
     angle, rate = o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
-    offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
-    if both_stand(o[ELAPSED], double_support):
-        reach = -math.expm1(-constants_of(constants).omega * (double_support - o[ELAPSED]))
+    capturability.offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
+    if both_stand(o[layout.ELAPSED], double_support):
+        left = double_support - o[layout.ELAPSED]
+        reach = -math.expm1(-capturability.constants_of(constants).omega * left)
     for axis in range(2):
-        low = bounds[LOW + axis] + reach * min(o[_SWING + axis], 0.0)
-        high = bounds[HIGH + axis] + reach * max(o[_SWING + axis], 0.0)
+        low = bounds[capturability.LOW + axis] + reach * min(o[_SWING + axis], 0.0)
+        high = bounds[capturability.HIGH + axis] + reach * max(o[_SWING + axis], 0.0)
         margin = min(margin, o[_DCM + axis] - low, high - o[_DCM + axis])
     return margin
 
@@ -137,13 +103,13 @@ def check_failures(s, observation, double_support, constants, margins, first, en
     """Capture margins (n,) [m] of pendulums first..end-1, and those that not even a step now could save."""
     for k in range(first, end):
         o = observation[k]
-        margins[k] = margin_of(o, o[ELAPSED], double_support, constants)
+        margins[k] = margin_of(o, o[layout.ELAPSED], double_support, constants)
         if s.failure[k] != 0:
             continue
         if not (math.isfinite(o[_DCM]) and math.isfinite(o[_DCM + 1])):
-            s.failure[k] = NOT_FINITE
+            s.failure[k] = dynamics.NOT_FINITE
         elif margin_of(o, 1e3, double_support, constants) < -BEYOND:
-            s.failure[k] = DIVERGED
+            s.failure[k] = dynamics.DIVERGED
 
 
 class PendulumCore:
@@ -159,13 +125,13 @@ class PendulumCore:
     ):
         check_double_support(double_support, limits)
         self.n, self.robot, self.limits, self.dt = n, robot, limits, 1.0 / control_hz
-        self.physics = Physics(
+        self.physics = dynamics.Physics(
             robot.omega, robot.mass, robot.cmp_per_trunk_acceleration, robot.foot_length / 2,
             robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
             double_support,
         )  # fmt: skip
-        self.capture = capture_constants(robot, limits)
-        self.state = Pendulums(
+        self.capture = capturability.capture_constants(robot, limits)
+        self.state = dynamics.Pendulums(
             com=np.zeros((n, 2)), velocity=np.zeros((n, 2)), angle=np.zeros((n, 2)), rate=np.zeros((n, 2)),
             stance=np.zeros((n, 2)), lift=np.zeros((n, 2)), plan=np.zeros((n, GAIT_SIZE)),
             cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
@@ -176,15 +142,15 @@ class PendulumCore:
         self.pushes = empty_pushes(n, 1)
         self.schedule, self.command = empty_schedule(n), np.zeros((n, 3))  # to come, in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
-        self.observation = np.zeros((n, OBSERVATION_SIZE))
-        self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
-        self.errors = no_errors(n, self.dt)
+        self.observation = np.zeros((n, layout.OBSERVATION_SIZE))
+        self.truth = np.zeros((n, layout.OBSERVATION_SIZE))  # observation without its noise, to judge by
+        self.errors = dynamics.no_errors(n, self.dt)
         self.margin = np.zeros(n)
-        self.world = np.zeros((n, WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
+        self.world = np.zeros((n, layout.WORLD_SIZE))  # DCM, CoP and CMP in the world [m]
 
     def assign(self, k: int, scenario: Scenario) -> None:
         """Give pendulum k the errors, the pushes and the changes of command of a scenario."""
-        assign_errors(self.errors, k, scenario, self.dt)
+        dynamics.assign_errors(self.errors, k, scenario, self.dt)
         self.pushes = assign_pushes(self.pushes, k, scenario)
         self.schedule = assign_changes(self.schedule, k, scenario)
 
@@ -195,7 +161,7 @@ class PendulumCore:
         for field in s:
             field[k] = 0
         s.side[k] = SIDES.index(scenario.stance_side)
-        sign = side_sign(s.side[k])
+        sign = layout.side_sign(s.side[k])
         s.com[k] = start.com[0], sign * start.com[1]
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]
@@ -207,7 +173,7 @@ class PendulumCore:
         """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
         self.state.plan[:] = gaits
         self.previous_action[:] = actions
-        advance(self.state, self.pushes, self.errors, self.dt, self.physics)
+        dynamics.advance(self.state, self.pushes, self.errors, self.dt, self.physics)
         self.errors.period[self.state.failure == 0] += 1
         self._look(0, self.n)
 
@@ -217,13 +183,13 @@ class PendulumCore:
         follow_all(self.schedule, state.time, self.command, first, end)
         observe(state, self.command, self.previous_action, p, self.truth, self.world, first, end)
         check_failures(state, self.truth, p.double_support, self.capture, self.margin, first, end)
-        show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)
+        dynamics.show(state, self.errors, p, self.dt, self.truth, self.observation, first, end)
 
 
 class PendulumEpisodes(GaitEpisodes[PendulumCore]):
     """Episodes of n pendulums."""
 
-    failures = FAILURES
+    failures = dynamics.FAILURES
     has_double_support = True
     force_grid = 10.0
     turns, name = False, "PushRecovery/Pendulum-v0"
@@ -289,22 +255,20 @@ class PendulumEnv(GaitEnv):
         episodes = PendulumEpisodes(1, robot, limits, preset, control_hz)
         super().__init__(episodes, render_mode, push_distribution)
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """Top view of feet, CoM, DCM and push: an image (480, 640, 3), or a window."""
-        if self.render_mode is None:
-            return None
-        if self._picture is None:
-            from .view import PendulumView
+    def _make_picture(self, window: bool) -> Any:
+        from .view import PendulumView
 
-            self._picture = PendulumView(window=self.render_mode == "human")
+        return PendulumView(window=window)
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        """Top view of feet, CoM, DCM and push."""
         force = np.zeros(2)
         state, pushes = self.core.state, self.core.pushes
         for i in range(pushes.start.shape[1]):
             if pushes.start[0, i] <= state.time[0] < pushes.start[0, i] + pushes.duration[0, i]:
                 force += pushes.force[0, i, :2]
         elapsed = float(state.time[0] - state.step_start[0])
-        image = self._picture.draw(state, self.robot, force, both_stand(elapsed, self.double_support))
-        return image if self.render_mode == "rgb_array" else None
+        return self._picture.draw(state, self.robot, force, both_stand(elapsed, self.double_support))
 
 
 make_pendulum_vector = vector_maker(PendulumEnv, PendulumEpisodes)  # of PushRecovery/Pendulum-v0

@@ -6,7 +6,7 @@ that what counts from the first disturbance on, as limits that are met do, count
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +14,10 @@ import numpy as np
 from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.jit import njit
 from ...controllers.model.observation import heading_frame, in_world
-from .push import BODIES, FRAMES, PENDING, GaitEvent, Push
+from .push import BODIES, FRAMES, PENDING, GaitEvent, Kick, Push
 from .scenario import Scenario
 
-DUE = 1e-9  # a change this soon after the period begins is due: times are sums of steps [s]
+DUE = 1e-9  # a change or kick this soon after the period begins is due: times are sums of steps [s]
 
 
 class Schedule(NamedTuple):
@@ -169,3 +169,28 @@ def mean_force(force, duration, start, index, t0, t1, out):  # pragma: no cover
     for axis in range(3):
         out[axis] = force[index, axis] * share
     return share > 0.0
+
+
+class Kicks:
+    """Kicks of n robots in the order of their start; `done` counts those that have come, a robot's state."""
+
+    def __init__(self, n: int):
+        self.done = np.zeros(n, np.int64)
+        self.waiting: set[int] = set()  # robots with a kick to come
+        self._kicks: list[Sequence[Kick]] = [()] * n
+
+    def assign(self, k: int, kicks: Sequence[Kick]) -> None:
+        """Give robot k the kicks of a scenario, none of which has come."""
+        self._kicks[k] = sorted(kicks, key=lambda kick: kick.start)
+        self.pass_over(k, 0)
+
+    def pass_over(self, k: int, done: int) -> None:
+        """Let the first `done` kicks of robot k count as come."""
+        self.done[k] = done
+        (self.waiting.add if done < len(self._kicks[k]) else self.waiting.discard)(k)
+
+    def due(self, k: int, now: float) -> Iterator[Kick]:
+        """The kicks of robot k that come now [s]."""
+        while k in self.waiting and (kick := self._kicks[k][self.done[k]]).start <= now + DUE:
+            self.pass_over(k, int(self.done[k]) + 1)
+            yield kick

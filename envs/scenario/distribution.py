@@ -11,9 +11,10 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import Similarity
-from ...controllers.validation import require_integer, require_number
-from .model_errors import CONTROL_STEP, EXACT_MODEL, SCALES, JsonRecord, ModelErrors, object_of
+from ...controllers.validation import changed_fields, require_integer, require_number
+from .model_errors import CONTROL_STEP, EXACT_MODEL, ModelErrors
 from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, Push, polar_push, require_body
+from .record import JsonRecord, object_of
 from .scenario import FASTEST_TURN, SETTLE_TIME, Command, Scenario
 
 DRAWS = 12  # numbers that a draw takes of its generator, whatever is given
@@ -59,9 +60,8 @@ class ErrorRanges(JsonRecord):
             low, high = (require_number(f"ErrorRanges.{field.name}", entry) for entry in value)
             if low > high:
                 raise InvalidValueError(f"ErrorRanges.{field.name} must have low <= high, got {low} > {high}")
-            for bound in (low, high):  # raises where it is out of bounds
-                value: Any = (bound,) * 3 if field.name == "trunk_com" else bound
-                ModelErrors(**{field.name: value})
+            for bound in (low, high):
+                _errors_at(field.name, bound)  # raises where it is out of bounds
             self._set(**{field.name: (low, high)})
         if self.delay is not None and math.ceil(self._delay_steps[0]) > math.floor(self._delay_steps[1]):
             raise InvalidValueError(
@@ -70,11 +70,11 @@ class ErrorRanges(JsonRecord):
 
     def scaled(self, scale: Similarity) -> ErrorRanges:
         """The same ranges for a robot of another size."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name, quantity in SCALES.items():
-            if values[name] is not None:
-                values[name] = tuple(getattr(scale, quantity) * bound for bound in values[name])
-        return ErrorRanges(**values)
+        ranges = {}
+        for name, bounds in changed_fields(self).items():
+            scaled = [getattr(_errors_at(name, bound).scaled(scale), name) for bound in bounds]
+            ranges[name] = tuple(bound[0] if name == "trunk_com" else bound for bound in scaled)
+        return ErrorRanges(**ranges)
 
     @property
     def _delay_steps(self) -> Range:
@@ -102,6 +102,12 @@ class ErrorRanges(JsonRecord):
                 drawn = [float(bounds[0] + x * (bounds[1] - bounds[0])) for x in mine]
             values[field.name] = tuple(drawn) if count == 3 else drawn[0]
         return ModelErrors(**values)
+
+
+def _errors_at(name: str, bound: float) -> ModelErrors:
+    """The model errors with one of them at an end of its range."""
+    value: Any = (bound,) * 3 if name == "trunk_com" else bound
+    return ModelErrors(**{name: value})
 
 
 TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]

@@ -1,91 +1,17 @@
-"""How far robot and floor are from what the planner believes, and how the physics is computed.
-
-These and all other parts of a scenario are a `JsonRecord`: a frozen dataclass, read from JSON and written.
-"""
+"""How far robot and floor are from what the planner believes, and how the physics is computed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
-from functools import cache
-from typing import Any, ClassVar, Self
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
-from ...controllers.validation import (
-    changed_fields,
-    parse_json,
-    require_choice,
-    require_keys,
-    require_number,
-    require_vector,
-)
-
-
-class JsonRecord:
-    """Base of a frozen dataclass whose fields are the keys of a JSON object, in their order."""
-
-    json_name: ClassVar[str]  # what errors call such an object
-    left_out: ClassVar[tuple[str, ...] | None] = ()  # keys not written at their default; None: all of them
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types: a tuple is a list, another record an object."""
-        values = {}
-        for name, default in _defaults(type(self)):
-            value = getattr(self, name)
-            if default is MISSING or value != default:
-                values[name] = _plain(value)
-        return values
-
-    @classmethod
-    def from_dict(cls, data: object) -> Self:
-        """Inverse of `to_dict`; fields with a default may be left out.
-
-        Raises:
-            InvalidValueError: no object, a missing key, or an impossible value.
-            UnknownNameError: an unknown key.
-        """
-        entries = fields(cls)  # type: ignore[arg-type]
-        required = {entry.name for entry in entries if entry.default is MISSING}
-        values = require_keys(cls.json_name, data, required, {entry.name for entry in entries} - required)
-        return cls(**{name: cls._parsed(name, value) for name, value in values.items()})
-
-    @classmethod
-    def from_json(cls, text: str) -> Self:
-        """The record of a JSON text; raises InvalidValueError on text that is no JSON."""
-        return cls.from_dict(parse_json(f"text of {cls.json_name}", text))
-
-    @classmethod
-    def _parsed(cls, name: str, value: Any) -> Any:
-        """The value of a field, from its JSON; a list is a tuple, so that the record can be hashed."""
-        return tuple(value) if isinstance(value, list) else value
-
-    def _set(self, **values: Any) -> None:
-        """Replace fields of the frozen record, from within its `__post_init__`."""
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-
-def object_of(kind: type[JsonRecord], value: Any) -> Any:
-    """The record of a JSON object; any other value as it is, for the constructor to judge."""
-    return kind.from_dict(value) if isinstance(value, Mapping) else value
-
-
-@cache
-def _defaults(kind: type[JsonRecord]) -> tuple[tuple[str, Any], ...]:
-    """Fields of a kind of record, each with the default at which it is left out; MISSING: never."""
-    return tuple(
-        (field.name, field.default if kind.left_out is None or field.name in kind.left_out else MISSING)
-        for field in fields(kind)  # type: ignore[arg-type]
-    )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple | list):
-        return [_plain(entry) for entry in value]
-    return value.to_dict() if isinstance(value, JsonRecord) else value
-
+from ...controllers.validation import changed_fields, require_choice, require_number, require_vector
+from .record import JsonRecord
+from .terrain import TERRAINS, Slope, Terrain, Tiles
 
 CONTROL_STEP = 0.002  # control acts this often, whatever the time step [s]
 FINEST = 20  # physics steps in one step of control, at most
@@ -161,7 +87,7 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
 }
 OPEN = ("friction", "motor_power", "bus_power", "continuous_torque")  # that may be None
 SCALES = {  # field -> what of `Similarity` it goes with; times, angles and shares are any robot's
-    "payload": "mass", "trunk_com": "length", "dcm_noise": "length", "floor_step": "length",
+    "payload": "mass", "trunk_com": "length", "dcm_noise": "length",
     "joint_friction": "torque", "joint_damping": "damping", "armature": "inertia",
     "motor_power": "power", "bus_power": "power",
 }  # fmt: skip
@@ -193,6 +119,7 @@ class ModelErrors(JsonRecord):
     motor_power: float | None = None  # most that one motor gives [W]; None: as torque and speed allow
     bus_power: float | None = None  # most that all motors together take from the battery [W]; None: any
     continuous_torque: float | None = None  # share of its torque that a motor gives for ever; None: all
+    terrain: Terrain | None = None  # of a registered kind, on that slope and besides those tiles
 
     def __post_init__(self) -> None:
         for name, (unit, low, high) in BOUNDS.items():
@@ -210,6 +137,37 @@ class ModelErrors(JsonRecord):
                 f"ModelErrors.collisions must be true or false, got {shown(self.collisions)}"
             )
 
+        if self.terrain is not None and type(self.terrain) not in TERRAINS.by_name.values():
+            raise InvalidValueError(
+                f"ModelErrors.terrain must be a Terrain of a registered kind, got {shown(self.terrain)}"
+            )
+
+    @property
+    def terrains(self) -> tuple[Terrain, ...]:
+        """What the floor is made of; empty for a level plane."""
+        own = Slope(self.slope_forward, self.slope_left), Tiles(self.floor_step), self.terrain
+        return tuple(part for part in own if part not in (None, Slope(), Tiles()))
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Angles by which the whole floor rises forward and to the left [rad]."""
+        tilts = [part.tilt for part in self.terrains]
+        return sum(forward for forward, _ in tilts), sum(left for _, left in tilts)
+
+    def _with_terrain(self, change: Callable[[Any], Any]) -> ModelErrors:
+        """These errors with every part of the floor changed."""
+        slope, tiles = change(Slope(self.slope_forward, self.slope_left)), change(Tiles(self.floor_step))
+        terrain = None if self.terrain is None else change(self.terrain)
+        return replace(
+            self, slope_forward=slope.forward, slope_left=slope.left, floor_step=tiles.step, terrain=terrain
+        )
+
+    @classmethod
+    def _parsed(cls, name: str, value: Any) -> Any:
+        if name == "terrain" and isinstance(value, Mapping):
+            return TERRAINS.read(value)
+        return super()._parsed(name, value)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Fields that differ from their default."""
@@ -221,7 +179,7 @@ class ModelErrors(JsonRecord):
         Raises:
             InvalidValueError: one of them is then out of its bounds.
         """
-        values = {name: getattr(self, name) for name in self.names}
+        values = changed_fields(self._with_terrain(lambda part: part.scaled(scale)))
         for name in SCALES.keys() & values.keys():
             factor, value = getattr(scale, SCALES[name]), values[name]
             values[name] = tuple(factor * x for x in value) if isinstance(value, tuple) else factor * value
@@ -230,7 +188,7 @@ class ModelErrors(JsonRecord):
     def mirrored(self) -> ModelErrors:
         """Reflection in the x-z plane; noise is mirrored with the stance side of the first step."""
         x, y, z = self.trunk_com
-        return replace(self, trunk_com=(x, -y, z), slope_left=-self.slope_left)
+        return replace(self._with_terrain(lambda part: part.mirrored()), trunk_com=(x, -y, z))
 
     def require_only(self, robot: str, known: Sequence[str]) -> None:
         """Raise InvalidValueError where an error is set that this kind of robot cannot have."""

@@ -61,6 +61,12 @@ def uniform(seed: int, index: int, channel: int) -> float:  # pragma: no cover
 
 
 @njit(cache=True)
+def grid_origin(seed: int) -> tuple[float, float]:  # pragma: no cover
+    """A corner of a grid that lies anywhere, in its cells, in [0, 1)."""
+    return uniform(seed, 1 << 40, 0), uniform(seed, 1 << 40, 1)
+
+
+@njit(cache=True)
 def normal_pair(seed: int, index: int, channel: int) -> tuple[float, float]:  # pragma: no cover
     """Two independent standard normal numbers of a seed, a moment and a channel (each within int64).
 

@@ -19,18 +19,16 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Literal, Self, TypeVar, get_args
+from typing import Any, Literal, Self, get_args
 
-from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     require_choice,
     require_integer,
-    require_keys,
     require_number,
     require_vector,
 )
-from .model_errors import JsonRecord, object_of
+from .record import JsonRecord, Kinds, object_of
 
 Vector = tuple[float, float, float]
 Side = Literal["left", "right"]
@@ -123,32 +121,8 @@ class Disturbance(JsonRecord, ABC):
         return x, y, z
 
 
-DISTURBANCES: dict[str, type[Disturbance]] = {}  # by the kind's name in JSON
-_Kind = TypeVar("_Kind", bound=type[Disturbance])
-
-
-def register_disturbance(kind: _Kind) -> _Kind:
-    """Let scenarios have a kind of disturbance, by its `json_name`; a decorator of its class.
-
-    Raises:
-        InvalidValueError: another kind has that name.
-    """
-    if DISTURBANCES.setdefault(kind.json_name, kind) is not kind:
-        raise InvalidValueError(f"a disturbance of kind {kind.json_name!r} is registered already")
-    return kind
-
-
-def read_disturbance(data: object) -> Disturbance:
-    """The disturbance of a JSON object whose key "kind" names what it is.
-
-    Raises:
-        UnknownNameError: no such kind, or another key than it has.
-        InvalidValueError: no object, or an impossible value.
-    """
-    keys = set(data) - {"kind"} if isinstance(data, dict) else set()
-    values = dict(require_keys("disturbance", data, {"kind"}, keys))
-    require_choice("kind of disturbance", kind := values.pop("kind"), list(DISTURBANCES))
-    return DISTURBANCES[kind].from_dict(values)
+DISTURBANCES: Kinds[Disturbance] = Kinds("disturbance")
+register_disturbance, read_disturbance = DISTURBANCES.register, DISTURBANCES.read
 
 
 @register_disturbance

@@ -18,8 +18,9 @@ from ...controllers.validation import (
     require_kind,
     require_number,
 )
-from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, JsonRecord, ModelErrors, PhysicsOptions, object_of
+from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
 from .push import SIDES, Disturbance, Kick, Push, Side, other_side, read_disturbance
+from .record import JsonRecord, object_of
 
 FASTEST_TURN = 0.6  # [rad/s]
 
@@ -63,8 +64,7 @@ class CommandChange(JsonRecord):
 
     def __post_init__(self) -> None:
         self._set(time=require_number("CommandChange.time [s]", self.time, 0.0, open_low=True))
-        if not isinstance(self.command, Command):
-            raise InvalidValueError(f"CommandChange.command must be a Command, got {self.command!r}")
+        require_kind("CommandChange.command", self.command, Command)
 
     def mirrored(self) -> CommandChange:
         """The mirrored command at the same time."""
@@ -121,8 +121,7 @@ class Scenario(JsonRecord):
             raise InvalidValueError(f"Scenario.id must be a non-empty string, got {self.id!r}")
         for name, kind in _LISTS.items():
             self._set(**{name: _all_of(name, getattr(self, name), kind)})
-        if not isinstance(self.command, Command):
-            raise InvalidValueError(f"Scenario.command must be a Command, got {self.command!r}")
+        require_kind("Scenario.command", self.command, Command)
         require_choice("stance side", self.stance_side, SIDES)
         self._set(
             settle_time=require_number("Scenario.settle_time [s]", self.settle_time, 0.0, open_low=True)

@@ -26,10 +26,15 @@ ANKLE = "left_ankle_roll"
 JOINTS = slice(6, 20)  # degrees of freedom of waist and legs
 
 
-def own(**errors) -> mujoco.MjModel:
-    model = altered_model(biped(), ModelErrors(**errors))
-    assert model is not None
-    return model
+def model_of(**errors) -> mujoco.MjModel:
+    own = altered_model(biped(), ModelErrors(**errors))
+    assert own is not None
+    return own
+
+
+def step(core) -> None:
+    action = POLICY.predict(core.observation)[0]
+    core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
 
 
 def weightless(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -46,7 +51,7 @@ def weightless(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def rate_under(torque: float, **errors) -> float:
     """Rate of an ankle that has been driven from rest for 20 ms [rad/s]."""
-    model, data = weightless(own(**errors) if errors else biped_model())
+    model, data = weightless(model_of(**errors) if errors else biped_model())
     data.actuator(ANKLE).ctrl[0] = torque
     for _ in range(10):
         mujoco.mj_step(model, data)
@@ -68,14 +73,14 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
     matrix = np.zeros((20, 20))
     mujoco.mj_fullM(model, data, matrix)
     matrix += np.diag([0.0] * 6 + [0.03] * 14)
-    heavy, data = weightless(own(armature=0.03))
+    heavy, data = weightless(model_of(armature=0.03))
     data.qfrc_applied[:] = torque
     mujoco.mj_forward(heavy, data)
     np.testing.assert_allclose(data.qacc, np.linalg.solve(matrix, torque), rtol=1e-6, atol=1e-8)
 
 
 def test_damping_brakes_in_proportion():
-    model, data = weightless(own(joint_damping=2.0))
+    model, data = weightless(model_of(joint_damping=2.0))
     data.qvel[JOINTS] = np.linspace(-1.0, 1.0, 14)
     data.qvel[:6] = 0.3
     mujoco.mj_forward(model, data)
@@ -92,14 +97,14 @@ def touching(model: mujoco.MjModel, data: mujoco.MjData) -> set[tuple[str, ...]]
 
 def test_a_trunk_falls_through_the_floor_unless_it_collides():
     for collisions, met in ((False, False), (True, True)):
-        model = own(collisions=True) if collisions else biped_model()
+        model = model_of(collisions=True) if collisions else biped_model()
         data = mujoco.MjData(model)
         data.qpos[2], data.qpos[3:7] = 0.1, [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]  # on its belly
         assert (("trunk", "world") in touching(model, data)) == met
 
 
 def test_a_hand_meets_a_thigh_that_is_lifted_outwards():
-    model, data = weightless(own(collisions=True))
+    model, data = weightless(model_of(collisions=True))
     data.joint("left_hip_pitch").qpos[0] = -1.6
     data.joint("left_hip_yaw").qpos[0] = 0.6
     assert ("left_thigh", "trunk") in touching(model, data)
@@ -112,7 +117,7 @@ def test_a_hand_meets_a_thigh_that_is_lifted_outwards():
 def test_soles_touch_the_floor_as_without_collisions():
     """No contact of a sole is counted twice, and nothing else touches in a normal stance."""
     found = []
-    for model in (biped_model(), own(collisions=True)):
+    for model in (biped_model(), model_of(collisions=True)):
         data = mujoco.MjData(model)
         for side in ("left", "right"):
             for joint, angle in zip(("hip_pitch", "knee", "ankle_pitch"), (-0.3, 0.6, -0.3), strict=True):
@@ -127,10 +132,10 @@ def test_soles_touch_the_floor_as_without_collisions():
 
 def test_gravity_on_a_slope_is_turned_and_no_larger():
     """A floor that rises by 0.08 rad ahead pulls back by sin, down by cos; two slopes by their tangents."""
-    ahead, aside = own(slope_forward=0.08).opt.gravity, own(slope_left=-0.08).opt.gravity
+    ahead, aside = model_of(slope_forward=0.08).opt.gravity, model_of(slope_left=-0.08).opt.gravity
     np.testing.assert_allclose(ahead, [-0.783963148, 0.0, -9.778624739], rtol=1e-8)
     np.testing.assert_allclose(aside, [0.0, 0.783963148, -9.778624739], rtol=1e-8)
-    both = own(slope_forward=0.08, slope_left=0.05).opt.gravity
+    both = model_of(slope_forward=0.08, slope_left=0.05).opt.gravity
     assert np.linalg.norm(both) == pytest.approx(9.81)
     np.testing.assert_allclose(both[:2] / both[2], [0.0801711, 0.0500417], rtol=1e-5)
 
@@ -138,7 +143,7 @@ def test_gravity_on_a_slope_is_turned_and_no_larger():
 def test_floors_of_all_steps_share_a_model_whose_tiles_each_robot_copies():
     low, high = (altered_model(biped(), ModelErrors(floor_step=step)) for step in (0.002, 0.02))
     assert low is high
-    slippery = own(floor_step=0.01, friction=0.3)
+    slippery = model_of(floor_step=0.01, friction=0.3)
     pairs = slippery.geom_bodyid[slippery.pair_geom1] == 0
     assert pairs.sum() >= 8  # four tiles a foot
     assert (slippery.pair_friction[pairs, :2] == 0.3).all()
@@ -146,7 +151,7 @@ def test_floors_of_all_steps_share_a_model_whose_tiles_each_robot_copies():
 
 
 def test_of_a_foot_only_the_sole_collides_and_all_that_does_is_as_hard_as_the_soles():
-    model = own(collisions=True)
+    model = model_of(collisions=True)
     collides = (model.geom_contype == 1) & (model.geom_conaffinity == 1)
     assert ((model.geom_contype == 1) == (model.geom_conaffinity == 1)).all()
     for g in range(model.ngeom):
@@ -159,7 +164,7 @@ def test_of_a_foot_only_the_sole_collides_and_all_that_does_is_as_hard_as_the_so
 
 
 def test_friction_is_that_of_all_that_collides():
-    model = own(collisions=True, friction=0.5)
+    model = model_of(collisions=True, friction=0.5)
     solid = model.geom_contype > 0
     np.testing.assert_array_equal(model.geom_friction[solid, 0], 0.5)
     assert {model.geom(name).id for name in PLAN.sole_boxes} <= set(np.flatnonzero(solid))
@@ -207,8 +212,7 @@ def test_steps_of_control_are_plain_steps_of_mujoco(biped_core, begin, options):
 
     core.after_physics_step = look
     for _ in range(20):
-        action = POLICY.predict(core.observation)[0]
-        core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+        step(core)
     assert len(seen) == 100
     assert not core.gait.failure[0]
 
@@ -228,8 +232,7 @@ def test_a_robot_with_losses_beside_others_is_the_one_alone(biped_core, begin):
         for k, scenario in enumerate(scenarios):
             begin(core, k, scenario)
         for _ in range(60):
-            actions = POLICY.predict(core.observation)[0]
-            core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
+            step(core)
         return core.physics.qpos.copy()
 
     core = biped_core(3)
@@ -257,17 +260,6 @@ DIFFERENT = (
     ModelErrors(floor_step=0.015, delay=0.002),
     ModelErrors(continuous_torque=0.4, delay=0.004),
 )
-
-
-def model_of(**errors) -> mujoco.MjModel:
-    own = altered_model(biped(), ModelErrors(**errors))
-    assert own is not None
-    return own
-
-
-def step(core) -> None:
-    action = POLICY.predict(core.observation)[0]
-    core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
 
 
 def scenarios(all_errors=DIFFERENT) -> list[Scenario]:

@@ -20,13 +20,13 @@ from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, c
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity as omega_of
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.biped.pushes import Kicks
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.robots.biped import biped_model
 from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.variants import ARMS_HELD
+from push_recovery.envs.scenario.arrays import Kicks
 from push_recovery.envs.scenario.model_errors import BOUNDS, ModelErrors
 from push_recovery.envs.scenario.push import FORCE_MAX, Body, GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, PROFILES, SENSING, Scenario

@@ -5,7 +5,7 @@ Model errors as values: JSON, mirror, bounds, and draws from ranges.
 
 import math
 import re
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -20,6 +20,20 @@ from push_recovery.envs.scenario.model_errors import (
     PhysicsOptions,
 )
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.terrain import Terrain, register_terrain
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Ledge(Terrain):
+    """A terrain whose model is the plane's, to be written and read."""
+
+    json_name = "ledge"
+    left: float
+
+    def mirrored(self):
+        return Ledge(-self.left)
+
 
 FINE = PhysicsOptions(
     time_step=0.0005, integrator="rk4", solver="cg", cone="elliptic", impratio=10.0, contact_time=0.02
@@ -80,7 +94,7 @@ ALL = ModelErrors(
     mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,
     delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02, joint_friction=1.0, joint_damping=0.5,
     armature=0.03, collisions=True, motor_power=2000.0, bus_power=3000.0,
-    continuous_torque=0.4,
+    continuous_torque=0.4, terrain=Ledge(0.3),
 )  # fmt: skip
 RANGES = ErrorRanges(mass=(-0.1, 0.2), friction=(0.4, 1.2), delay=(0.002, 0.01), trunk_com=(-0.02, 0.02))
 
@@ -111,7 +125,7 @@ def test_json_round_trip_names_only_what_is_off():
 def test_the_mirror_is_an_involution_that_keeps_what_has_no_side():
     mirror = ALL.mirrored()
     assert mirror.trunk_com == (0.01, 0.02, 0.03)
-    assert (mirror.slope_forward, mirror.slope_left) == (0.05, 0.03)
+    assert (mirror.slope_forward, mirror.slope_left, mirror.terrain) == (0.05, 0.03, Ledge(-0.3))
     assert mirror.mirrored() == ALL
     assert Scenario("a", errors=ALL).mirrored().errors == mirror
     assert math.copysign(1.0, EXACT_MODEL.mirrored().slope_left) == 1.0

@@ -1,0 +1,179 @@
+"""Terrain: the shape of the floor under a robot, of which planner and whole-body control are told nothing.
+
+A new terrain is one class, registered by its name in JSON; a scenario has it as `ModelErrors.terrain`:
+
+    @register_terrain
+    @dataclass(frozen=True)
+    class Stair(Terrain):
+        json_name = "stair"
+        start: float  # [m]
+        rise: float  # [m]
+
+        def shape(self, spec, soles): ...
+        def height(self, x, y, pattern): ...
+
+Where a floor is made of several terrains, it is as high as the highest of them, and their slopes add up.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+
+from ...controllers.model.robot import Similarity
+from .record import JsonRecord, Kinds
+
+if TYPE_CHECKING:
+    import mujoco
+
+TILE = 0.4  # side of a tile [m]
+TILES_PER_FOOT = 4
+DEPTH = 0.5  # half the height of a tile's box [m]: a sole never comes out of its other side
+
+
+class Pattern(NamedTuple):
+    """What a floor that is drawn at random depends on, besides the terrain itself."""
+
+    seed: int = 0  # `counter_seed` of the scenario's noise seed
+    side: float = 1.0  # 1; -1 where y is mirrored, as it is with the stance side of the first step
+
+
+class Terrain(JsonRecord, ABC):
+    """The shape of a floor; a kind is a frozen dataclass, of which each object is one floor.
+
+    Axes are those of the world: x forward and y left of where the robot begins, z normal to the floor. The
+    robot stands at the origin, on its stance sole, when the episode begins.
+    """
+
+    shapes: ClassVar[bool] = True  # whether `shape` changes the model
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Angles by which the whole floor rises forward and to the left [rad].
+
+        Gravity is tilted by them, and recovery is judged by the nominal gait on that slope.
+        """
+        return 0.0, 0.0
+
+    def modelled(self) -> Terrain:
+        """The terrain that has the same model: where many share one, it is built once."""
+        return self
+
+    def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
+        """Add the floor's geoms to a robot's model, as with `add_box`, whose plane is z = 0.
+
+        Args:
+            spec: of the robot over its plane, written.
+            soles: names of the geoms that touch the floor, left and right.
+        """
+
+    def height(self, x: float, y: float, pattern: Pattern) -> float:
+        """Height of the floor at a point [m]; the soles begin on the highest point under them."""
+        return 0.0
+
+    def mirrored(self) -> Self:
+        """Reflection in the x-z plane; a `pattern` is mirrored with the stance side."""
+        return self
+
+    def scaled(self, scale: Similarity) -> Self:
+        """The same floor for a robot of another size."""
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its fields and its kind."""
+        return {"kind": self.json_name} | super().to_dict()
+
+
+TERRAINS: Kinds[Terrain] = Kinds("terrain")
+register_terrain = TERRAINS.register
+
+
+def add_box(
+    spec: mujoco.MjSpec,
+    soles: Sequence[str],
+    name: str,
+    half_size: Sequence[float],
+    position: Sequence[float],
+    quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+) -> None:
+    """Put a box on the floor of a model, which the soles touch as they touch its plane.
+
+    Args:
+        spec: of the robot over its plane, written.
+        soles: names of the geoms that touch the box.
+        name: of the box.
+        half_size: half its length, width and height [m].
+        position: of its centre [m].
+        quaternion: that turns it, w first.
+    """
+    from mujoco import mjtGeom  # heavy, and scenarios are read without it
+
+    box = spec.worldbody.add_geom()
+    box.name, box.type = name, mjtGeom.mjGEOM_BOX
+    box.size, box.pos, box.quat = list(half_size), list(position), list(quaternion)
+    box.contype = box.conaffinity = 0
+    plane = next(pair for pair in spec.pairs if pair.geomname1 == "floor")
+    for sole in soles:
+        contact = spec.add_pair()
+        contact.geomname1, contact.geomname2 = name, sole
+        contact.condim, contact.friction, contact.solref = plane.condim, plane.friction, plane.solref
+
+
+@dataclass(frozen=True)
+class Slope(Terrain):
+    """A floor that rises evenly. It tilts gravity, and stays level in the world's axes."""
+
+    json_name, shapes = "slope", False
+
+    forward: float = 0.0  # [rad]
+    left: float = 0.0  # [rad]
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """The two angles."""
+        return self.forward, self.left
+
+    def mirrored(self) -> Slope:
+        """It rises to the other side."""
+        return Slope(self.forward, -self.left)
+
+
+@dataclass(frozen=True)
+class Tiles(Terrain):
+    """Square tiles of different heights without end; where they are is a function of the pattern alone.
+
+    The model holds four boxes a foot. Before every physics step they are moved to the four tiles around the
+    tile corner nearest to the sole (`envs/biped/floor.py`), which hold all of it: half a tile is more than
+    half the sole's diagonal.
+    """
+
+    json_name = "tiles"
+
+    step: float = 0.0  # they are up to this much higher than others [m]
+
+    def modelled(self) -> Tiles:
+        """One model serves tiles of all heights, since its boxes move."""
+        return Tiles()
+
+    def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
+        """Put boxes in the place of the plane, each in contact with one foot."""
+        spec.geom("floor").pos = [0.0, 0.0, -2.0 * DEPTH]
+        half = 0.5 * TILE, 0.5 * TILE, DEPTH
+        for tile in range(2 * TILES_PER_FOOT):
+            sole = soles[tile // TILES_PER_FOOT]
+            add_box(spec, [sole], f"tile_{tile}", half, (0.0, 0.0, -DEPTH))
+
+    def height(self, x: float, y: float, pattern: Pattern) -> float:
+        """Height of the tile there, uniform in [0, step)."""
+        from .noise import grid_origin, uniform  # compiled code, and scenarios are read without it
+
+        x0, y0 = grid_origin(pattern.seed)
+        i, j = math.floor(x / TILE - x0), math.floor(pattern.side * y / TILE - y0)
+        return self.step * uniform(pattern.seed, i, j)
+
+    def scaled(self, scale: Similarity) -> Tiles:
+        """Tiles of the same size, higher for a larger robot."""
+        return replace(self, step=scale.length * self.step)

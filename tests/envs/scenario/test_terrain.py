@@ -1,0 +1,172 @@
+"""Kinds of terrain from outside the package: loaded from JSON, stood on, mirrored and scaled."""
+
+import json
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.controllers.model.robot import Similarity
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.pendulum.env import PendulumEpisodes
+from push_recovery.envs.robots.biped import PLAN, biped
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.push import Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.terrain import Slope, Terrain, Tiles, add_box, register_terrain
+
+LARGE = 5.0  # half the size of the floor beside the robot [m]
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Stair(Terrain):
+    """One step up at x = start."""
+
+    json_name = "stair"
+
+    start: float  # [m]
+    rise: float  # [m]
+
+    def shape(self, spec, soles):
+        size, place = (LARGE, LARGE, 0.5 * self.rise), (self.start + LARGE, 0.0, 0.5 * self.rise)
+        add_box(spec, soles, "stair", size, place)
+
+    def height(self, x, y, pattern):
+        return self.rise if x >= self.start else 0.0
+
+    def scaled(self, scale):
+        return Stair(scale.length * self.start, scale.length * self.rise)
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Kerb(Terrain):
+    """The floor is higher from y on, on the left where `rise` is, and rises evenly to that side."""
+
+    json_name = "kerb"
+
+    y: float  # [m]; negative: on the right
+    rise: float  # [m]
+    slope: float = 0.0  # to the left [rad]
+
+    @property
+    def tilt(self):
+        return 0.0, self.slope
+
+    def shape(self, spec, soles):
+        place = (0.0, self.y + math.copysign(LARGE, self.y), 0.5 * self.rise)
+        add_box(spec, soles, "kerb", (LARGE, LARGE, 0.5 * self.rise), place)
+
+    def height(self, x, y, pattern):
+        return self.rise if y / self.y >= 1.0 else 0.0
+
+    def mirrored(self):
+        return Kerb(-self.y, self.rise, -self.slope)
+
+
+def on(terrain: Terrain, stance="left", command=0.0, **more) -> Scenario:
+    return Scenario(
+        "a", (), Command(command), stance, duration=2.0, errors=ModelErrors(terrain=terrain, **more)
+    )
+
+
+def test_a_kind_is_read_from_json_and_written_again():
+    text = '{"id":"a","errors":{"terrain":{"kind":"stair","start":0.2,"rise":0.03},"mass":0.1}}'
+    scenario = Scenario.from_json(text)
+    assert scenario == Scenario("a", errors=ModelErrors(mass=0.1, terrain=Stair(0.2, 0.03)))
+    assert hash(scenario.errors) == hash(ModelErrors(mass=0.1, terrain=Stair(0.2, 0.03)))
+    assert json.loads(scenario.to_json())["errors"] == json.loads(text)["errors"]
+    assert Scenario.from_json(scenario.to_json()) == scenario
+
+
+def test_the_floor_of_the_fields_is_made_of_terrains_too():
+    errors = ModelErrors(slope_forward=0.02, slope_left=-0.03, floor_step=0.01, terrain=Kerb(0.2, 0.01, 0.04))
+    assert errors.terrains == (Slope(0.02, -0.03), Tiles(0.01), Kerb(0.2, 0.01, 0.04))
+    assert errors.tilt == pytest.approx((0.02, 0.01))
+    assert (ModelErrors(mass=0.1).terrains, ModelErrors().tilt) == ((), (0.0, 0.0))
+
+
+def test_it_is_mirrored_and_scaled_with_its_scenario():
+    mirror = on(Kerb(0.2, 0.01, 0.02), slope_left=0.01).mirrored()
+    assert mirror.errors == ModelErrors(terrain=Kerb(-0.2, 0.01, -0.02), slope_left=-0.01)
+    assert mirror.mirrored() == on(Kerb(0.2, 0.01, 0.02), slope_left=0.01)
+    scaled = on(Stair(0.2, 0.03), floor_step=0.01).scaled(Similarity(mass=0.5, length=0.5))
+    assert scaled.errors == ModelErrors(terrain=Stair(0.1, 0.015), floor_step=0.005)
+
+
+def test_the_model_has_its_geoms_and_soles_touch_them_as_the_plane():
+    model = altered_model(biped(), ModelErrors(terrain=Stair(0.2, 0.03), friction=0.5))
+    assert model is not None
+    touched = model.pair_geom1 == model.geom("stair").id
+    assert {model.geom(foot).name for foot in model.pair_geom2[touched]} == set(PLAN.sole_boxes)
+    np.testing.assert_array_equal(model.pair_friction[touched, :2], 0.5)
+    np.testing.assert_array_equal(model.opt.gravity, [0.0, 0.0, -9.81])
+    again = altered_model(biped(), ModelErrors(terrain=Stair(0.2, 0.04)))
+    assert again is not None
+    assert again is not model
+    assert again.geom("stair").size[2] == 0.02
+
+
+@pytest.mark.parametrize("stance", ["left", "right"])
+def test_soles_begin_on_it(stance):
+    """A kerb on the swing side lifts the swing sole alone; a stair behind the robot lifts both."""
+    side = 1.0 if stance == "right" else -1.0
+    episodes = BipedEpisodes(3)
+    episodes.begin(0, on(Kerb(side * 0.06, 0.02), stance))
+    episodes.begin(1, on(Stair(-1.0, 0.02), stance))
+    episodes.begin(2, on(Stair(0.05, 0.02), stance))  # under the toes of the stance sole
+    for k, expected in enumerate([(0.0, 0.02), (0.02, 0.02), (0.02, 0.02)]):
+        model, data = episodes.core.simulations.models[k], episodes.core.simulations.data[k]
+        soles = [data.geom_xpos[model.geom(foot).id][2] - 0.015 for foot in PLAN.sole_boxes]
+        np.testing.assert_allclose(soles if stance == "left" else soles[::-1], expected, atol=1e-9)
+
+
+def test_a_robot_walks_up_a_stair():
+    env = BipedEnv()
+    observation, _ = env.reset(options={"scenario": on(Stair(0.4, 0.01), command=0.3)})
+    policy = make_policy("two-stage", env.robot, env.limits, "biped")
+    over, touched = False, False
+    while not over:
+        observation, _, failed, truncated, _ = env.step(policy.predict(observation)[0])
+        model, data = env.core.simulations.models[0], env.core.simulations.data[0]
+        touched |= model.geom("stair").id in data.contact.geom[:, 0]
+        over = failed or truncated
+    assert touched
+    assert not failed
+    assert env.core.com[0, 0] > 0.4
+
+
+def test_a_slope_of_its_own_is_that_of_the_fields():
+    """Its gravity, what control believes, and what recovery is judged by, bit for bit."""
+    kinds = Kerb(3.0, 0.01, 0.03), None
+    episodes = BipedEpisodes(2)
+    for k, (terrain, own) in enumerate(zip(kinds, (0.0, 0.03), strict=True)):
+        errors = ModelErrors(terrain=terrain, slope_left=own)
+        episodes.begin(k, Scenario("a", (Push((40.0, 50.0, 0.0), 0.1, 0.1),), errors=errors))
+    for _ in range(20):
+        episodes.step(np.zeros((2, 7), np.float32))
+        for values in (episodes.core.truth, episodes.core.observation, episodes._episodes.uphill):
+            np.testing.assert_allclose(values[0], values[1], atol=1e-9)
+    gravity = [model.opt.gravity for model in episodes.core.simulations.models]
+    np.testing.assert_array_equal(*gravity)
+    assert gravity[0][1] == pytest.approx(-9.81 * math.sin(0.03))
+
+
+def test_what_is_no_terrain_is_refused():
+    with pytest.raises(UnknownNameError, match=r"kind of terrain 'stairs'.*stair"):
+        ModelErrors.from_dict({"terrain": {"kind": "stairs"}})
+    with pytest.raises(InvalidValueError, match="terrain lacks kind"):
+        ModelErrors.from_dict({"terrain": {"start": 0.2}})
+    for bad in (3, Tiles(0.01)):
+        with pytest.raises(InvalidValueError, match="terrain must be a Terrain of a registered kind"):
+            ModelErrors(terrain=bad)  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match="kind 'stair' is registered already"):
+        register_terrain(type("Other", (Stair,), {"json_name": "stair"}))
+    with pytest.raises(PushRecoveryError, match="pendulum has no model error 'terrain'"):
+        PendulumEpisodes(1).begin(0, on(Stair(0.2, 0.03)))
+    assert mujoco.mj_name2id(biped().model, mujoco.mjtObj.mjOBJ_GEOM, "stair") < 0
