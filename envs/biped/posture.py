@@ -58,34 +58,6 @@ def leg_geometry(model: mujoco.MjModel, indices: Indices) -> LegGeometry | None:
     return LegGeometry(*np.round(found[0], 12).tolist())
 
 
-def leg_joints(
-    hip: NDArray[np.float64],
-    pelvis: NDArray[np.float64],
-    sole: NDArray[np.float64],
-    foot: NDArray[np.float64],
-    leg: LegGeometry,
-) -> NDArray[np.float64]:
-    """Joint angles that put the sole at a pose.
-
-    Args:
-        hip: hip centre in the world, (3,) [m].
-        pelvis: rotation of the pelvis, (3, 3).
-        sole: centre of the sole in the world, (3,) [m].
-        foot: rotation of the foot, (3, 3).
-        leg: its lengths.
-
-    Returns:
-        Hip yaw, roll, pitch, knee, ankle pitch, ankle roll, (6,) [rad]; out of reach, a straight leg.
-    """
-    x, y, z = foot.T @ (hip - sole - foot[:, 2] * leg.ankle_height)
-    knee, pitch, roll = ankle_joints(x, y, z, leg)
-    # foot = pelvis Rz(yaw) Rx(roll) Ry(pitch + knee + ankle_pitch) Rx(ankle_roll)
-    hips = pelvis.T @ foot @ _rot_x(-roll) @ _rot_y(-knee - pitch)
-    hip_roll = math.asin(max(-1.0, min(1.0, hips[2, 1])))
-    yaw, hip_pitch = math.atan2(-hips[0, 1], hips[1, 1]), math.atan2(-hips[2, 0], hips[2, 2])
-    return np.array([yaw, hip_roll, hip_pitch, knee, pitch, roll])
-
-
 @njit(cache=True)
 def ankle_joints(x, y, z, leg):  # pragma: no cover
     """Knee, ankle pitch and ankle roll [rad] that put the hip at (x, y, z) [m], seen from foot and ankle."""
@@ -99,7 +71,10 @@ def ankle_joints(x, y, z, leg):  # pragma: no cover
 
 @njit(cache=True)
 def level_leg(pelvis, side, sole, leg, out):  # pragma: no cover
-    """Write `leg_joints` (6,) of a level foot at heading 0 under an upright pelvis; hips need no yaw then.
+    """Write the joints (6,) of a leg that put its sole level at heading 0, the pelvis upright [rad].
+
+    They are hip yaw, roll, pitch, knee, ankle pitch and roll; out of reach, the leg is straight. The foot is
+    Rz(yaw) Rx(roll) Ry(pitch + knee + ankle_pitch) Rx(ankle_roll) seen from the pelvis, so hips need no yaw.
 
     Args:
         pelvis: origin of the pelvis, (3,) [m].
@@ -116,16 +91,6 @@ def level_leg(pelvis, side, sole, leg, out):  # pragma: no cover
     )
     out[0], out[1], out[2] = 0.0, -roll, -knee - pitch
     out[3], out[4], out[5] = knee, pitch, roll
-
-
-def _rot_x(angle: float) -> NDArray[np.float64]:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def _rot_y(angle: float) -> NDArray[np.float64]:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 CONVERGED = 1e-13  # error of the CoM of a posture [m]

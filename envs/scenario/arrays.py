@@ -1,4 +1,4 @@
-"""Pushes and command changes of n robots as arrays for compiled loops: when they come, and how much of them.
+"""Pushes, kicks and command changes of n robots for compiled loops: when they come, and how much of them.
 
 The forces of all disturbances have a row each; after them a jump of the velocity has one without a force, so
 that what counts from the first disturbance on, as limits that are met do, counts from it on, too.
