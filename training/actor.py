@@ -13,7 +13,6 @@ from ..controllers.policies.mlp import NetworkInputs, input_size
 from ..controllers.policies.residual import Below, ResidualRule
 from ..controllers.validation import require_choice
 from ..envs.episode.episodes import GaitEpisodes
-from ..envs.joint.env import JointResidualEpisodes
 
 Array = NDArray[np.float64]
 Actions = NDArray[np.float32]
@@ -82,23 +81,21 @@ class Actor:
         self._episodes, self._rule, self._critic = episodes, rule, critic
         self._inputs = NetworkInputs(inputs, episodes.robot, episodes.limits)
         self.size = input_size(inputs, episodes.observation_size) + critic_size(critic)
-        self._gate = episodes.gate if isinstance(episodes, JointResidualEpisodes) else None
-        n = episodes.n
-        self._below = Below(np.zeros((n, 7), np.float32), np.zeros((n, 1), np.float32))
+        self._below = Below(*(np.zeros((episodes.n, size), np.float32) for size in (7, 1)))
 
     def look(self, rows: NDArray[np.int64]) -> None:
         """Take in where the robots `rows` are now."""
         if self._rule is not None and len(rows):
-            base, opening = self._rule.below(self._episodes.core.observation[rows])
-            self._below.base[rows], self._below.opening[rows] = base, opening
+            below = self._rule.below(self._episodes.core.observation[rows])
+            self._below.base[rows], self._below.opening[rows] = below
 
     @property
     def gate_closed(self) -> NDArray[np.bool_]:
         """Robots (n,) that no output acts on, since a gate is closed; none where there is no gate."""
         if self._rule is not None:
             return self._below.opening[:, 0] <= 0.0
-        if self._gate is not None:
-            return self._gate(self._episodes.core.observation)[:, 0] <= 0.0
+        if (gate := self._episodes.gate) is not None:
+            return gate(self._episodes.core.observation)[:, 0] <= 0.0
         return np.zeros(self._episodes.n, np.bool_)
 
     def inputs(self) -> NDArray[np.float32]:

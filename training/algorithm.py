@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ..controllers.errors import InvalidValueError
 from ..controllers.policies.learned import NetworkPolicy
 from ..controllers.policies.mlp import Mlp
-from .from_sb3 import acting_network, network_of
+from .from_sb3 import acting_network
 from .settings import ALGORITHMS, TrainingSettings
 
 KEPT = 1e15  # observations that count as seen before: what a run adds to them changes nothing
@@ -69,7 +69,7 @@ class Algorithm(ABC):
 
     def network(self) -> Mlp:
         """The network that it acts by without exploration, in numpy."""
-        return network_of(self.model)
+        return acting_network(self.model).mlp()
 
     def start_from(self, policy: NetworkPolicy) -> None:
         """Give the acting network the weights of a policy, and the environments its normalisation.

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecNormalize
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.robot import Similarity
-from ..controllers.policies.mlp import BASE, GATE, MARGIN, OBSERVATION
+from ..controllers.policies import mlp, two_stage
 from ..controllers.policies.residual import ResidualRule
-from ..controllers.policies.two_stage import make_policy
-from ..envs.biped.env import BipedEpisodes
 from ..envs.episode.episodes import GaitEpisodes
-from ..envs.joint.env import JointEpisodes, JointResidualEpisodes
 from ..envs.wrappers import ActionHold, ResidualAction
-from ..eval.rollout import environments
+from ..eval.rollout import environments, names
 from ..eval.rollout.episodes import action_rule, batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
-from ..eval.rollout.names import default_workers
+from . import starts, vec_env
 from .actor import Actor
 from .reward import REWARDS
 from .settings import STARTS, TrainingSettings
-from .starts import PushStarts, ResetStarts, Starts, take_walks
-from .vec_env import TrainingRobots
 
 OBSERVATION_CLIP = 10.0
 ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
@@ -70,19 +65,22 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     return ActionHold(env, settings.periods)
 
 
+def layers_of(env: gym.Env) -> Iterator[gym.Wrapper]:
+    """The wrappers of an environment, from the outermost on."""
+    while isinstance(env, gym.Wrapper):
+        yield env
+        env = env.env
+
+
 def find_residual(env: gym.Env) -> ResidualAction | None:
     """The residual among an environment's wrappers, or None."""
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, ResidualAction):
-            return env
-        env = env.env
-    return None
+    return next((layer for layer in layers_of(env) if isinstance(layer, ResidualAction)), None)
 
 
 def own_episodes(settings: TrainingSettings, env: gym.Env, n: int) -> GaitEpisodes | None:
     """Episodes of n robots like that of a training environment; None where it is not this project's."""
     rule = action_rule(env)
-    threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
+    threads = min(names.default_workers(), -(-n // ROBOTS_A_THREAD))
     return None if rule is None else batch_episodes(rule.env, n, threads)
 
 
@@ -94,12 +92,12 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     """
     settings = replace(settings, hold=settings.periods)
     episodes = own_episodes(settings, env, 1)
-    # A planner can walk these robots, and each can be put back into its walk
-    walks = isinstance(episodes, BipedEpisodes) and not isinstance(episodes, JointEpisodes)
+    walks = episodes is not None and episodes.walks
     # A policy on joints has to walk by itself and learns nothing from ends alone
     reward = "environment" if episodes is None or settings.kind == "joint" else "recovery"
-    blocks = (OBSERVATION, BASE, GATE, MARGIN) if settings.residual else (OBSERVATION, MARGIN)
-    inputs = (OBSERVATION,) if episodes is None or settings.on_joints else blocks
+    inputs: tuple[str, ...] = (mlp.OBSERVATION,)
+    if episodes is not None and not settings.on_joints:
+        inputs += (mlp.BASE, mlp.GATE, mlp.MARGIN) if settings.residual else (mlp.MARGIN,)
     can = {
         "starts": ("push" if walks else "reset", STARTS if walks else ("reset",)),
         "reward": (reward, tuple(REWARDS) if episodes is not None else (reward,)),
@@ -122,46 +120,34 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
 
 
 def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
-    """All training environments as one of Stable-Baselines3.
+    """All training environments as one of Stable-Baselines3; arguments are those of `make_vec_env`.
 
     Where `env`, one of them, is this project's, they are robots on one core, whose physics all processor
     cores share; what comes out does not depend on how many. Others are called one by one.
-
-    Args:
-        settings: completed.
-        env: a training environment.
-        seed: of the pushes and walks.
     """
     episodes = own_episodes(settings, env, settings.n_envs)
     if episodes is None:
         return DummyVecEnv([lambda: make_env(settings)] * settings.n_envs)
-    residual = find_residual(env)
     rule = None
-    if residual is not None:
+    if (residual := find_residual(env)) is not None:
         rule = ResidualRule(residual.policy, episodes.robot, episodes.limits, residual.scale, residual.gate)
     actor = Actor(episodes, settings.inputs or (), rule, settings.critic)
-    starts = make_starts(settings, episodes, seed)
     reward = REWARDS[settings.reward or ""](episodes, settings.gamma)
-    return TrainingRobots(episodes, actor, starts, reward, settings.periods)
+    begin = make_starts(settings, episodes, seed)
+    return vec_env.TrainingRobots(episodes, actor, begin, reward, settings.periods)
 
 
-def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -> Starts:
+def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -> starts.Starts:
     """Where the episodes of a run begin; for starts at pushes the walks are walked now."""
     size = Similarity.of(episodes.robot)
     pushes, easy = settings.drawn_pushes.scaled(size), settings.easy_pushes.scaled(size)
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
     choice = episodes, pushes, easy, settings.easy_share, settings.least_acceptance, pushing
     if settings.starts == "reset":
-        return ResetStarts(*choice)
-    walker = make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
-
-    def act(observations: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Actions of the planner, or no corrections of one that is within."""
-        if isinstance(episodes, JointResidualEpisodes):
-            return np.zeros((len(observations), episodes.action_size), np.float32)
-        return walker.predict(observations)[0]
-
-    return PushStarts(*choice, take_walks(episodes, act, pushes, settings.walks, walking))
+        return starts.ResetStarts(*choice)
+    planner = two_stage.make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
+    walks = starts.take_walks(episodes, planner, pushes, settings.walks, walking)
+    return starts.PushStarts(*choice, walks)
 
 
 def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:

@@ -6,6 +6,7 @@ import csv
 import io
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import get_type_hints
 
 import gymnasium as gym
 import numpy as np
@@ -39,10 +40,7 @@ class CurvePoint:
 def curve_scenarios(count: int, profile: str = "exact", size: Similarity = SAME) -> list[Scenario]:
     """The first `count` scenarios of the curve: pushes like those of `hard`, the same ones in every run.
 
-    Args:
-        count: of scenarios.
-        profile: of the robots.
-        size: of the robot against that of 60 kg.
+    `profile` is that of the robots, `size` their size against the robot of 60 kg.
     """
     streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profile(profile)
     drawn = [PUSHES.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
@@ -54,14 +52,11 @@ def score(
 ) -> CurvePoint:
     """Run every scenario once on the plain environment."""
     outcomes = rollout_all(env, policy, scenarios, "training", SLOTS)
-    return CurvePoint(
-        timesteps=timesteps,
-        seconds=round(seconds, 3),
-        scenarios=len(outcomes),
-        recovered=float(np.mean([o.recovered for o in outcomes])),
-        survived=float(np.mean([o.survived for o in outcomes])),
-        mean_reward=float(np.mean([o.total_reward for o in outcomes])),
+    recovered, survived, reward = (
+        float(np.mean([getattr(outcome, name) for outcome in outcomes]))
+        for name in ("recovered", "survived", "total_reward")
     )
+    return CurvePoint(timesteps, round(seconds, 3), len(outcomes), recovered, survived, reward)
 
 
 def write_curve(path: Path, points: list[CurvePoint]) -> None:
@@ -83,10 +78,8 @@ def read_curve(path: Path) -> list[CurvePoint]:
         return []
     try:
         with path.open(newline="") as file:
-            return [
-                CurvePoint(int(row["timesteps"]), float(row["seconds"]), int(row["scenarios"]),
-                           float(row["recovered"]), float(row["survived"]), float(row["mean_reward"]))
-                for row in csv.DictReader(file)
-            ]  # fmt: skip
+            kinds = get_type_hints(CurvePoint)
+            rows = csv.DictReader(file)
+            return [CurvePoint(**{name: kind(row[name]) for name, kind in kinds.items()}) for row in rows]
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidValueError(f"{path} is no learning curve: {error}") from error

@@ -19,7 +19,7 @@ from ..controllers.policies.learned import NetworkPolicy, PolicyDescription, Res
 from ..controllers.policies.mlp import OBSERVATION, Mlp, Normalisation
 from ..controllers.policies.two_stage import POLICY_NAMES
 from ..envs.wrappers import ActionHold, ResidualAction
-from .builders import find_residual
+from .builders import find_residual, layers_of
 from .settings import ENV_OF_KIND, TrainingSettings
 
 ACTIVATIONS: dict[type[nn.Module], str] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
@@ -33,8 +33,16 @@ class ActingNetwork:
     """The layers that a model acts by, and what stands between and behind them."""
 
     layers: list[nn.Linear]
-    activation: str  # as `Mlp` names it
-    output: str
+    activation: str = "tanh"  # as `Mlp` names it
+    output: str = "linear"
+
+    def mlp(self) -> Mlp:
+        """The same network in numpy."""
+        weights, biases = (
+            tuple(getattr(layer, name).detach().cpu().numpy().copy() for layer in self.layers)
+            for name in ("weight", "bias")
+        )
+        return Mlp(weights, biases, self.activation, self.output)
 
 
 def acting_network(model: Any) -> ActingNetwork:
@@ -61,16 +69,6 @@ def acting_network(model: Any) -> ActingNetwork:
     if type(extractor) is not FlattenExtractor:
         raise InvalidValueError(f"a policy file has no features extractor {type(extractor).__name__}")
     return ActingNetwork(*_layers([*body, last]), "tanh" if squashed else "linear")
-
-
-def network_of(model: Any) -> Mlp:
-    """The `acting_network` of a model in numpy."""
-    acting = acting_network(model)
-    weights, biases = (
-        tuple(getattr(layer, name).detach().cpu().numpy().copy() for layer in acting.layers)
-        for name in ("weight", "bias")
-    )
-    return Mlp(weights, biases, acting.activation, acting.output)
 
 
 def _layers(modules: Iterable[nn.Module]) -> tuple[list[nn.Linear], str]:
@@ -126,19 +124,13 @@ def export_policy(
     unwrapped: Any = env.unwrapped
     wrapper = find_residual(env) if settings.residual else None  # or it is the environment's own
     base = None if wrapper is None else residual_base(wrapper, settings.policy)
-    description = PolicyDescription(
-        settings.env_id,
-        unwrapped.robot,
-        unwrapped.limits,
-        base,
-        settings.periods,
-        settings.inputs or (OBSERVATION,),
+    inputs = settings.inputs or (OBSERVATION,)
+    about = PolicyDescription(
+        settings.env_id, unwrapped.robot, unwrapped.limits, base, settings.periods, inputs
     )
-    below = None if wrapper is None else wrapper.policy
-    whole = normalisation_of(venv)
-    seen = slice(network.weights[0].shape[1])  # what only the critic sees stands behind it
+    whole, seen = normalisation_of(venv), slice(network.sizes[0])  # behind it is what only the critic sees
     normalisation = replace(whole, mean=whole.mean[seen], variance=whole.variance[seen])
-    return NetworkPolicy(network, normalisation, description, below)
+    return NetworkPolicy(network, normalisation, about, None if wrapper is None else wrapper.policy)
 
 
 def residual_base(wrapper: ResidualAction, name: str) -> ResidualBase:
@@ -166,7 +158,7 @@ def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) ->
             not like those of its training.
     """
     _check_spaces(model, env)
-    network = network_of(model)
+    network = acting_network(model).mlp()
     normalisation = normalisation_of(normalise, network.sizes[0])
     _check_agreement(model, network, normalisation, normalise)
     wrapper, hold = find_residual(env), _hold(env)
@@ -196,8 +188,8 @@ def _hold(env: gym.Env) -> int:
     Raises:
         InvalidValueError: a wrapper changes what the network sees or gives, and is no part of a policy file.
     """
-    periods, layer = 1, env
-    while isinstance(layer, gym.Wrapper):
+    periods = 1
+    for layer in layers_of(env):
         if isinstance(layer, ActionHold):
             periods *= layer.periods
         elif isinstance(layer, gym.ObservationWrapper | gym.ActionWrapper):
@@ -205,7 +197,6 @@ def _hold(env: gym.Env) -> int:
                 f"the wrapper {type(layer).__name__} changes observations or actions, and a policy file does "
                 "not hold it; for running means use VecNormalize"
             )
-        layer = layer.env
     return periods
 
 

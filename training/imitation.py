@@ -30,6 +30,7 @@ from ..controllers.whole_body.kinematics import NU
 from ..envs.joint.env import JointEpisodes
 from ..envs.joint.taught import TaughtEpisodes
 from ..envs.scenario.distribution import PushDistribution
+from .from_sb3 import ActingNetwork
 
 Floats = NDArray[np.float32]
 Act = Callable[[NDArray[np.float64]], Floats]  # observations (n, 58) -> targets (n, 14)
@@ -142,12 +143,8 @@ class Student:
 
     def mlp(self) -> Mlp:
         """The network in numpy."""
-        layers = [one for one in (self.mean or self.network).modules() if isinstance(one, nn.Linear)]
-        weights, biases = (
-            tuple(getattr(layer, name).detach().numpy().copy() for layer in layers)
-            for name in ("weight", "bias")
-        )
-        return Mlp(weights, biases)
+        modules = (self.mean or self.network).modules()
+        return ActingNetwork([one for one in modules if isinstance(one, nn.Linear)]).mlp()
 
 
 def normalisation_of(observations: Floats) -> Normalisation:

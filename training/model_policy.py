@@ -20,13 +20,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import (
-    VecCheckNan,
-    VecEnvWrapper,
-    VecMonitor,
-    VecNormalize,
-    VecVideoRecorder,
-)
+from stable_baselines3.common import vec_env
 
 from ..controllers.errors import InvalidValueError, MissingExtraError
 from ..controllers.files import read_file
@@ -35,11 +29,14 @@ from ..controllers.policies.learned import LearnedPolicy, PolicyDescription, rea
 from ..controllers.policies.residual import Below
 from ..controllers.validation import differences
 from ..envs.episode.gym_env import HOLD, RESIDUAL, Meaning, noted
+from .builders import layers_of
 
 # Settings that the algorithm of a name alone has, the first that fits
 SETTING_OF = {"PPO": "clip_range", "TD3": "target_policy_noise", "SAC": "target_entropy", "A2C": "vf_coef"}
 STATISTICS = "vecnormalize.pkl"  # beside the archive, where it was trained on normalised observations
-HARMLESS = (VecMonitor, VecNormalize, VecCheckNan, VecVideoRecorder)  # normalisation is taken along
+HARMLESS = (  # normalisation is taken along
+    vec_env.VecMonitor, vec_env.VecNormalize, vec_env.VecCheckNan, vec_env.VecVideoRecorder
+)  # fmt: skip
 # Beside `ObservationWrapper` and `ActionWrapper`, by name: what steps or stacks more than it is told to
 CHANGING = {"MaxAndSkipEnv", "MaxAndSkipObservation", "FrameStackObservation", "StickyActionEnv"}
 
@@ -196,11 +193,7 @@ def model_policy(model: Any, env: gym.Env) -> Policy:
 
 
 def _in_memory(model: Any) -> Trained:
-    """All that is known of a model.
-
-    Raises:
-        InvalidValueError: it is the network of one alone, which knows no environment and no normalisation.
-    """
+    """All that is known of a model, which its network alone (its `policy`) would not say."""
     name = f"the model {type(model).__name__}"
     if not hasattr(model, "get_env"):
         raise InvalidValueError(
@@ -211,8 +204,8 @@ def _in_memory(model: Any) -> Trained:
     if venv is None:
         return Trained(name, model, model.observation_space, model.action_space)
     statistics, changed_by, seen, action = None, [], venv.observation_space, venv.action_space
-    while isinstance(venv, VecEnvWrapper):
-        if isinstance(venv, VecNormalize):
+    while isinstance(venv, vec_env.VecEnvWrapper):
+        if isinstance(venv, vec_env.VecNormalize):
             statistics = venv if venv.norm_obs else None
         elif not isinstance(venv, HARMLESS):
             changed_by.append(type(venv).__name__)
@@ -231,15 +224,13 @@ def _of_archive(archive: ArchivePolicy) -> Trained:
 
 def _changing(env: gym.Env) -> Iterator[str]:
     """Wrappers that change what is seen or done, from the outermost on, each with what it was made with."""
-    layer: Any = env
-    while isinstance(layer, gym.Wrapper):
+    for layer in layers_of(env):
         if isinstance(layer, gym.ObservationWrapper | gym.ActionWrapper) or type(layer).__name__ in CHANGING:
             settings = getattr(layer, "_saved_kwargs", {})
             statistics = getattr(layer, "obs_rms", None)
             known = {} if statistics is None else {"mean": statistics.mean, "variance": statistics.var}
             written = ", ".join(f"{key}={value}" for key, value in {**settings, **known}.items())
             yield f"{type(layer).__name__}({written})"
-        layer = layer.env
 
 
 def _check_shapes(trained: Trained, env: gym.Env) -> None:
@@ -292,11 +283,7 @@ def _check_normalisation(trained: Trained) -> None:
 
 
 def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
-    """Meaning of actions in the training, and here.
-
-    Raises:
-        InvalidValueError: nothing says the first.
-    """
+    """Meaning of actions in the training, and here."""
     theirs, here = noted(trained.action), noted(env.action_space)
     if noted(trained.seen) is None and noted(env.observation_space) is not None:  # it was made anew
         theirs = None
@@ -311,11 +298,7 @@ def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
 
 
 def _correction(trained: Trained, theirs: Meaning, here: Meaning, env: gym.Env) -> tuple[Meaning | None, int]:
-    """The residual and the hold that an environment lacks of what a model was trained in.
-
-    Raises:
-        InvalidValueError: it lacks or has anything else.
-    """
+    """The residual and the hold that an environment lacks of what a model was trained in, and no more."""
     held, residual = theirs.get(HOLD, 1), theirs.get(RESIDUAL)
     held_here, residual_here = here.get(HOLD, 1), here.get(RESIDUAL)
     mine, other = (

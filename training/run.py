@@ -13,6 +13,7 @@ import shutil
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,12 +27,11 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file, sync_names, write_atomically
 from ..controllers.policies.learned import NetworkPolicy, policy_paths
 from ..controllers.validation import parse_json
-from ..eval.output.progress import Work, about, progress_bars
-from ..eval.output.rows import Writer, source_commit, versions
-from ..eval.rollout.environments import EnvName, code_digest, size_of
+from ..eval.output import progress, rows
+from ..eval.rollout import environments
 from ..eval.rollout.load_policy import named_file
+from . import builders
 from .algorithm import Tensors, make_algorithm
-from .builders import completed, make_env, make_plain_env, make_vec_env, segment_seed
 from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .from_sb3 import export_policy
 from .imitation import ImitationSettings, imitate_once
@@ -43,6 +43,7 @@ CHECKPOINTS, KEPT_CHECKPOINTS, FORMAT_VERSION = "checkpoints", 2, 1
 PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
 ROUND = 4.5  # seconds of one core that a round of imitation takes, about
 Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
+SILENT: Report = lambda timesteps, recovered: None  # noqa: E731
 
 
 @dataclass(frozen=True)
@@ -145,10 +146,6 @@ class Every(BaseCallback):
         return True
 
 
-def silent(timesteps: int, recovered: float | None) -> None:
-    """Report nothing."""
-
-
 class Run:
     """One run in its folder.
 
@@ -166,23 +163,24 @@ class Run:
         out: Path,
         checkpoint: Checkpoint | None = None,
         own: Path | None = None,
-        report: Report = silent,
+        report: Report = SILENT,
     ):
         self._began = time.monotonic()
-        self.one = make_env(settings)
-        self.settings, self.out = (settings := completed(settings, self.one)), out
+        self.one = builders.make_env(settings)
+        self.settings, self.out = (settings := builders.completed(settings, self.one)), out
         self.start = 0 if checkpoint is None else checkpoint.timesteps
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
-        self.env = make_plain_env(settings.env_id)
-        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size_of(self.env))
+        self.env = builders.make_plain_env(settings.env_id)
+        size = environments.size_of(self.env)
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size)
         anew = checkpoint is None and settings.initial is not None
         first = initial_policy(settings, own) if anew else None
         self._report = report
         taught = checkpoint is None and settings.teacher  # then imitation reports first
         if not taught:
             report(self.start, None)  # the walks from which robots are pushed take long
-        seed = segment_seed(settings.seed, self.start)
-        self.venv = make_vec_env(settings, self.one, seed)
+        seed = builders.segment_seed(settings.seed, self.start)
+        self.venv = builders.make_vec_env(settings, self.one, seed)
         self.algorithm = make_algorithm(settings, self.venv, seed, out / "tensorboard")
         if checkpoint is not None:
             self.algorithm.restore(checkpoint.tensors, checkpoint.timesteps, checkpoint.updates)
@@ -246,9 +244,9 @@ class Run:
             "timesteps": self.timesteps,
             "seconds": round(self.seconds, 3),
             "curve": [asdict(point) for point in self.curve],
-            "code": code_digest(),  # that of `config.json` beside rows: controllers and envs
-            "commit": source_commit(Path(__file__)),
-            "versions": versions(PACKAGES),
+            "code": environments.code_digest(),  # that of `config.json` beside rows: controllers and envs
+            "commit": rows.source_commit(Path(__file__)),
+            "versions": rows.versions(PACKAGES),
         }
 
     def evaluate(self) -> None:
@@ -315,8 +313,8 @@ def taught_policy(settings: TrainingSettings, path: Path) -> NetworkPolicy:
     """The policy of imitation before a run, with a bar; it takes as long as a run of its own."""
     shown = ImitationSettings(seed=settings.seed, layers=settings.policy_layers)
     seconds = 0.0 if all(file.exists() for file in policy_paths(path)) else ROUND * shown.rounds
-    work = Work("imitation of the planner, before PPO", about(seconds), path)
-    with progress_bars(["imitation"], shown.rounds, work) as bars:
+    work = progress.Work("imitation of the planner, before PPO", progress.about(seconds), path)
+    with progress.progress_bars(["imitation"], shown.rounds, work) as bars:
         policy = imitate_once(
             shown, path, lambda one: bars.set("imitation", one.number + 1, f"loss {one.loss:.4f}")
         )
@@ -325,7 +323,7 @@ def taught_policy(settings: TrainingSettings, path: Path) -> NetworkPolicy:
 
 
 def train(
-    settings: TrainingSettings, out: Path, report: Report = silent, own: Path | None = None
+    settings: TrainingSettings, out: Path, report: Report = SILENT, own: Path | None = None
 ) -> TrainingResult:
     """Train from the start into a folder that holds no run yet; one without a checkpoint is none.
 
@@ -340,16 +338,17 @@ def train(
             initial policy does not fit.
         UnknownNameError: No such environment or policy.
     """
-    with Writer(out):
+    with rows.Writer(out):
         if find_checkpoints(out) or (out / POLICY).with_suffix(".safetensors").exists():
             raise InvalidValueError(
                 f"{out} holds a run already: go on with --resume {out}, or choose another --out"
             )
-        return _train(Run(settings, out, None, own, report))
+        with closing(Run(settings, out, None, own, report)) as run:
+            return run.train()
 
 
 def resume(
-    path: Path, timesteps: int | None = None, report: Report = silent, env_id: str | None = None
+    path: Path, timesteps: int | None = None, report: Report = SILENT, env_id: str | None = None
 ) -> TrainingResult:
     """Go on from the newest checkpoint of a run's folder, or from one of its checkpoints, in that folder.
 
@@ -364,10 +363,10 @@ def resume(
             another run is writing there.
     """
     out = path.parent.parent if (path / "state.json").is_file() else path
-    with Writer(out):
+    with rows.Writer(out):
         checkpoint = load_checkpoint(path)
         settings = checkpoint.settings
-        name = EnvName.parse(settings.env_id)
+        name = environments.EnvName.parse(settings.env_id)
         if name.runs_code and env_id != settings.env_id:
             raise InvalidValueError(
                 f"the run in {path} is of {settings.env_id!r}, and going on would run the code of "
@@ -375,11 +374,5 @@ def resume(
             )
         if timesteps is not None:
             settings = replace(settings, timesteps=timesteps)
-        return _train(Run(settings, out, checkpoint, report=report))
-
-
-def _train(run: Run) -> TrainingResult:
-    try:
-        return run.train()
-    finally:
-        run.close()
+        with closing(Run(settings, out, checkpoint, report=report)) as run:
+            return run.train()

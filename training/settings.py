@@ -10,7 +10,7 @@ from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.policies.mlp import check_inputs
-from ..controllers.policies.residual import check_gate, check_residual_scale
+from ..controllers.policies.residual import DEFAULT_GATE, check_gate, check_residual_scale
 from ..controllers.validation import require_choice, require_integer
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.scenario import get_profile
@@ -34,7 +34,6 @@ LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
 LATER: dict[str, Any] = {"initial": None, "critic": [], "algorithm": "ppo"}  # runs before these settings
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
-DEFAULT_GATE = (0.03, 0.10)  # an undisturbed walk of the biped stays below 0.004 m
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..controllers.model.observation import side_sign
 from ..controllers.model.robot import Similarity
+from ..controllers.policies.interface import Policy
 from ..envs.episode.episodes import GaitEpisodes
 from ..envs.scenario.distribution import PushDistribution
 from ..envs.scenario.push import polar_push
@@ -63,19 +62,15 @@ class SuccessTable:
 
 
 def take_walks(
-    episodes: GaitEpisodes,
-    act: Callable[[NDArray[np.float64]], NDArray[np.float32]],
-    pushes: PushDistribution,
-    count: int,
-    rng: np.random.Generator,
+    episodes: GaitEpisodes, planner: Policy, pushes: PushDistribution, count: int, rng: np.random.Generator
 ) -> list[RobotSnapshot]:
-    """Snapshots of `count` walks under a policy, each of another robot and command, at a random moment.
+    """Snapshots of `count` walks under a planner, each of another robot and command, at a random moment.
 
     A walk that falls is not taken.
 
     Args:
         episodes: what they held before is lost.
-        act: observations (n, m) -> actions (n, k) of a policy without a memory.
+        planner: remembers nothing.
         pushes: whose commands and model errors are drawn, and no push.
         count: of snapshots.
         rng: of the draws.
@@ -89,7 +84,7 @@ def take_walks(
     for k in range(n):
         begin(k)
     while len(taken) < count:
-        failed = episodes.step(act(episodes.core.observation)).failed
+        failed = episodes.walk(planner).failed
         arrived = ~failed & (episodes.motion().time >= due)
         for k in np.flatnonzero(failed | arrived).tolist():
             if arrived[k]:

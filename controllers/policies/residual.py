@@ -20,6 +20,7 @@ from .interface import Policy
 # [rad/s^2], [rad/s^2].
 PHYSICAL_SCALE = (0.12, 0.10, 0.15, 0.06, 0.03, 12.0, 12.0)
 DEFAULT_FACTOR = 1.0
+DEFAULT_GATE = (0.03, 0.10)  # [m] an undisturbed walk of the biped stays below 0.004 m
 
 
 def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -> NDArray[np.float32]:

@@ -20,6 +20,8 @@ from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, NominalStart, nominal_gait, nominal_start
 from ...controllers.model.observation import OBSERVATION_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
+from ...controllers.policies.interface import Policy
+from ...controllers.policies.residual import ResidualGate
 from ...controllers.settings import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind, require_number
 from ..scenario.arrays import Pushes
@@ -85,6 +87,8 @@ class GaitEpisodes(ABC, Generic[C]):
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned by default [N]
     turns: ClassVar[bool] = True  # whether it follows commands to turn
     takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
+    walks: ClassVar[bool] = False  # whether a planner can walk it, and it can be put back into its walk
+    gate: ResidualGate | None = None  # of corrections of a planner within
     name: ClassVar[str]  # of the environment, for errors
     observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
     action_size: ClassVar[int] = GAIT_SIZE
@@ -207,6 +211,10 @@ class GaitEpisodes(ABC, Generic[C]):
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
         return self.limits.from_action(actions)
+
+    def walk(self, planner: Policy) -> Period:
+        """One planning period under the actions of a planner of gaits."""
+        return self.step(planner.predict(self.core.observation)[0])
 
     def nominal(self, vx: float, vy: float) -> NominalGait:
         """Nominal gait of a velocity in the canonical frame [m/s]."""

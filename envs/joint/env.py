@@ -19,7 +19,8 @@ from ...controllers.array_table import COMMON, Floats1, Floats2
 from ...controllers.jit import njit, source_digest
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE
 from ...controllers.model.observation import COM_VELOCITY, COMMAND, ELAPSED, HEADING_ERROR, SWING_POSITION
-from ...controllers.policies.residual import make_gate
+from ...controllers.policies.interface import Policy
+from ...controllers.policies.residual import DEFAULT_GATE, make_gate
 from ...controllers.policies.two_stage import make_policy
 from ...controllers.validation import require_number
 from ...controllers.whole_body.kinematics import NU
@@ -121,7 +122,6 @@ def write_rewards(
 
 
 DEFAULT_SCALE = 0.2  # of a motor's largest torque, which a residual of 1 adds
-DEFAULT_GATE = (0.03, 0.10)  # [m] an undisturbed walk stays below the first
 Gate = Sequence[float] | None
 
 
@@ -154,6 +154,7 @@ class JointEpisodes(OnJointsEpisodes):
     """Episodes of n bipeds under joint targets."""
 
     name = "PushRecovery/BipedJoint-v0"
+    walks = False
     core_of: ClassVar[type[BipedCore]] = JointCore
     core: JointCore
     observation_size: ClassVar[int] = JointCore.observation_size
@@ -271,6 +272,10 @@ class JointResidualEpisodes(OnJointsEpisodes):
             self._statuses[rows] = statuses if len(statuses) == len(rows) else None
             self._planned[rows] = True
         return super().step(self._base)
+
+    def walk(self, planner: Policy) -> Period:
+        """One planning period of the planner within, uncorrected."""
+        return self.step(np.zeros((self.n, NU), np.float32))
 
     def planner_info(self) -> dict[str, tuple[NDArray[Any], Mask]]:
         """The planner's action and what the solver of its stage 2 said."""

@@ -17,7 +17,7 @@ from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.training import cli
 from push_recovery.training.cli import is_complete, train_recipe
 from push_recovery.training.recipes import RECIPES, difference
-from push_recovery.training.run import load_checkpoint, silent
+from push_recovery.training.run import SILENT, load_checkpoint
 from push_recovery.training.settings import TrainingSettings
 
 
@@ -73,23 +73,23 @@ def test_a_run_that_was_stopped_goes_on(recipes, tmp_path):
 
 
 def test_a_policy_killed_before_it_was_put_there_is_put_there(recipes, tmp_path):
-    train_recipe("joint", tmp_path, silent)
+    train_recipe("joint", tmp_path, SILENT)
     weights = (tmp_path / "joint.safetensors").read_bytes()
     (tmp_path / "joint.json").unlink()
     assert not is_complete(tmp_path, "joint")
-    train_recipe("joint", tmp_path, silent)
+    train_recipe("joint", tmp_path, SILENT)
     assert (tmp_path / "joint.safetensors").read_bytes() == weights
     assert is_complete(tmp_path, "joint")
 
 
 def test_a_policy_of_another_recipe_is_not_complete_and_its_run_stays(recipes, tmp_path, monkeypatch):
-    train_recipe("joint", tmp_path, silent)
+    train_recipe("joint", tmp_path, SILENT)
     monkeypatch.setitem(recipes, "joint", dataclasses.replace(recipes["joint"], gamma=0.5))
     assert not is_complete(tmp_path, "joint")
     with pytest.raises(
         InvalidValueError, match=r"joint has gamma 0.99, its recipe 0.5: choose another --out"
     ):
-        train_recipe("joint", tmp_path, silent)
+        train_recipe("joint", tmp_path, SILENT)
 
 
 def test_unknown_names_are_refused_before_any_training(recipes, tmp_path):

@@ -9,7 +9,7 @@ import torch
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.training.builders import completed, make_env, make_vec_env, segment_seed
-from push_recovery.training.from_sb3 import export_policy, network_of
+from push_recovery.training.from_sb3 import acting_network, export_policy
 from push_recovery.training.imitation import ImitationSettings, imitate
 from push_recovery.training.ppo import AsymmetricPolicy, PPOAlgorithm, ValueFirst
 from push_recovery.training.settings import TrainingSettings
@@ -44,7 +44,7 @@ def test_only_the_value_hangs_on_what_the_policy_does_not_see():
 def test_the_exported_policy_acts_as_the_trained_one_without_the_rest(tmp_path):
     env, settings, venv, model = made()
     model.learn(16)
-    policy = export_policy(network_of(model), venv, env, settings)
+    policy = export_policy(acting_network(model).mlp(), venv, env, settings)
     assert policy.network.weights[0].shape == (8, 45)
     rows = venv.venv.reset()
     ours = policy.network.forward(policy.normalisation.apply(rows[:, :45].astype(np.float64)))

@@ -32,21 +32,19 @@ def test_pushes_of_even_odds_are_all_taken_and_sure_ones_by_the_floor():
     assert SuccessTable(100.0, 1.0).probability((0, 0)) == 1.0
 
 
-def test_bins_are_eighths_of_a_turn_and_twenty_newton_seconds():
-    table = SuccessTable(90.0, 0.1)
+@pytest.mark.parametrize("size", [1.0, 0.5])
+def test_bins_are_eighths_of_a_turn_and_twenty_newton_seconds_of_the_biped(size):
+    table = SuccessTable(size * 90.0, 0.1, size * 20.0)
     assert table.shares.shape == (DIRECTIONS, 5)
-    assert table.bin_of(0.0, 0.0) == (0, 0)
-    assert table.bin_of(math.radians(44.9), 19.9) == (0, 0)
-    assert table.bin_of(math.radians(45.1), 20.0) == (1, 1)
-    assert table.bin_of(-1e-9, 90.0) == (7, 4)
-    assert table.bin_of(-math.pi / 2 - 0.1, 1e3) == (5, 4)
-
-
-def test_bins_of_another_robot_have_their_own_width():
-    table = SuccessTable(45.0, 0.1, 10.0)
-    assert table.shares.shape == (DIRECTIONS, 5)
-    assert table.bin_of(0.0, 19.9) == (0, 1)
-    assert table.bin_of(0.0, 45.0) == (0, 4)
+    degrees = {
+        (0, 0): (0, 0),
+        (44.9, 19.9): (0, 0),
+        (45.1, 20): (1, 1),
+        (-1e-7, 90): (7, 4),
+        (-96, 1e3): (5, 4),
+    }
+    for (psi, impulse), expected in degrees.items():
+        assert table.bin_of(math.radians(psi), size * impulse) == expected
 
 
 def test_a_share_follows_what_is_told_of_its_bin_alone():
@@ -72,8 +70,8 @@ def episodes():
 
 @pytest.fixture(scope="module")
 def walks(episodes):
-    walker = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
-    return take_walks(episodes, lambda seen: walker.predict(seen)[0], HARD, 6, np.random.default_rng(3))
+    planner = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    return take_walks(episodes, planner, HARD, 6, np.random.default_rng(3))
 
 
 def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
@@ -87,7 +85,7 @@ def test_walks_are_of_their_own_robot_command_and_moment_and_unpushed(walks):
 def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
     """Row for row of what both robots have: the one planner is outside, the other within."""
     corrected = JointResidualEpisodes(4)
-    own = take_walks(corrected, lambda seen: np.zeros((4, 14), np.float32), HARD, 6, np.random.default_rng(3))
+    own = take_walks(corrected, corrected.planner, HARD, 6, np.random.default_rng(3))
     for mine, planned in zip(own, walks, strict=True):
         assert mine.scenario == planned.scenario
         for name in ("simulation.state", "gait.stance", "gait.heading"):
@@ -197,8 +195,7 @@ class Clockwork:
     n = 2
 
     def __init__(self):
-        self.time, self.begun, self.acted = np.zeros(2), [], []
-        self.core = SimpleNamespace(observation=np.arange(2.0)[:, None])
+        self.time, self.begun = np.zeros(2), []
 
     def drawn(self, pushes, rng):
         return Scenario(f"{len(self.begun)}", pushes=(polar_push(100.0, 0.0, 0.1, 0.3),), duration=2.0)
@@ -207,8 +204,8 @@ class Clockwork:
         self.begun.append((k, scenario))
         self.time[k] = 0.0
 
-    def step(self, actions):
-        self.acted.append(actions)
+    def walk(self, planner):
+        assert planner == "planner"
         self.time += 0.25
         return SimpleNamespace(failed=np.array([self.time[0] >= 0.5, False]))
 
@@ -233,23 +230,16 @@ class Moments:
 def test_a_walk_is_taken_at_its_moment_and_none_that_fell():
     """Robot 1 is due at 1.3 s and at 2.5 s; robot 0 falls every half a second and begins anew."""
     robots = Clockwork()
-    taken = take_walks(
-        robots, lambda seen: seen + 1.0, HARD, 2, Moments(9.0, 1.3, *3 * [9.0], 2.5, *99 * [9.0])
-    )
+    taken = take_walks(robots, "planner", HARD, 2, Moments(9.0, 1.3, *3 * [9.0], 2.5, *99 * [9.0]))
     walks = [scenario.id for k, scenario in robots.begun if k == 1]
     assert taken == [(1, 1.5, walks[0]), (1, 2.5, walks[1])]
     assert len([k for k, _ in robots.begun if k == 0]) == 9  # 4 s: the first, and one after each fall
     assert all(not one.pushes and one.duration == 60.0 for _, one in robots.begun)
-    assert all(actions.tolist() == [[1.0], [2.0]] for actions in robots.acted)
-
-
-def reset_starts(episodes, easy_share, floor=1.0):
-    return ResetStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize(("easy_share", "pushes"), [(0.0, HARD), (1.0, EASY)])
 def test_starts_at_a_reset_are_drawn_from_the_distribution(episodes, easy_share, pushes):
-    beginning = reset_starts(episodes, easy_share)
+    beginning = ResetStarts(episodes, HARD, EASY, easy_share, 1.0, np.random.default_rng(5))
     beginning.begin(1)
     rng = np.random.default_rng(5)
     rng.random()  # whether it is an easy one
@@ -261,7 +251,7 @@ def test_starts_at_a_reset_are_drawn_from_the_distribution(episodes, easy_share,
 
 def test_at_a_reset_too_what_is_never_recovered_from_is_drawn_seldom(episodes):
     """Directions are those in the world: pushes to the left are hopeless, and 1 in 21 is one of them."""
-    beginning = reset_starts(episodes, 0.0, floor=0.05)
+    beginning = ResetStarts(episodes, HARD, EASY, 0.0, 0.05, np.random.default_rng(5))
     beginning.tables["pelvis"].shares[:4] = 0.0
     left = 0
     for _ in range(200):
