@@ -14,6 +14,7 @@ from importlib.resources import files
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -109,10 +110,9 @@ def write_inertias(spec: mujoco.MjSpec) -> None:
     model = spec.compile()
     for body in unknown:
         own = model.body(body.name)
-        if own.mass[0] <= MASS_MIN:
-            continue
-        body.mass, body.ipos, body.iquat, body.inertia = own.mass[0], own.ipos, own.iquat, own.inertia
-        body.explicitinertial = True
+        if own.mass[0] > MASS_MIN:
+            body.mass, body.ipos, body.iquat, body.inertia = own.mass[0], own.ipos, own.iquat, own.inertia
+            body.explicitinertial = True
 
 
 ARMATURE = 0.01  # of a joint whose model has none [kg m^2]
@@ -136,12 +136,11 @@ def fix_joints(spec: mujoco.MjSpec, fixed: Angles) -> None:
 
 def _turn(body: mujoco.MjsBody, joint: mujoco.MjsJoint, angle: float) -> None:
     """Turn a body by an angle about a joint of its own, and the joints before that one back."""
-    turn, back, quat = np.empty(4), np.empty(4), np.empty(4)
+    turn, anchor, own = np.empty(4), np.array(joint.pos), np.array(body.quat)
     mujoco.mju_axisAngle2Quat(turn, np.array(joint.axis) / np.linalg.norm(joint.axis), angle)
-    mujoco.mju_negQuat(back, turn)
-    anchor, own = np.array(joint.pos), np.array(body.quat)
-    mujoco.mju_mulQuat(quat, own, turn)
-    body.pos, body.quat = np.array(body.pos) + _turned(anchor - _turned(anchor, turn), own), quat
+    back = _conjugate(turn)
+    body.pos = np.array(body.pos) + _turned(anchor - _turned(anchor, turn), own)
+    body.quat = _product(own, turn)
     for other in body.joints:
         if other.name == joint.name:
             break
@@ -200,15 +199,25 @@ MARGIN = 0.02  # by which the region of the load sensor is larger than the sole 
 SHANK_RADIUS = 0.08  # of the capsule in a shank over its length
 FRICTION, HARDNESS = [0.9, 0.9, 0.005, 0.0001, 0.0001], [0.01, 1.0]  # as the biped's
 STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+# A shape without weight that touches nothing but what pairs name
+INERT = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": VISUAL_GROUP}
+CAPSULE: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "material": "pr_shell", **INERT}
 
 
 def add_feet(spec: mujoco.MjSpec, robot: RobotFile) -> None:
-    """Give both legs a sole that touches floor and other foot, and a shank that touches the other leg."""
+    """Give both legs a sole that touches floor and other foot, and a shank that touches the other leg.
+
+    The shank is a capsule from knee to ankle, nine tenths as long as the way between them.
+    """
     for side, leg, sole in zip(SIDES, robot.plan.legs, robot.soles, strict=True):
         foot, shank, ankle = (spec.joint(leg[joint]).parent for joint in (5, 3, 4))
         turn_body(foot, sole.turn)
         _add_sole(spec, foot, side, sole)
-        _add_shank(shank, ankle, side)
+        end = np.array(ankle.pos)
+        shank.add_geom(
+            name=f"{side}_shank_capsule", fromto=[*(0.1 * end), *(0.9 * end)],
+            size=[SHANK_RADIUS * np.linalg.norm(end), 0.0, 0.0], **CAPSULE,
+        )  # fmt: skip
     (left, right), shanks = robot.plan.sole_boxes, [f"{side}_shank_capsule" for side in SIDES]
     touching = (
         ("floor", left), ("floor", right), (left, right), tuple(shanks), (left, shanks[1]), (shanks[0], right)
@@ -223,8 +232,7 @@ def _add_sole(spec: mujoco.MjSpec, foot: mujoco.MjsBody, side: str, sole: Sole) 
     length, width = sole.size
     foot.add_geom(
         name=f"{side}_foot_sole", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre + [0.0, 0.0, 0.5 * THICKNESS],
-        size=[0.5 * length, 0.5 * width, 0.5 * THICKNESS], contype=0, conaffinity=0, mass=0.0, group=1,
-        material=f"pr_{side}",
+        size=[0.5 * length, 0.5 * width, 0.5 * THICKNESS], material=f"pr_{side}", **INERT,
     )  # fmt: skip
     foot.add_site(
         name=f"{side}_sole", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, group=4,
@@ -233,16 +241,6 @@ def _add_sole(spec: mujoco.MjSpec, foot: mujoco.MjsBody, side: str, sole: Sole) 
     spec.add_sensor(
         name=f"{side}_load", type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=f"{side}_sole",
-    )  # fmt: skip
-
-
-def _add_shank(shank: mujoco.MjsBody, ankle: mujoco.MjsBody, side: str) -> None:
-    """A capsule from knee to ankle, nine tenths as long as the way between them."""
-    end = np.array(ankle.pos)
-    shank.add_geom(
-        name=f"{side}_shank_capsule", type=mujoco.mjtGeom.mjGEOM_CAPSULE, contype=0, conaffinity=0, mass=0.0,
-        fromto=[*(0.1 * end), *(0.9 * end)], size=[SHANK_RADIUS * np.linalg.norm(end), 0.0, 0.0], group=1,
-        material="pr_shell",
     )  # fmt: skip
 
 
@@ -271,10 +269,7 @@ def _conjugate(quat: np.ndarray) -> np.ndarray:
 
 def _turned_back(turn: ArrayLike, vector: ArrayLike) -> np.ndarray:
     """A vector of a body in the axes that `turn` makes of the body's."""
-    turned = np.empty(3)
-    quat = np.array(turn) / np.linalg.norm(turn)
-    mujoco.mju_rotVecQuat(turned, np.array(vector, dtype=np.float64), _conjugate(quat))
-    return turned
+    return _turned(np.array(vector, np.float64), _conjugate(np.array(turn) / np.linalg.norm(turn)))
 
 
 # Names begin with what no model has
@@ -309,11 +304,10 @@ def add_world(spec: mujoco.MjSpec) -> None:
         name="pr_sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=64, rgb1=SKY[0], rgb2=SKY[1],
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
     )  # fmt: skip
-    world = spec.worldbody
-    world.add_geom(
+    spec.worldbody.add_geom(
         name="floor", type=plane, size=[0.0, 0.0, 1.0], contype=0, conaffinity=0, material="pr_floor"
     )
-    world.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False, **LIGHT)
+    spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False, **LIGHT)
     look = spec.visual
     look.global_.offwidth, look.global_.offheight = PICTURE
     look.quality.shadowsize = look.quality.offsamples = 0
@@ -338,14 +332,9 @@ def draw_limbs(spec: mujoco.MjSpec) -> None:
         if body.name == "world" or body.parent.name == "world":
             continue
         end = np.array(body.pos)
-        length = float(np.linalg.norm(end))
-        if length < SHORT:
-            continue
-        radius = min(max(THICK * length, SLIM), STOUT)
-        body.parent.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0.0, 0.0, 0.0, *end], size=[radius, 0.0, 0.0],
-            group=1, contype=0, conaffinity=0, mass=0.0, material="pr_shell",
-        )  # fmt: skip
+        if (length := float(np.linalg.norm(end))) >= SHORT:
+            radius = min(max(THICK * length, SLIM), STOUT)
+            body.parent.add_geom(fromto=[0.0, 0.0, 0.0, *end], size=[radius, 0.0, 0.0], **CAPSULE)
 
 
 @dataclass(frozen=True)
@@ -402,9 +391,8 @@ def add_root(spec: mujoco.MjSpec, pelvis: str) -> None:
 def description_of(robot: RobotFile) -> RobotDescription:
     """The description of a robot file's robot."""
     plain, looks, solid = (AdaptedSpec(robot, shapes) for shapes in (NONE, VISUAL, SOLID))
-    return RobotDescription(
-        robot.name, plain, robot.plan, robot.com_height, robot.preset, looks=looks, solid=solid
-    )
+    parts = robot.plan, robot.com_height, robot.preset
+    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid)
 
 
 @lru_cache(maxsize=16)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.resources import files
 
 import mujoco
@@ -11,10 +12,17 @@ from .compiled_robot import CompiledRobot, compiled_robot
 from .description import RobotDescription
 
 LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+
+
+def legs(joints: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of both legs' joints."""
+    return tuple(f"left_{joint}" for joint in joints), tuple(f"right_{joint}" for joint in joints)
+
+
 PLAN = BodyPlan(
     pelvis="pelvis",
     trunk="trunk",
-    legs=(tuple(f"left_{joint}" for joint in LEG), tuple(f"right_{joint}" for joint in LEG)),
+    legs=legs(LEG),
     soles=("left_sole", "right_sole"),
     loads=("left_load", "right_load"),
     sole_boxes=("left_foot", "right_foot"),

@@ -15,16 +15,7 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.model.robot import BodyPlan, Pair
-from ...controllers.whole_body.kinematics import (
-    BODIES,
-    ENTRIES,
-    FOOT_BODY,
-    PELVIS,
-    PUSHED_BODY,
-    ROW,
-    TRUNK,
-    columns,
-)
+from ...controllers.whole_body import kinematics
 from ..simulation import ONE, Field, picked, rows
 
 MISSING = -1  # number of a joint that the robot does not have
@@ -118,7 +109,7 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
         thigh, shank, foot = (int(model.jnt_bodyid[leg[joint]]) for joint in (2, 3, 5))
         return thigh, shank, foot
 
-    left_load, right_load = (int(model.sensor_adr[sensor]) for sensor in two("sensor", plan.loads))
+    left_load, right_load = map(int, model.sensor_adr[list(two("sensor", plan.loads))])
     indices = Indices(
         pelvis=pelvis,
         trunk=trunk,
@@ -230,7 +221,7 @@ def inputs(indices: Indices) -> tuple[Field, ...]:
     pushed = _pushed_rows(indices)
     count = 1 + max(row for row, _ in pushed)
     if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
-        pushed.remove((TRUNK, indices.trunk))
+        pushed.remove((kinematics.TRUNK, indices.trunk))
     return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
         "xfrc_applied", count, 6, pushed
     )
@@ -238,7 +229,8 @@ def inputs(indices: Indices) -> tuple[Field, ...]:
 
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     """State, kinematics, mass matrix, bias, loads and contact forces, in the order of `Physics`."""
-    bodies = [(PELVIS, indices.pelvis), (TRUNK, indices.trunk), *zip(FOOT_BODY, indices.feet, strict=True)]
+    places = kinematics.PELVIS, kinematics.TRUNK, *kinematics.FOOT_BODY
+    bodies = [*zip(places, (indices.pelvis, indices.trunk, *indices.feet), strict=True)]
     turned = _pushed_rows(indices)
     count = 1 + max(row for row, _ in turned)
     joints = known(indices.joints)
@@ -247,12 +239,12 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
     return (
         picked("qpos", (len(qpos),), known(qpos)),
         picked("qvel", (len(qvel),), known(qvel)),
-        rows("xpos", BODIES, 3, bodies),
+        rows("xpos", kinematics.BODIES, 3, bodies),
         rows("xmat", count, 9, turned),
         rows("xanchor", len(indices.joints), 3, joints),
         rows("xaxis", len(indices.joints), 3, joints),
-        rows("subtree_com", BODIES, 3, [(0, 0)]),
-        picked("M", (ENTRIES,), mass_matrix_pairs(model, indices)),
+        rows("subtree_com", kinematics.BODIES, 3, [(0, 0)]),
+        picked("M", (kinematics.ENTRIES,), mass_matrix_pairs(model, indices)),
         picked("qfrc_bias", (len(indices.dof),), known(indices.dof)),
         picked("sensordata", (len(indices.loads),), known(indices.loads)),
         picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
@@ -261,8 +253,9 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
 
 def _pushed_rows(indices: Indices) -> Pairs:
     """(row, body) of every body that is pushed: links of held joints after the rows that any robot has."""
-    places = *PUSHED_BODY, *range(BODIES, BODIES + len(indices.pushed) - len(PUSHED_BODY))
-    return [*zip(places, indices.pushed, strict=True)]
+    own, bodies = kinematics.PUSHED_BODY, kinematics.BODIES
+    more = range(bodies, bodies + len(indices.pushed) - len(own))
+    return [*zip((*own, *more), indices.pushed, strict=True)]
 
 
 def known(numbers: tuple[int, ...]) -> Pairs:
@@ -274,11 +267,11 @@ def mass_matrix_pairs(model: mujoco.MjModel, indices: Indices) -> Iterator[tuple
     """(entry as control has it, entry of MuJoCo's sparse M) by rows, from the model's own structure."""
     for j, own in enumerate(indices.dof):
         if own == MISSING:
-            yield int(ROW[j]) + len(columns(j)) - 1, ONE
+            yield int(kinematics.ROW[j]) + len(kinematics.columns(j)) - 1, ONE
             continue
-        for place, i in enumerate(columns(j)):
+        for place, i in enumerate(kinematics.columns(j)):
             if indices.dof[i] != MISSING:
-                yield int(ROW[j]) + place, entry(model, own, indices.dof[i])
+                yield int(kinematics.ROW[j]) + place, entry(model, own, indices.dof[i])
 
 
 def entry(model: mujoco.MjModel, i: int, j: int) -> int:

@@ -11,14 +11,15 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import mujoco
 
-from .biped import BIPED, PLAN, mjcf, spec
+from .biped import BIPED, PLAN, legs, mjcf, spec
 from .description import RobotDescription
 
-SIDES = ("left", "right")
+SIDES, WAIST = ("left", "right"), ("waist_pitch", "waist_roll")
 HIP_PLACES = {
     "hip_pitch": (0.0, 0.0, 0.03),
     "hip_roll": (-0.02, 0.0, 0.0),
@@ -28,8 +29,7 @@ HIP_PLACES = {
 
 def exchange(first: mujoco.MjsJoint, second: mujoco.MjsJoint) -> None:
     """Let two joints of a body change places in its chain, with their names, axes and ranges."""
-    first_has = first.name, first.axis.copy(), first.range.copy()
-    second_has = second.name, second.axis.copy(), second.range.copy()
+    first_has, second_has = ((one.name, one.axis.copy(), one.range.copy()) for one in (first, second))
     second.name = ""
     first.name, first.axis, first.range = second_has
     second.name, second.axis, second.range = first_has
@@ -52,22 +52,13 @@ def pitch_roll_yaw_hips() -> mujoco.MjSpec:
     return model
 
 
-def ankle_roll_first() -> mujoco.MjSpec:
-    """Ankles that roll before they pitch."""
-    return exchange_in_legs("ankle_pitch", "ankle_roll")
-
-
-def no_waist_roll() -> mujoco.MjSpec:
-    """A waist that only pitches."""
-    model = spec()
-    model.delete(model.actuator("waist_roll"))
-    model.delete(model.joint("waist_roll"))
+def without(made: Callable[[], mujoco.MjSpec], *joints: str) -> mujoco.MjSpec:
+    """A model whose bodies are fixed where these joints were."""
+    model = made()
+    for joint in joints:
+        model.delete(model.actuator(joint))
+        model.delete(model.joint(joint))
     return model
-
-
-def legs(joints: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of both legs' joints."""
-    return tuple(f"left_{joint}" for joint in joints), tuple(f"right_{joint}" for joint in joints)
 
 
 def variant(name: str, made: Callable[[], mujoco.MjSpec], **plan: Any) -> RobotDescription:
@@ -83,11 +74,11 @@ HIPS_PITCH_ROLL_YAW = variant(
 )
 ANKLE_ROLL_FIRST = variant(
     "ankle roll before pitch",
-    ankle_roll_first,
+    partial(exchange_in_legs, "ankle_pitch", "ankle_roll"),
     legs=legs(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_roll", "ankle_pitch")),
     bend=(0.0, 0.0, -0.3, 0.6, 0.0, -0.3),
 )
-NO_WAIST_ROLL = variant("no waist roll", no_waist_roll, waist=("waist_pitch", None))
+NO_WAIST_ROLL = variant("no waist roll", partial(without, spec, "waist_roll"), waist=("waist_pitch", None))
 VARIANTS = (HIPS_PITCH_ROLL_YAW, ANKLE_ROLL_FIRST, NO_WAIST_ROLL)
 
 
@@ -133,19 +124,6 @@ def arms_over_a_waist_of_three() -> mujoco.MjSpec:
     return model
 
 
-def without_waist(model: mujoco.MjSpec) -> mujoco.MjSpec:
-    """The model with its trunk fixed to the pelvis."""
-    for joint in ("waist_pitch", "waist_roll"):
-        model.delete(model.actuator(joint))
-        model.delete(model.joint(joint))
-    return model
-
-
-def no_waist() -> mujoco.MjSpec:
-    """A trunk that is fixed to the pelvis."""
-    return without_waist(spec())
-
-
 def legs_below_a_yaw() -> mujoco.MjSpec:
     """Hips that yaw together below the body with the free joint, which is pelvis and trunk in one."""
     tree = ET.fromstring(mjcf())  # noqa: S314 - the package's own file
@@ -155,7 +133,8 @@ def legs_below_a_yaw() -> mujoco.MjSpec:
     for thigh in [body for body in pelvis if str(body.get("name")).endswith("thigh")]:
         pelvis.remove(thigh)
         hips.append(thigh)
-    model = without_waist(mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode")))
+    whole = partial(mujoco.MjSpec.from_string, ET.tostring(tree, encoding="unicode"))
+    model = without(whole, *WAIST)
     model.body("pelvis").mass -= 3.0
     add_hinge(model, model.body("hips"), "waist_yaw", [0.0, 0.0, 1.0], YAW_TORQUE)
     return model
@@ -171,7 +150,7 @@ def held_arms() -> tuple[tuple[str, float], ...]:
 ARMS_HELD = variant(
     "arms and waist yaw held", arms_over_a_waist_of_three, held=(("waist_yaw", 0.0), *held_arms())
 )
-NO_WAIST = variant("no waist", no_waist, waist=(None, None))
+NO_WAIST = variant("no waist", partial(without, spec, *WAIST), waist=(None, None))
 LEGS_BELOW_A_YAW = variant(
     "legs below a held yaw", legs_below_a_yaw, trunk="pelvis", waist=(None, None), held=(("waist_yaw", 0.0),)
 )

@@ -305,27 +305,27 @@ def test_arguments_are_those_of_the_single_environment(one, many):
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "error", "text"),
+    ("name", "kwargs", "error", "text"),
     [
-        ({"num_envs": 0}, InvalidValueError, r"num_envs must be an integer in \[1, 100000\], got 0"),
-        ({"autoreset_mode": "Later"}, UnknownNameError, "NextStep, SameStep, Disabled"),
-        ({"render_mode": "rgb_array"}, InvalidValueError, "draws nothing, got render_mode 'rgb_array'"),
-        ({"control_hz": 5}, InvalidValueError, r"control_hz \[Hz\] must be in \[20, 1000\], got 5"),
-        ({"push_distribution": 3}, InvalidValueError, "push_distribution"),
+        (
+            PENDULUM,
+            {"num_envs": 0},
+            InvalidValueError,
+            r"must be an integer in \[1, 100000\], got 0",
+        ),
+        (PENDULUM, {"autoreset_mode": "Later"}, UnknownNameError, "NextStep, SameStep, Disabled"),
+        (PENDULUM, {"render_mode": "rgb_array"}, InvalidValueError, "nothing, got render_mode 'rgb_array'"),
+        (PENDULUM, {"control_hz": 5}, InvalidValueError, r"control_hz \[Hz\] must be in \[20, 1000\], got 5"),
+        (PENDULUM, {"push_distribution": 3}, InvalidValueError, "push_distribution"),
+        (RESIDUAL, {"threads": 0}, InvalidValueError, "threads"),
+        (RESIDUAL, {"hold": 0}, InvalidValueError, "got 0"),
+        (RESIDUAL, {"gate": [1]}, InvalidValueError, "gate"),
+        (RESIDUAL, {"scale": -1}, InvalidValueError, "scale"),
     ],
 )
-def test_bad_arguments(kwargs, error, text):
+def test_bad_arguments(name, kwargs, error, text):
     with pytest.raises(error, match=text):
-        native(PENDULUM, **{"n": kwargs.pop("num_envs", 2), **kwargs})
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "text"),
-    [({"threads": 0}, "threads"), ({"hold": 0}, "got 0"), ({"gate": [1]}, "gate"), ({"scale": -1}, "scale")],
-)
-def test_bad_arguments_of_the_residual(kwargs, text):
-    with pytest.raises(InvalidValueError, match=text):
-        native(RESIDUAL, 2, **kwargs)
+        native(name, **{"n": kwargs.pop("num_envs", 2), **kwargs})
 
 
 @pytest.mark.parametrize(
@@ -368,67 +368,43 @@ def test_without_autoreset_a_step_after_an_end_is_an_error():
 
 ERRORS = (ModelErrors(mass=0.2, dcm_noise=1e-3), ModelErrors(), ModelErrors(slope_left=0.03, delay=0.01))
 RANGES = {"mass": [-0.2, 0.2], "delay": [0.0, 0.01], "dcm_noise": [0.0, 0.002]}
-KINDS = ("Pendulum", "Biped")
 
 
-def vector_errors_scenarios(errors=ERRORS) -> list[Scenario]:
+def with_errors(errors=ERRORS) -> list[Scenario]:
     return [Scenario(f"s{k}", noise_seed=k, errors=one) for k, one in enumerate(errors)]
 
 
-def vector_errors_alone(kind: str, scenario: Scenario, actions: np.ndarray) -> np.ndarray:
-    """Observations (steps + 1, 36) of a single environment."""
-    env = gym.make(f"PushRecovery/{kind}-v0")
-    out = [env.reset(options={"scenario": scenario})[0]]
-    out += [env.step(action)[0] for action in actions]
-    env.close()
-    return np.array(out)
-
-
-def vector(kind: str, n: int, **kwargs):
-    return gym.make_vec(
-        f"PushRecovery/{kind}-v0", num_envs=n, vectorization_mode="vector_entry_point", **kwargs
-    )
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_each_robot_has_its_own_errors_through_partial_resets(kind):
-    envs, actions = vector(kind, 3), np.zeros((12, 7), np.float32)
+@pytest.mark.parametrize("name", [PENDULUM, BIPED])
+def test_each_robot_has_its_own_errors_through_partial_resets(name):
+    envs, actions = native(name, 3), np.zeros((12, 7), np.float32)
     actions[:, 1] = -0.2
-    seen = [envs.reset(options={"scenario": vector_errors_scenarios()})[0]]
+    seen = [envs.reset(options={"scenario": with_errors()})[0]]
     for tick, action in enumerate(actions):
         if tick == 6:  # robot 1 begins anew with the errors of robot 0
             mask = np.array([False, True, False])
-            again = [vector_errors_scenarios()[0]] * 3
+            again = [with_errors()[0]] * 3
             envs.reset(options={"scenario": again, "reset_mask": mask})
         seen.append(envs.step(np.repeat(action[None], 3, axis=0))[0])
     envs.close()
-    seen = np.array(seen)
-    for k in (0, 2):
-        np.testing.assert_array_equal(
-            seen[:, k], vector_errors_alone(kind, vector_errors_scenarios()[k], actions)
-        )
-    np.testing.assert_array_equal(
-        seen[:7, 1], vector_errors_alone(kind, vector_errors_scenarios()[1], actions[:6])
-    )
-    np.testing.assert_array_equal(
-        seen[7:, 1], vector_errors_alone(kind, vector_errors_scenarios()[0], actions[:6])[1:]
-    )
+    zero, one, two = (np.array([row[0] for row in alone(name, each, actions)]) for each in with_errors())
+    expected = zero, np.concatenate([one[:7], zero[1:7]]), two
+    np.testing.assert_array_equal(np.array(seen), np.stack(expected, axis=1))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_errors_are_drawn_anew_for_every_episode(kind):
+@pytest.mark.parametrize("name", [PENDULUM, BIPED])
+def test_errors_are_drawn_anew_for_every_episode(name):
     distribution = {"errors": RANGES}
-    envs, drawn = vector(kind, 3, push_distribution=distribution), []
+    envs, drawn = native(name, 3, push_distribution=distribution), []
     for seed in (0, 0, 9):
         envs.reset(seed=seed)
         core = envs.unwrapped.core
-        noise = core.errors.noise[:, 0] if kind == "Biped" else core.errors.deviation
+        noise = core.errors.noise[:, 0] if name == BIPED else core.errors.deviation
         drawn.append(noise.copy())
     np.testing.assert_array_equal(drawn[0], drawn[1])
     assert len(np.unique(drawn)) == 6
     assert 0.0 < np.max(drawn) <= 0.002
     envs.close()
-    env = gym.make(f"PushRecovery/{kind}-v0", push_distribution=distribution)
+    env = gym.make(name, push_distribution=distribution)
     env.reset(seed=1)
     assert env.unwrapped.scenario.errors.names == ("mass", "delay", "dcm_noise")
     assert env.spec is not None
@@ -438,8 +414,8 @@ def test_errors_are_drawn_anew_for_every_episode(kind):
 
 def test_rewards_and_the_criterion_of_recovery_know_no_noise():
     """Two pendulums under the same actions, one seen with noise: all but what is seen is the same."""
-    envs, policy = vector("Pendulum", 2), make_policy("two-stage")
-    pair = vector_errors_scenarios((ModelErrors(), ModelErrors(dcm_noise=0.02)))
+    envs, policy = native(PENDULUM, 2), make_policy("two-stage")
+    pair = with_errors((ModelErrors(), ModelErrors(dcm_noise=0.02)))
     envs.reset(options={"scenario": pair})
     for _ in range(300):
         action = policy.predict(envs.unwrapped.core.truth)[0]
@@ -453,7 +429,7 @@ def test_rewards_and_the_criterion_of_recovery_know_no_noise():
 
 
 def test_an_error_that_the_robot_cannot_have_is_named():
-    envs = vector("Pendulum", 2)
+    envs = native(PENDULUM, 2)
     with pytest.raises(InvalidValueError, match="the pendulum has no model error 'friction'"):
         envs.reset(options={"scenario": Scenario("a", errors=ModelErrors(friction=0.5))})
     envs.close()

@@ -6,12 +6,13 @@
 """
 
 from dataclasses import replace
+from functools import partial
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
 from push_recovery.controllers.joint_control import to_canonical
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
@@ -122,22 +123,29 @@ def test_effort_is_the_mean_over_the_physics_steps_of_a_period_whether_looked_at
         assert core.joints.effort[0] == plain.core.joints.effort[0]
 
 
-def test_robots_do_not_depend_on_each_other_nor_on_threads(run, pushed):
+UNGATED = partial(JointResidualEpisodes, gate=None)
+
+
+@pytest.mark.parametrize(("kind", "largest"), [(UNGATED, 0.5), (JointEpisodes, 0.2)])
+def test_robots_do_not_depend_on_each_other_nor_on_threads(run, pushed, kind, largest):
     scenarios, rng = pushed(4), np.random.default_rng(0)
-    actions = rng.uniform(-0.5, 0.5, (60, 4, 14)).astype(np.float32)
-    together, threaded = (
-        run(JointResidualEpisodes(4, threads=n, gate=None), scenarios, actions) for n in (1, 2)
-    )
+    actions = rng.uniform(-largest, largest, (60, 4, 14)).astype(np.float32)
+    together, threaded = (run(kind(4, threads=n), scenarios, actions) for n in (1, 2))
     assert together.tobytes() == threaded.tobytes()
     for k, scenario in enumerate(scenarios):
-        alone = run(JointResidualEpisodes(1, gate=None), [scenario], actions[:, k : k + 1])
+        alone = run(kind(1), [scenario], actions[:, k : k + 1])
         assert alone[:, 0].tobytes() == together[:, k].tobytes()
 
 
-def test_the_mirrored_scenario_gives_the_mirrored_walk(run, pushed):
-    scenario = replace(pushed(2)[1], sensing="exact")
-    actions = np.random.default_rng(1).uniform(-0.3, 0.3, (80, 1, 14)).astype(np.float32)
-    episodes = JointResidualEpisodes(1, gate=None)
+@pytest.mark.parametrize(
+    ("kind", "largest", "periods", "sensing"),
+    [(UNGATED, 0.3, 80, "exact"), (JointEpisodes, 0.15, 60, "exact"), (JointEpisodes, 0.15, 60, "onboard")],
+)
+def test_the_mirrored_scenario_gives_the_mirrored_walk(run, pushed, kind, largest, periods, sensing):
+    """The same actions on the other foot: what is seen and earned is the same, the CoM goes the other way."""
+    scenario = replace(pushed(2)[1], sensing=sensing)
+    actions = np.random.default_rng(1).uniform(-largest, largest, (periods, 1, 14)).astype(np.float32)
+    episodes = kind(1)
     one, other = (run(episodes, [side], actions)[:, 0] for side in (scenario, scenario.mirrored()))
     np.testing.assert_allclose(one[:, 41:], other[:, 41:], atol=1e-5)
     np.testing.assert_allclose(one[:, 1], -other[:, 1], atol=1e-6)
@@ -193,21 +201,17 @@ def test_while_the_gate_is_shut_the_planners_walk_passes_bit_for_bit():
     assert free.clone(2).gate is None
 
 
-@pytest.mark.parametrize("gate", [(0.1, 0.1), (-0.1, 0.2), (0.1,), "wide"])
-def test_an_impossible_gate_is_refused(gate):
-    with pytest.raises(InvalidValueError, match="a residual gate is two numbers"):
-        JointResidualEpisodes(1, gate=gate)
-
-
-@pytest.mark.parametrize("scale", [-0.1, 1.5, float("nan"), "much", None])
-def test_an_impossible_scale_is_refused(scale):
-    with pytest.raises(InvalidValueError, match="scale must be"):
-        JointResidualEpisodes(1, scale=scale)
-
-
-def test_an_unknown_planner_is_refused():
-    with pytest.raises(UnknownNameError, match="two-stage"):
-        JointResidualEpisodes(1, policy="three-stage")
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        *(("gate", bad, "a residual gate is two") for bad in ((0.1, 0.1), (-0.1, 0.2), (0.1,), "wide")),
+        *(("scale", bad, "scale must be") for bad in (-0.1, 1.5, float("nan"), "much", None)),
+        ("policy", "three-stage", "two-stage"),
+    ],
+)
+def test_impossible_arguments_are_refused(name, value, told):
+    with pytest.raises(PushRecoveryError, match=told):
+        JointResidualEpisodes(1, **{name: value})
 
 
 def test_other_actions_are_refused():
@@ -276,27 +280,6 @@ def test_terms_that_the_gait_has_too_are_the_same(walks):
         )
     swing = np.array([row[3][JOINT_REWARD_TERMS.index("swing")] for row in found])
     assert swing.mean() > 0.8
-
-
-def test_robots_do_not_depend_on_each_other_nor_on_threads_targets(run, pushed):
-    scenarios, rng = pushed(4), np.random.default_rng(0)
-    actions = rng.uniform(-0.2, 0.2, (60, 4, 14)).astype(np.float32)
-    together, threaded = (run(JointEpisodes(4, threads=n), scenarios, actions) for n in (1, 2))
-    assert together.tobytes() == threaded.tobytes()
-    for k, scenario in enumerate(scenarios):
-        alone = run(JointEpisodes(1), [scenario], actions[:, k : k + 1])
-        assert alone[:, 0].tobytes() == together[:, k].tobytes()
-
-
-@pytest.mark.parametrize("sensing", ["exact", "onboard"])
-def test_the_mirrored_scenario_gives_the_mirrored_walk_targets(run, pushed, sensing):
-    """The same actions on the other foot: what is seen and earned is the same, the CoM goes the other way."""
-    scenario = replace(pushed(2)[1], sensing=sensing)
-    actions = np.random.default_rng(1).uniform(-0.15, 0.15, (60, 1, 14)).astype(np.float32)
-    episodes = JointEpisodes(1)
-    one, other = (run(episodes, [side], actions)[:, 0] for side in (scenario, scenario.mirrored()))
-    np.testing.assert_allclose(one[:, 41:], other[:, 41:], atol=1e-5)
-    np.testing.assert_allclose(one[:, 1], -other[:, 1], atol=1e-6)
 
 
 def test_nothing_that_acts_reads_the_true_state(run, pushed):

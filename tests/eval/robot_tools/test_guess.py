@@ -9,7 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.robots.adapt import FOLDER, PACKAGES
 from push_recovery.envs.robots.biped import PLAN, spec
 from push_recovery.envs.robots.robot_file import read_robot_file
-from push_recovery.envs.robots.variants import ARM, arms_over_a_waist_of_three, no_waist
+from push_recovery.envs.robots.variants import ARM, NO_WAIST, arms_over_a_waist_of_three
 from push_recovery.eval.robot_tools.guess import guess_plan, guess_soles, read_skeleton
 
 ANKLES = "left_ankle_roll", "right_ankle_roll"
@@ -52,7 +52,7 @@ def test_arms_and_a_yaw_are_held_and_what_is_light_is_fixed(written):
 
 
 def test_a_robot_without_a_waist_has_none(written):
-    assert guess_plan(read_skeleton(written(no_waist())))[0].waist == (None, None)
+    assert guess_plan(read_skeleton(written(NO_WAIST.spec())))[0].waist == (None, None)
 
 
 def test_a_model_without_two_legs_is_refused(written):
