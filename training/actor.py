@@ -1,7 +1,5 @@
 """Inputs of the networks of a training for n robots, and what their outputs do to these robots."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

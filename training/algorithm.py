@@ -3,8 +3,6 @@
 A new algorithm is a subclass of `Algorithm` in a file of its own, and a line of `settings.ALGORITHMS`.
 """
 
-from __future__ import annotations
-
 import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -14,9 +12,8 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common import base_class, save_util
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.save_util import recursive_getattr
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ..controllers.errors import InvalidValueError
@@ -45,7 +42,7 @@ class Algorithm(ABC):
         self.model = self.make(seed, None if log is None else str(log))
 
     @abstractmethod
-    def make(self, seed: int, log: str | None) -> BaseAlgorithm:
+    def make(self, seed: int, log: str | None) -> base_class.BaseAlgorithm:
         """The untrained model on `self.venv`, with the hyperparameters of `self.settings`."""
 
     def callbacks(self) -> list[BaseCallback]:
@@ -116,7 +113,7 @@ class Algorithm(ABC):
         tensors: dict[str, Any] = {}
         parts, variables = self.model._get_torch_save_params()
         for part in parts:
-            whole = recursive_getattr(self.model, part)
+            whole = save_util.recursive_getattr(self.model, part)
             state = whole.state_dict()
             if isinstance(whole, torch.optim.Optimizer):
                 state = {
@@ -125,7 +122,7 @@ class Algorithm(ABC):
                     for key, value in moments.items()
                 }
             tensors |= {f"{part.removeprefix('policy.')}.{name}": value for name, value in state.items()}
-        tensors |= {name: recursive_getattr(self.model, name).detach() for name in variables}
+        tensors |= {name: save_util.recursive_getattr(self.model, name).detach() for name in variables}
         arrays = {name: value.numpy().copy() for name, value in tensors.items()}
         for name, statistics in self.statistics().items():
             values = (("mean", statistics.mean), ("variance", statistics.var), ("count", statistics.count))
@@ -141,7 +138,7 @@ class Algorithm(ABC):
         parts, variables = self.model._get_torch_save_params()
         try:
             for part in parts:
-                whole = recursive_getattr(self.model, part)
+                whole = save_util.recursive_getattr(self.model, part)
                 state: dict[str, Any] = _under(tensors, f"{part.removeprefix('policy.')}.")
                 if isinstance(whole, torch.optim.Optimizer):
                     moments: dict[int, dict[str, torch.Tensor]] = {}
@@ -151,7 +148,9 @@ class Algorithm(ABC):
                     state = whole.state_dict() | {"state": moments}
                 whole.load_state_dict(state)
             for name in variables:
-                recursive_getattr(self.model, name).data.copy_(torch.from_numpy(tensors[name].copy()))
+                save_util.recursive_getattr(self.model, name).data.copy_(
+                    torch.from_numpy(tensors[name].copy())
+                )
             shapes = {"observation": self.model.observation_space.shape, "return": ()}
             for name, statistics in self.statistics().items():
                 mean, variance = tensors[f"{name}.mean"], tensors[f"{name}.variance"]

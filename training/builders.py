@@ -1,7 +1,5 @@
 """Environments of a run: what it trains and scores on, built from its settings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

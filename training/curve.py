@@ -1,7 +1,5 @@
 """The learning curve: scores on one fixed set of scenarios as training goes on, reported as they are."""
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import asdict, dataclass, fields

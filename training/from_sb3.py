@@ -1,15 +1,12 @@
 """Models of Stable-Baselines3 as policy files: their networks and normalisation in numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common import policies, torch_layers
 from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
@@ -55,7 +52,7 @@ def acting_network(model: Any) -> ActingNetwork:
         InvalidValueError: it acts by something else.
     """
     policy = model.policy
-    if isinstance(policy, ActorCriticPolicy):
+    if isinstance(policy, policies.ActorCriticPolicy):
         extractor, squashed = policy.pi_features_extractor, policy.squash_output
         body, last = policy.mlp_extractor.policy_net, policy.action_net
     elif isinstance(policy, SACPolicy):
@@ -66,7 +63,7 @@ def acting_network(model: Any) -> ActingNetwork:
             f"a policy file is made of PPO's or SAC's MlpPolicy, got a {type(policy).__name__} of "
             f"{type(model).__name__}"
         )
-    if type(extractor) is not FlattenExtractor:
+    if type(extractor) is not torch_layers.FlattenExtractor:
         raise InvalidValueError(f"a policy file has no features extractor {type(extractor).__name__}")
     return ActingNetwork(*_layers([*body, last]), "tanh" if squashed else "linear")
 

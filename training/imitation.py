@@ -5,8 +5,6 @@ Learning, AISTATS 2011. All rounds' samples are kept, and every round fits on ba
 tanh network on normalised joint observations.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence

@@ -1,15 +1,12 @@
 """Proximal policy optimisation, whose value network may see more and may learn first."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common import policies, torch_layers
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import MlpExtractor
 
 from ..controllers.errors import InvalidValueError
 from .actor import critic_size
@@ -102,7 +99,7 @@ class ValueFirst(BaseCallback):
         return True
 
 
-class AsymmetricExtractor(MlpExtractor):
+class AsymmetricExtractor(torch_layers.MlpExtractor):
     """Hidden layers of both networks; the policy's see the first `seen` inputs only (Pinto et al., 2017).
 
     Args:
@@ -122,7 +119,7 @@ class AsymmetricExtractor(MlpExtractor):
         return self.policy_net(features[:, : self.seen])
 
 
-class AsymmetricPolicy(ActorCriticPolicy):
+class AsymmetricPolicy(policies.ActorCriticPolicy):
     """`MlpPolicy` with an `AsymmetricExtractor`; `seen` is its argument more."""
 
     def __init__(self, *arguments: Any, seen: int, **options: Any):

@@ -1,7 +1,5 @@
 """Settings of the shipped policies by name: how each is trained stands here and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 

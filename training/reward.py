@@ -4,8 +4,6 @@ To add one, write a class like these and give it a name in `REWARDS`. Where it i
 period, a subclass of `EnvironmentReward` with its own `worth` is all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -5,8 +5,6 @@ Stable-Baselines3's own form (sb3/) and checkpoints/. A checkpoint is whole or a
 a folder that is renamed into place, with all that the algorithm needs to go on; reading one runs no code.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -3,8 +3,6 @@
 Pushes are chosen by the success on their kind: most are neither always nor never recovered from.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """n robots as Stable-Baselines3's `VecEnv`: of a vector environment of Gymnasium, or under training."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym
