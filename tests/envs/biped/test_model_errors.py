@@ -287,24 +287,24 @@ def trajectory(core, begin, all_scenarios, seconds: float) -> np.ndarray:
 
 
 def test_masses_and_inertias_scale_alike():
-    data, altered = mujoco.MjData(MODEL), own(mass=0.1)
-    heavier = mujoco.MjData(altered)
+    data, own = mujoco.MjData(MODEL), model_of(mass=0.1)
+    heavier = mujoco.MjData(own)
     M, M_own = np.zeros((2, MODEL.nv, MODEL.nv))
-    for model, state, out in ((MODEL, data, M), (altered, heavier, M_own)):
+    for model, state, out in ((MODEL, data, M), (own, heavier, M_own)):
         state.qpos[7:] += 0.1
         mujoco.mj_forward(model, state)
         mujoco.mj_fullM(model, state, out)
     np.testing.assert_allclose(M_own, 1.1 * M, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(altered.body_subtreemass[0], 1.1 * BIPED.mass)
-    np.testing.assert_allclose(altered.body_invweight0, MODEL.body_invweight0 / 1.1, rtol=1e-9)
+    np.testing.assert_allclose(own.body_subtreemass[0], 1.1 * BIPED.mass)
+    np.testing.assert_allclose(own.body_invweight0, MODEL.body_invweight0 / 1.1, rtol=1e-9)
     np.testing.assert_allclose(heavier.subtree_com, data.subtree_com, atol=1e-14)
 
 
 def test_payload_and_trunk_com_move_the_com_of_the_whole():
-    altered = own(payload=6.0, trunk_com=(0.01, 0.02, -0.03))
-    data, off = mujoco.MjData(MODEL), mujoco.MjData(altered)
-    mujoco.mj_forward(MODEL, data), mujoco.mj_forward(altered, off)
-    assert altered.body_subtreemass[0] == pytest.approx(66.0)
+    own = model_of(payload=6.0, trunk_com=(0.01, 0.02, -0.03))
+    data, off = mujoco.MjData(MODEL), mujoco.MjData(own)
+    mujoco.mj_forward(MODEL, data), mujoco.mj_forward(own, off)
+    assert own.body_subtreemass[0] == pytest.approx(66.0)
     trunk = data.xipos[TRUNK] + [0.01, 0.02, -0.03]
     moment = 60.0 * data.subtree_com[0] - 30.0 * data.xipos[TRUNK] + 36.0 * trunk
     np.testing.assert_allclose(off.subtree_com[0], moment / 66.0, atol=1e-14)
@@ -331,9 +331,9 @@ def test_a_sole_slips_at_mu_times_the_normal_force(biped_core, begin, friction):
 
 def test_a_slope_pulls_downhill_like_a_push(biped_core, begin):
     """Mean push estimate = -h tan(slope): the external force over m omega^2, omega^2 = g / h."""
-    altered = own(slope_forward=0.03, slope_left=-0.04)
-    np.testing.assert_allclose(np.linalg.norm(altered.opt.gravity), GRAVITY)
-    np.testing.assert_allclose(altered.opt.gravity[:2] / altered.opt.gravity[2], np.tan([0.03, -0.04]))
+    own = model_of(slope_forward=0.03, slope_left=-0.04)
+    np.testing.assert_allclose(np.linalg.norm(own.opt.gravity), GRAVITY)
+    np.testing.assert_allclose(own.opt.gravity[:2] / own.opt.gravity[2], np.tan([0.03, -0.04]))
     core, estimates = biped_core(), []
     begin(core, 0, Scenario("a", errors=ModelErrors(slope_forward=0.03, slope_left=-0.04)))
     for _ in range(120):
