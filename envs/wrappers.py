@@ -214,19 +214,7 @@ def make_biped_residual(
         gate: See `ResidualAction`.
         biped: Keywords of PushRecovery/Biped-v0 (render_mode, control_hz, ...).
     """
-    return build_residual(BipedEnv(**biped), policy, scale, preset, hold, gate)
-
-
-def build_residual(
-    env: gym.Env,
-    policy: str = "two-stage",
-    scale: float | Sequence[float] | None = None,
-    preset: str | None = None,
-    hold: int = 1,
-    gate: Sequence[float] | None = None,
-) -> gym.Env:
-    """A residual environment for an entry point; its spec holds the keywords and not the wrappers."""
-    return _BuiltInHold(_BuiltInResidual(env, policy, scale, preset, gate), hold)
+    return _BuiltInHold(_BuiltInResidual(BipedEnv(**biped), policy, scale, preset, gate), hold)
 
 
 class _BuiltIn(gym.Wrapper):

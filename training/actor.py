@@ -60,14 +60,7 @@ def critic_size(names: Sequence[str]) -> int:
 
 
 class Actor:
-    """A network that acts alone, or as a residual, on the robots of `episodes`.
-
-    Args:
-        episodes: of n robots.
-        inputs: names of the blocks that the network sees.
-        rule: how a residual is added; None: the outputs are the actions.
-        critic: names of the blocks behind them, which only a value network sees.
-    """
+    """A network that acts alone, or as a residual, on the robots of `episodes`."""
 
     def __init__(
         self,

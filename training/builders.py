@@ -28,10 +28,6 @@ ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
 def make_plain_env(env_id: str, profile: str = "exact") -> gym.Env:
     """The environment that policies are scored on.
 
-    Args:
-        env_id: of it.
-        profile: of the robots in scenarios that are drawn; only bipeds know another than exact.
-
     Raises:
         UnknownNameError: No such id is registered; the message lists the valid ones.
         InvalidValueError: It has not the interface that scoring needs, or a space is not a Box of one row.

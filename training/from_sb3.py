@@ -91,10 +91,6 @@ def _layers(modules: Iterable[nn.Module]) -> tuple[list[nn.Linear], str]:
 def normalisation_of(venv: VecNormalize | None, size: int = 0) -> Normalisation:
     """The normalisation of observations; without one, that which changes no float32.
 
-    Args:
-        venv: of the training; None: none.
-        size: of the observation, needed where there is no normalisation.
-
     Raises:
         InvalidValueError: it is of observations that are no rows.
     """
@@ -110,14 +106,7 @@ def normalisation_of(venv: VecNormalize | None, size: int = 0) -> Normalisation:
 def export_policy(
     network: Mlp, venv: VecNormalize, env: gym.Env, settings: TrainingSettings
 ) -> NetworkPolicy:
-    """The policy of a run as it stands, which needs neither torch nor Stable-Baselines3.
-
-    Args:
-        network: that it acts by.
-        venv: Its normalisation.
-        env: One training environment, for the robot, the limits and the policy below.
-        settings: Of the run, completed.
-    """
+    """The policy of a run as it stands, which needs neither torch nor Stable-Baselines3."""
     unwrapped: Any = env.unwrapped
     wrapper = find_residual(env) if settings.residual else None  # or it is the environment's own
     base = None if wrapper is None else residual_base(wrapper, settings.policy)

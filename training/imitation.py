@@ -99,11 +99,7 @@ SMALLEST = 1e-4  # variance of an entry that does not move
 
 
 class Student:
-    """A network and the normalisation before it, as `NetworkPolicy` has them.
-
-    Args:
-        settings: of the run.
-    """
+    """A network and the normalisation before it, as `NetworkPolicy` has them."""
 
     def __init__(self, settings: ImitationSettings):
         generator = torch.Generator().manual_seed(settings.seed)
@@ -176,11 +172,6 @@ class Collector:
 
     In a free episode the learner leads from the start, in the others after a while. The teacher's torques
     lead before that, and what its targets were is taken for the action.
-
-    Args:
-        settings: of the run.
-        episodes: of `settings.robots` robots.
-        rng: of scenarios and turns.
     """
 
     def __init__(self, settings: ImitationSettings, episodes: TaughtEpisodes, rng: np.random.Generator):

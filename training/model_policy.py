@@ -135,12 +135,7 @@ class Trained(NamedTuple):
 
 
 class ModelPolicy(LearnedPolicy):
-    """A model's own actions, its observations normalised as in training, held, and added to the planner's.
-
-    Args:
-        trained: the model, and what it was trained in.
-        description: what its actions are to become.
-    """
+    """A model's own actions, its observations normalised as in training, held, and added to the planner's."""
 
     def __init__(self, trained: Trained, description: PolicyDescription):
         self._model, self._statistics = trained.model, trained.statistics

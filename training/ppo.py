@@ -78,11 +78,7 @@ class FallingRate:
 
 
 class ValueFirst(BaseCallback):
-    """Lets the policy rest until the value network has learned what it is worth.
-
-    Args:
-        timesteps: of rest.
-    """
+    """Lets the policy rest until the value network has learned what it is worth."""
 
     def __init__(self, timesteps: int):
         super().__init__()
@@ -100,13 +96,7 @@ class ValueFirst(BaseCallback):
 
 
 class AsymmetricExtractor(torch_layers.MlpExtractor):
-    """Hidden layers of both networks; the policy's see the first `seen` inputs only (Pinto et al., 2017).
-
-    Args:
-        seen: inputs of the policy network.
-        feature_dim: inputs of the value network.
-        options: those of `MlpExtractor`.
-    """
+    """Hidden layers of both networks; the policy's see the first `seen` inputs only (Pinto et al., 2017)."""
 
     def __init__(self, seen: int, feature_dim: int, **options: Any):
         super().__init__(feature_dim, **options)

@@ -91,11 +91,6 @@ def difference(recipe: TrainingSettings, settings: TrainingSettings) -> str | No
 
 
 def command_of(settings: TrainingSettings, file: str) -> str:
-    """The command line that trains with these settings again.
-
-    Args:
-        settings: of the run.
-        file: of the policy, for settings that are no recipe's.
-    """
+    """The command that trains with these settings again; `file` is the policy's where no recipe has them."""
     name = next((name for name, recipe in RECIPES.items() if difference(recipe, settings) is None), file)
     return f"push-recovery train --recipe {name}"

@@ -81,12 +81,9 @@ class RecoveryReward:
     """-1 for a fall, 1 for a recovery, 0.3 for standing at the end, and the capture margin as a potential.
 
     With m the margin and  phi = 2 clip(m, -0.3 m, 0.05 m),  0 at an end, an action earns
-    gamma phi' - phi  besides, which leaves the best policy what it is (Ng, Harada & Russell 1999). An episode
-    is over as soon as the robot has recovered, judged at a touchdown since its begin, and its gate is closed.
-
-    Args:
-        episodes: of n robots.
-        gamma: discount per learned action.
+    gamma phi' - phi  besides, gamma the discount per learned action, which leaves the best policy what it is
+    (Ng, Harada & Russell 1999). An episode is over as soon as the robot has recovered, judged at a touchdown
+    since its begin, and its gate is closed.
     """
 
     bootstraps = False

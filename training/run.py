@@ -98,11 +98,7 @@ class TrainingResult:
 
 
 class Progress(BaseCallback):
-    """Reports after each rollout, and the share of training episodes that recovered to TensorBoard.
-
-    Args:
-        report: Called with the timesteps so far and the recovered share of the last 100 episodes (or None).
-    """
+    """Reports after each rollout, and the share of training episodes that recovered to TensorBoard."""
 
     def __init__(self, report: Report):
         super().__init__()
@@ -123,13 +119,7 @@ class Progress(BaseCallback):
 
 
 class Every(BaseCallback):
-    """Calls `action` before a rollout whenever `period` timesteps have passed since it last did.
-
-    Args:
-        period: In timesteps.
-        action: Called without arguments; sees the networks as the last update left them.
-        start: Timesteps at which the count begins.
-    """
+    """Calls `action` before a rollout whenever `period` timesteps have passed since it last did."""
 
     def __init__(self, period: int, action: Callable[[], None], start: int):
         super().__init__()

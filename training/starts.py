@@ -31,12 +31,7 @@ class SuccessTable:
     """Running share p of recoveries by direction and impulse, and the probability of taking such a push.
 
     A push is accepted with probability  floor + (1 - floor) 4 p (1 - p):  1 where half of its kind are
-    recovered from, `floor` where all or none are.
-
-    Args:
-        largest: impulse [N s].
-        floor: least probability, in (0, 1].
-        width: of a bin of impulses [N s].
+    recovered from, `floor` where all or none are. The `largest` impulse and the `width` of a bin are in N s.
     """
 
     def __init__(self, largest: float, floor: float, width: float = WIDTH):
@@ -64,14 +59,8 @@ def take_walks(
 ) -> list[RobotSnapshot]:
     """Snapshots of `count` walks under a planner, each of another robot and command, at a random moment.
 
-    A walk that falls is not taken.
-
-    Args:
-        episodes: what they held before is lost.
-        planner: remembers nothing.
-        pushes: whose commands and model errors are drawn, and no push.
-        count: of snapshots.
-        rng: of the draws.
+    A walk that falls is not taken, and what the episodes held before is lost. Of `pushes` only commands and
+    model errors are drawn. The planner remembers nothing.
     """
     n, due, taken = episodes.n, np.zeros(episodes.n), []
 

@@ -18,14 +18,7 @@ Step = tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str
 
 
 class SharedVecEnv(VecEnv):
-    """A `VecEnv` whose attributes and methods are those of one object that all robots share.
-
-    Args:
-        shared: the object.
-        n: number of robots.
-        observation: space of one robot.
-        action: space of one robot.
-    """
+    """A `VecEnv` whose attributes and methods are those of one object that all robots share."""
 
     def __init__(self, shared: Any, n: int, observation: gym.Space, action: gym.Space):
         self.shared = shared
@@ -148,15 +141,9 @@ def row_of(info: dict[str, Any], k: int) -> dict[str, Any]:
 class TrainingRobots(SharedVecEnv):
     """One step is one learned action, held for some planning periods; an ended episode begins anew at once.
 
-    The info of an ended episode has `failure_reason`, `recovered_at` [s] since the walk began, None where it
-    has not, `terminal_observation` and `TimeLimit.truncated`, which every info has.
-
-    Args:
-        episodes: of n robots; what they held before is lost.
-        actor: what the network sees and does.
-        starts: where episodes begin.
-        reward: what an action is worth.
-        hold: planning periods for which it is held.
+    What the episodes held before is lost. The info of an ended one has `failure_reason`, `recovered_at` [s]
+    since the walk began, None where it has not, `terminal_observation` and `TimeLimit.truncated`, which every
+    info has.
     """
 
     def __init__(self, episodes: GaitEpisodes, actor: Actor, starts: Starts, reward: Reward, hold: int):

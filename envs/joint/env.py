@@ -229,7 +229,8 @@ class JointResidualEpisodes(OnJointsEpisodes):
             threads: that share the physics.
             policy: name of what plans, for `make_policy`.
             scale: what a residual of 1 adds, as a share of the motor's largest torque, within 0-1.
-            gate: (shut, open) of `ResidualGate` [m], which residuals are multiplied by; None: always open.
+            gate: (shut, open) of `ResidualGate` [m]: how far the DCM is from the nominal gait where residuals
+                begin to act, and where all of them does; None: they always act.
             changes: of single fields of the config.
 
         Raises:
@@ -303,15 +304,7 @@ class BipedJointResidualEnv(BipedEnv):
         gate: Gate = DEFAULT_GATE,
         **biped: Any,
     ):
-        """Build one biped.
-
-        Args:
-            policy: name of the planner below.
-            scale: what a residual of 1 adds, as a share of the motor's largest torque, within 0-1.
-            gate: (shut, open) [m]: how far the DCM is from the nominal gait where the residual begins to act,
-                and where all of it does; None: it always acts.
-            biped: see `BipedEnv`.
-        """
+        """Build one biped; arguments are those of `JointResidualEpisodes` and of `BipedEnv`."""
         self.make_episodes = partial(JointResidualEpisodes, policy=policy, scale=scale, gate=gate)
         super().__init__(**biped)
 

@@ -126,12 +126,6 @@ def test_the_registered_residual_at_zero_is_the_biped_with_two_stage():
         assert reward_a == reward_b
 
 
-def test_the_registered_residual_is_made_again_from_its_spec():
-    env = gym.make(RESIDUAL, policy="stage-1", scale=[0.1] * 7, hold=2)
-    assert json.loads(env.spec.to_json())["kwargs"] == {"policy": "stage-1", "scale": [0.1] * 7, "hold": 2}
-    assert str(gym.make(env.spec)) == str(env)
-
-
 def test_every_action_has_its_own_noise(vec_env_of):
     settings = dataclasses.replace(SMALL, env_id=PENDULUM)
     venv = vec_env_of(settings, 0)
