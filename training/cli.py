@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from tyro.conf import Positional, arg
 
@@ -19,10 +19,7 @@ from ..controllers.validation import require_choice
 from ..eval.cli.options import Directory, Options, within
 from ..eval.output.progress import Bars, Work, about, progress_bars
 from .recipes import RECIPES, difference, file_settings, get_recipe
-from .settings import TrainingSettings
-
-if TYPE_CHECKING:
-    from .run import Report, TrainingResult
+from .settings import Report, TrainingSettings
 
 
 def require_training() -> None:
@@ -30,6 +27,14 @@ def require_training() -> None:
     for module in ("torch", "stable_baselines3", "tensorboard"):
         if find_spec(module) is None:
             raise MissingExtraError(module.replace("_", "-"), "train")
+
+
+def runs() -> Any:
+    """The module `training.run`, loaded only where a run is wanted: it needs torch."""
+    require_training()
+    from . import run
+
+    return run
 
 
 DEFAULTS = TrainingSettings()
@@ -62,10 +67,7 @@ class Train(Options):
         """Settings of a run to go on with, or of a recipe; the user has given what differs from them."""
         if self.resume is None:
             return None if self.recipe is None else Train(settings=get_recipe(self.recipe))
-        require_training()
-        from .run import load_checkpoint
-
-        return Train(settings=load_checkpoint(Path(self.resume)).settings)
+        return Train(settings=runs().load_checkpoint(Path(self.resume)).settings)
 
     def run(self) -> None:
         """Train, and print the curve.
@@ -74,19 +76,16 @@ class Train(Options):
             MissingExtraError: torch or Stable-Baselines3 is not installed.
             PushRecoveryError: An option is impossible, or contradicts the run to resume.
         """
-        require_training()
         result = self._start() if self.resume is None else self._go_on(Path(self.resume))
         print(f"{'timesteps':>10} {'recovered':>10} {'survived':>10} {'reward':>10}")
         for p in result.curve:
             print(f"{p.timesteps:>10} {p.recovered:>10.3f} {p.survived:>10.3f} {p.mean_reward:>10.2f}")
         print(f"{result.timesteps} timesteps in {result.seconds:.0f} s; policy: {result.policy}")
 
-    def _start(self) -> TrainingResult:
-        from ..eval.rollout.environments import EnvName
-        from .run import train
-
-        settings = self._with_env(self.settings)
-        name = EnvName.parse(settings.env_id)
+    def _start(self) -> Any:
+        """The `TrainingResult` of a new run."""
+        run, settings = runs(), self._with_env(self.settings)
+        name = run.environments.EnvName.parse(settings.env_id)
         if self.recipe is not None and self.env is None and name.runs_code:
             raise InvalidValueError(
                 f"the recipe {self.recipe!r} is for {settings.env_id!r}, and training would run the code of "
@@ -95,17 +94,17 @@ class Train(Options):
         settings = replace(settings, scale=self._residual_scale(settings))
         folder = f"{settings.kind}-{settings.env_id.split('/')[-1]}-seed{settings.seed}"
         out = Path("runs") / folder if self.out is None else Path(self.out)
-        return with_progress(settings, out, lambda report: train(settings, out, report))
+        return with_progress(settings, out, lambda report: run.train(settings, out, report))
 
-    def _go_on(self, path: Path) -> TrainingResult:
-        from .run import load_checkpoint, resume
-
+    def _go_on(self, path: Path) -> Any:
+        """The `TrainingResult` of one that was there."""
+        run = runs()
         for option in ("out", "recipe"):
             if getattr(self, option) is not None:
                 raise InvalidValueError(f"--{option} is for a new run; --resume goes on in {path}")
         if self.scale is not None:
             raise InvalidValueError("--scale is for a new run; a resumed one keeps its own")
-        theirs, ours = load_checkpoint(path).settings, self._with_env(self.settings)
+        theirs, ours = run.load_checkpoint(path).settings, self._with_env(self.settings)
         for entry in fields(TrainingSettings):
             old, new = getattr(theirs, entry.name), getattr(ours, entry.name)
             if entry.name != "timesteps" and old != new:
@@ -114,7 +113,7 @@ class Train(Options):
                     "leave the option out to go on, or start a new run with --out"
                 )
         named = None if self.env is None else ours.env_id  # only what the user names may import a module
-        return with_progress(ours, path, lambda report: resume(path, ours.timesteps, report, named))
+        return with_progress(ours, path, lambda report: run.resume(path, ours.timesteps, report, named))
 
     def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
         return settings if self.env is None else replace(settings, env_id=self.env)
@@ -127,9 +126,7 @@ class Train(Options):
             raise InvalidValueError(
                 f"--scale belongs to `train residual`, which corrects gait actions, not to {settings.kind!r}"
             )
-        from .builders import make_plain_env
-
-        env = make_plain_env(settings.env_id)
+        env = runs().builders.make_plain_env(settings.env_id)
         unwrapped: Any = env.unwrapped
         scale = default_residual_scale(unwrapped.limits, self.scale * DEFAULT_FACTOR)
         env.close()
@@ -203,18 +200,16 @@ def train_recipe(name: str, folder: Path, report: Report) -> None:
     Raises:
         InvalidValueError: The run there has other settings.
     """
-    from .run import POLICY, find_checkpoints, load_checkpoint, resume, train
-
-    settings, run = RECIPES[name], folder / name
-    if find_checkpoints(run):
-        theirs = load_checkpoint(run).settings
+    run, settings, out = runs(), RECIPES[name], folder / name
+    if run.find_checkpoints(out):
+        theirs = run.load_checkpoint(out).settings
         if (differs := difference(settings, theirs)) is not None:
             raise InvalidValueError(
-                f"the run in {run} has {differs} {getattr(theirs, differs)!r}, its recipe "
+                f"the run in {out} has {differs} {getattr(theirs, differs)!r}, its recipe "
                 f"{getattr(settings, differs)!r}: choose another --out, or remove that folder"
             )
-        resume(run, report=report)
+        run.resume(out, report=report)
     else:
-        train(settings, run, report, folder)
-    for path, place in zip(policy_paths(run / POLICY), policy_paths(folder / name), strict=True):
+        run.train(settings, out, report, folder)
+    for path, place in zip(policy_paths(out / run.POLICY), policy_paths(folder / name), strict=True):
         write_atomically(place, read_file(path))  # the description last: it says that both are there

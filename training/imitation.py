@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim import swa_utils
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file
@@ -108,7 +108,7 @@ class Student:
             layers += [_linear(inputs, outputs, generator), nn.Tanh()]
         self.network = nn.Sequential(*layers[:-1])
         self.beta = settings.beta
-        self.mean: AveragedModel | None = None
+        self.mean: swa_utils.AveragedModel | None = None
         self.optimiser = torch.optim.Adam(self.network.parameters())
         self.normalisation = normalisation_of(np.zeros((1, JOINT_OBSERVATION_SIZE), np.float32))
 
@@ -133,7 +133,8 @@ class Student:
 
     def begin_mean(self, share: float) -> None:
         """Let the result be a running mean of the weights from here on, of which each step has a share."""
-        self.mean = AveragedModel(self.network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - share))
+        average = swa_utils.get_ema_multi_avg_fn(1.0 - share)
+        self.mean = swa_utils.AveragedModel(self.network, multi_avg_fn=average)
 
     def mlp(self) -> Mlp:
         """The network in numpy."""

@@ -34,13 +34,12 @@ from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .from_sb3 import export_policy
 from .imitation import ImitationSettings, imitate_once
 from .recipes import command_of
-from .settings import TrainingSettings
+from .settings import Report, TrainingSettings
 
 POLICY, TAUGHT = "policy", "taught"  # files of the result and of what a teacher showed, without suffixes
 CHECKPOINTS, KEPT_CHECKPOINTS, FORMAT_VERSION = "checkpoints", 2, 1
 PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
 ROUND = 4.5  # seconds of one core that a round of imitation takes, about
-Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
 SILENT: Report = lambda timesteps, recovered: None  # noqa: E731
 
 
