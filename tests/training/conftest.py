@@ -52,6 +52,20 @@ def toy():
 
 
 @pytest.fixture
+def stop_at():
+    """Reports that interrupt training as Ctrl-C would, from a number of timesteps on."""
+
+    def made(timesteps):
+        def report(done, recovered):
+            if done >= timesteps:
+                raise KeyboardInterrupt
+
+        return report
+
+    return made
+
+
+@pytest.fixture
 def vec_env_of():
     """What a run of settings trains on, by its seed."""
     from push_recovery.training.builders import completed, make_env, make_vec_env

@@ -39,14 +39,6 @@ def settings(toy, monkeypatch):
     )  # fmt: skip
 
 
-class Stop:
-    """A report that interrupts training as Ctrl-C would."""
-
-    def __call__(self, timesteps, recovered):
-        if timesteps >= 240:
-            raise KeyboardInterrupt
-
-
 def test_it_trains_and_is_exported_as_a_policy_that_acts_as_it_does(tmp_path, settings):
     result = train(settings, tmp_path / "run")
     assert result.timesteps == 480
@@ -61,10 +53,10 @@ def test_it_trains_and_is_exported_as_a_policy_that_acts_as_it_does(tmp_path, se
     np.testing.assert_allclose(ours, theirs, atol=1e-5)
 
 
-def test_what_it_has_learned_survives_an_interrupt(tmp_path, settings):
+def test_what_it_has_learned_survives_an_interrupt(tmp_path, settings, stop_at):
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        train(settings, out, Stop())
+        train(settings, out, stop_at(240))
     checkpoint = load_checkpoint(out)
     assert checkpoint.timesteps == 240
     assert checkpoint.settings.algorithm == "sac"

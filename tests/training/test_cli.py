@@ -58,13 +58,9 @@ def test_the_folder_is_one_of_shipped_policies(recipes, toy, tmp_path, monkeypat
     assert load_policy("joint", make_env(toy)).observation_size == 36  # type: ignore[attr-defined]
 
 
-def test_a_run_that_was_stopped_goes_on(recipes, tmp_path):
-    def stop(timesteps, recovered):
-        if timesteps >= 256:
-            raise KeyboardInterrupt
-
+def test_a_run_that_was_stopped_goes_on(recipes, tmp_path, stop_at):
     with pytest.raises(KeyboardInterrupt):
-        train_recipe("joint", tmp_path, stop)
+        train_recipe("joint", tmp_path, stop_at(256))
     assert not is_complete(tmp_path, "joint")
     seen = []
     train_recipe("joint", tmp_path, lambda timesteps, recovered: seen.append(timesteps))

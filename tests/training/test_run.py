@@ -93,17 +93,6 @@ def training_run_settings(toy):
     )  # fmt: skip
 
 
-class Stop:
-    """A report that interrupts training as Ctrl-C would."""
-
-    def __init__(self, after):
-        self.after = after
-
-    def __call__(self, timesteps, recovered):
-        if timesteps >= self.after:
-            raise KeyboardInterrupt
-
-
 def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, training_run_settings):
     seen = []
     result = train(training_run_settings, tmp_path / "run", lambda steps, share: seen.append(steps))
@@ -157,10 +146,10 @@ def test_equal_seeds_give_equal_files(tmp_path, training_run_settings):
     assert first != other
 
 
-def test_an_interrupted_run_goes_on_to_its_end(tmp_path, training_run_settings):
+def test_an_interrupted_run_goes_on_to_its_end(tmp_path, training_run_settings, stop_at):
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        train(training_run_settings, out, Stop(768))
+        train(training_run_settings, out, stop_at(768))
     assert load_checkpoint(out).timesteps == 768
     assert not (out / "policy.safetensors").exists()
     result = resume(out)
@@ -169,20 +158,20 @@ def test_an_interrupted_run_goes_on_to_its_end(tmp_path, training_run_settings):
     assert NetworkPolicy.load(out / "policy").observation_size == 36
 
 
-def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, training_run_settings):
+def test_a_killed_run_goes_on_from_its_last_whole_checkpoint(tmp_path, training_run_settings, stop_at):
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        train(training_run_settings, out, Stop(768))
+        train(training_run_settings, out, stop_at(768))
     newest = find_checkpoints(out)[-1]
     newest.rename(newest.with_name(f".{newest.name}.7.tmp"))  # a kill before the rename
     assert load_checkpoint(out).timesteps < 768
     assert resume(out).timesteps == 1024
 
 
-def test_a_run_killed_before_its_first_update_goes_on(tmp_path, training_run_settings):
+def test_a_run_killed_before_its_first_update_goes_on(tmp_path, training_run_settings, stop_at):
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        train(dataclasses.replace(training_run_settings, checkpoint_every=10_000), out, Stop(1))
+        train(dataclasses.replace(training_run_settings, checkpoint_every=10_000), out, stop_at(1))
     for checkpoint in find_checkpoints(out)[1:]:
         for file in checkpoint.iterdir():
             file.unlink()
@@ -266,15 +255,17 @@ def test_a_folder_with_a_run_is_not_overwritten(tmp_path, training_run_settings)
         train(training_run_settings, tmp_path / "run")
 
 
-def test_an_unknown_environment_names_the_valid_ones(tmp_path, training_run_settings):
-    with pytest.raises(UnknownNameError, match="PushRecovery/Biped-v0"):
-        train(dataclasses.replace(training_run_settings, env_id="PushRecovery/Bipde-v0"), tmp_path / "run")
+@pytest.mark.parametrize(
+    ("env_id", "error", "told"),
+    [
+        ("PushRecovery/Bipde-v0", UnknownNameError, "PushRecovery/Biped-v0"),
+        ("gymnasium:Pendulum-v1", InvalidValueError, "robot"),
+    ],
+)
+def test_environments_that_do_not_fit_are_refused(tmp_path, training_run_settings, env_id, error, told):
+    with pytest.raises(error, match=told):
+        train(dataclasses.replace(training_run_settings, env_id=env_id), tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-def test_environments_that_do_not_fit_are_refused(tmp_path, training_run_settings):
-    with pytest.raises(InvalidValueError, match="robot"):
-        train(dataclasses.replace(training_run_settings, env_id="gymnasium:Pendulum-v1"), tmp_path / "run")
 
 
 def test_a_run_without_a_checkpoint_is_none(tmp_path, training_run_settings, monkeypatch):
