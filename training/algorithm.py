@@ -148,9 +148,8 @@ class Algorithm(ABC):
                     state = whole.state_dict() | {"state": moments}
                 whole.load_state_dict(state)
             for name in variables:
-                save_util.recursive_getattr(self.model, name).data.copy_(
-                    torch.from_numpy(tensors[name].copy())
-                )
+                parameter = save_util.recursive_getattr(self.model, name)
+                parameter.data.copy_(torch.from_numpy(tensors[name].copy()))
             shapes = {"observation": self.model.observation_space.shape, "return": ()}
             for name, statistics in self.statistics().items():
                 mean, variance = tensors[f"{name}.mean"], tensors[f"{name}.variance"]
