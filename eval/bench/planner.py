@@ -57,13 +57,7 @@ def time_calls(call: Callable[[Any], object], arguments: list[Any], calls: int =
 
 
 def pushed_observations(env: gym.Env, policy: TwoStagePolicy, walk: Observations) -> Observations:
-    """BATCH observations of robots that walk in place and are pushed; of the walk where there are none.
-
-    Args:
-        env: whose robots they are.
-        policy: that acts.
-        walk: (m, 36) of one robot, repeated where the environment does not run in batches.
-    """
+    """BATCH observations of robots that walk in place and are pushed; of `walk` (m, 36) where none are."""
     rule = action_rule(env)
     episodes = None if rule is None or rule.residual is not None else batch_episodes(rule.env, ROBOTS)
     if episodes is None:

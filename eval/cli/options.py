@@ -20,10 +20,12 @@ from tyro.conf import arg
 from ...controllers.errors import InvalidValueError, MissingExtraError, is_finite_number, shown
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
+from ...envs.scenario.scenario import Command
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
 
 if TYPE_CHECKING:
     from ..output.tables import Table
+    from ..score.frontier import FrontierSettings
 
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
@@ -40,7 +42,9 @@ Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
 FileName = Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")]
 NameOrFile = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]
+CountOrNone = Annotated[int | None, arg(metavar="N", help_behavior_hint="")]
 Real = Annotated[float, arg(metavar="X")]
+RealOrNone = Annotated[float | None, arg(metavar="X", help_behavior_hint="")]
 PolicyName = Annotated[str, arg(metavar="NAME|FILE")]
 Policies = Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)]
 SuiteName = Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)]
@@ -189,20 +193,25 @@ class RunningOptions(WorkerOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VelocityOptions(Options):
-    """Options of the commanded velocity."""
+class PushOptions(RobotOptions):
+    """Options of a push but for its force and direction."""
 
     vx: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded forward velocity [m/s]."""
     vy: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded velocity to the left [m/s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PushOptions(VelocityOptions):
     """Options of a push but for its force and direction."""
 
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
     """Duration of the push [s]."""
     body: Body = "pelvis"
     """The body that is pushed."""
+
+    def scanned(self, env_id: str, **grid: float) -> FrontierSettings:
+        """The frontier's push with these options; of another grid [N] where one is given."""
+        from ..score.frontier import FrontierSettings
+
+        return FrontierSettings(
+            env_id, duration=self.duration, body=self.body, command=Command(self.vx, self.vy),
+            errors=self.model_errors, profile=self.profile, **grid,
+        )  # fmt: skip

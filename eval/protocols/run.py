@@ -54,11 +54,7 @@ WATCHERS: Mapping[str, Callable[[], Watcher]] = MappingProxyType({"kick": KickWa
 
 
 def biped_of(env_id: str) -> CompiledRobot:
-    """The robot of an environment.
-
-    Raises:
-        InvalidValueError: it is of another kind.
-    """
+    """The robot of an environment, which has to be one of the biped's."""
     with closing(make_env(env_id)) as env:
         return _bipeds(getattr(env.unwrapped, "episodes", None)).core.body
 
@@ -77,11 +73,7 @@ class Watched(Observer):
         self._watcher = watcher
 
     def begin(self, robots: Any, k: int, scenario: Scenario) -> None:
-        """Robot k has begun a scenario.
-
-        Raises:
-            InvalidValueError: it is no biped.
-        """
+        """Robot k has begun a scenario; one that is no biped is refused."""
         core = _bipeds(robots.episodes).core
         self._watcher.begin(core, k, scenario)
         self._watcher.look(core, k)
@@ -156,22 +148,20 @@ def run_protocol(
     sources = policy_sources(policies)
     sizes = chunk_sizes(env_id, sources)
     config = {"format": FORMAT, "protocol": protocol.summary(), "env": env_id, "code": code_digest()}
-    label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
     config |= preset_digest(env_id)
+    label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
     store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     with store:
-        missing = {
-            name: [s for s in protocol.scenarios if (name, s.id) not in store.rows] for name in sources
-        }
+        asked = protocol.scenarios
+        missing = {name: [s for s in asked if (name, s.id) not in store.rows] for name in sources}
         jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
         found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
-        seconds = guessed_seconds(env_id, missing, sources, workers)
-        ids = {scenario.id for scenario in protocol.scenarios}
+        length = about(guessed_seconds(env_id, missing, sources, workers))
+        ids = {scenario.id for scenario in asked}
         done = {name: sum(key[0] == name and key[1] in ids for key in store.rows) for name in digests}
         what = f"{protocol.name}: {len(ids)} episodes of {', '.join(digests)}"
-        with progress_bars(
-            list(digests), len(ids), Work(what, about(seconds), store.directory), done
-        ) as bars:
+        work = Work(what, length, store.directory)
+        with progress_bars(list(digests), len(ids), work, done) as bars:
             for row in found:
                 store.append({**row, "policy_sha256": digests[row["policy"]]})
                 done[row["policy"]] += 1

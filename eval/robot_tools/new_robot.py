@@ -113,9 +113,8 @@ def scaled_settings(
 ) -> PresetFile:
     """The biped's preset scaled to a robot, its steps as wide as its hips are, with some fields changed.
 
-    Slower legs make the shortest step longer, but not the nominal one.
-
-    `changes` are section -> field -> value, of "planner" and of the sections of a robot.
+    Slower legs make the shortest step longer, but not the nominal one. `changes` are section -> field ->
+    value, of "planner" and of the sections of a robot.
     """
     robot, scale = body.robot, scale_of(body)
     own: dict[str, dict[str, Any]] = {
@@ -137,11 +136,7 @@ def scaled_settings(
 
 
 def standing_height(description: RobotDescription) -> float:
-    """CoM height over level soles at which the legs are bent as the biped's are [m].
-
-    Raises:
-        InvalidValueError: the robot cannot stand so.
-    """
+    """CoM height over level soles at which the legs are bent as the biped's are [m]."""
     body = compiled_robot(description)
     data = body.in_reference_posture()
     mujoco.mj_comPos(body.model, data)
@@ -260,11 +255,7 @@ def new_robot(model: str, name: str) -> NewRobot:
 
 
 def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
-    """Largest torques of all joints but the fixed ones.
-
-    Raises:
-        InvalidValueError: the model does not say some.
-    """
+    """Largest torques of all joints but the fixed ones."""
     spec = read_model(model)
     torques = largest_torques(spec)
     joints = [joint.name for joint in spec.joints if joint.name not in fixed]

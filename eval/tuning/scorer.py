@@ -35,12 +35,7 @@ def worth(outcome: Outcome) -> float:
 
 
 def check_env(env_id: str) -> str:
-    """The id of an environment whose planner can be tuned: the pendulum's, or that of a robot's gait.
-
-    Raises:
-        UnknownNameError: there is none, or it is one of a form that has no planner, or another below.
-        InvalidValueError: it names a preset, or the robot cannot be loaded.
-    """
+    """The id of an environment whose planner can be tuned, which may name no preset: a pendulum or a gait."""
     name = EnvName.parse(env_id)
     if name.preset:
         raise InvalidValueError(f"a study starts at a preset of its own: say --preset {name.preset}")
@@ -84,12 +79,7 @@ def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[Ga
 
 
 def run_scenarios(state: None, job: Job) -> dict[str, float]:
-    """Worth by scenario id: the task of a worker, which keeps what it has prepared by itself.
-
-    Args:
-        state: of the worker; none.
-        job: environment, policy, preset file and its content, scenarios.
-    """
+    """Worth by scenario id: the task of a worker, which keeps what it has prepared by itself."""
     env_id, name, preset, content, scenarios = job
     episodes, policy = _prepared(env_id, name, preset, content)
     return {out.scenario_id: worth(out) for out in rollout_batch(episodes, policy, scenarios, name)}
@@ -100,13 +90,7 @@ def _nothing() -> None:
 
 
 class Scorer(AbstractContextManager):
-    """Runs one variant of one environment under preset files; a context manager.
-
-    Args:
-        env_id: for `check_env`.
-        policy: name of the variant.
-        workers: processes, or those of a Ray cluster; they change no result. One means this process.
-    """
+    """Runs one variant of one environment under preset files, in this process where there is one worker."""
 
     def __init__(self, env_id: str, policy: str, workers: int = 1):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers

@@ -106,11 +106,7 @@ class Space:
 
 
 def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimension, ...]:
-    """The dimensions whose label or group is named; all of them where nothing is.
-
-    Raises:
-        UnknownNameError: a name that fits none.
-    """
+    """The dimensions whose label or group is named; all of them where nothing is."""
     labels = [dimension.label for dimension in dimensions]
     groups = sorted({dimension.group for dimension in dimensions})
     for name in only:
@@ -199,11 +195,7 @@ OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
 
 
 def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
-    """The fields of PlannerConfig that a variant of the planner uses.
-
-    Raises:
-        UnknownNameError: no policy of that name with gains to tune; lists those that have some.
-    """
+    """The fields of PlannerConfig that a variant of the planner uses; other policies are refused."""
     require_choice("policy to tune", policy, VARIANTS)
     planner = make_policy(policy)
     assert isinstance(planner, TwoStagePolicy)  # noqa: S101

@@ -80,11 +80,7 @@ def tune_variants(
 
 
 def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
-    """Settings of each variant's study.
-
-    Raises:
-        PushRecoveryError: a variant or a field that cannot be tuned, or a variant that comes twice.
-    """
+    """Settings of each variant's study; a name or a field that cannot be tuned is refused."""
     if twice := [name for name in policies if policies.count(name) > 1]:
         raise InvalidValueError(f"arm {twice[0]!r} is given more than once")
     each = {name: replace(settings, policy=name) for name in policies}

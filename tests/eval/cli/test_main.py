@@ -14,7 +14,7 @@ import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import COMMANDS, main, parse
-from push_recovery.eval.cli.options import VelocityOptions
+from push_recovery.eval.cli.options import PushOptions
 from push_recovery.eval.cli.studies import Frontier
 from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
@@ -36,9 +36,9 @@ def test_options_are_the_fields_of_a_dataclass():
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -2.01, 2.01])
 def test_bounds_hold_for_options_made_in_python_too(value):
-    assert VelocityOptions(vx=-2.0, vy=2.0).vy == 2.0
+    assert PushOptions(vx=-2.0, vy=2.0).vy == 2.0
     with pytest.raises(InvalidValueError, match=r"--vy must be a number in \[-2, 2\]"):
-        VelocityOptions(vy=value)
+        PushOptions(vy=value)
 
 
 def test_tune_has_the_defaults_of_its_settings():

@@ -5,7 +5,8 @@ import json
 import pytest
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.reproduction import figures, scenarios, studies
-from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key, table_text
+from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key
+from push_recovery.eval.reproduction.page import table_text
 from push_recovery.eval.reproduction.pendulum import Variant
 from push_recovery.eval.reproduction.run import SECTIONS, reproduce
 from push_recovery.eval.reproduction.scenarios import SCENARIO_1, SCENARIO_2

@@ -122,11 +122,7 @@ SUITES = {
 
 
 @pytest.mark.parametrize(
-    ("a", "b"),
-    [
-        *((tuned, scored) for tuned in SEEDS for scored in SCORED),
-        *combinations(SEEDS, 2),
-    ],
+    ("a", "b"), [*((tuned, scored) for tuned in SEEDS for scored in SCORED), *combinations(SEEDS, 2)]
 )
 def test_suites_are_disjoint(a, b):
     """No scenario of one is in the other, whatever its name: ids, pushes and noise differ."""

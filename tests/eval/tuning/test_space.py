@@ -23,10 +23,7 @@ from push_recovery.eval.tuning.space import (
 LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
 SPACE = Space((LINEAR, LOG), (0.5, 10.0))
-START = {
-    "planner": asdict(preset_config("biped")),
-    **BipedSettings().to_dict(),
-}
+START = {"planner": asdict(preset_config("biped")), **BipedSettings().to_dict()}
 PLANNER = {d.name: d for arm in VARIANTS for d in planner_dimensions(arm)}
 
 
