@@ -3,15 +3,13 @@
 The solvers get the planner's two problems as matrices, from Python, by their own interfaces.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -142,7 +140,7 @@ class Dense:
     upper: Array
 
     @classmethod
-    def of(cls, program: QuadraticProgram) -> Dense:
+    def of(cls, program: QuadraticProgram) -> Self:
         """A program with its soft rows written out: a slack each, at its weight."""
         soft = np.flatnonzero(program.soft_weight > 0)
         n, m, k = program.f.size, program.lower.size, soft.size

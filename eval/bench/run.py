@@ -3,8 +3,6 @@
 Times are in microseconds where no other unit is given.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -4,8 +4,6 @@ A command is a frozen dataclass: its fields are the options, the texts below the
 What is slow to load is imported by the functions that need it, so that `--help` stays quick.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -13,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import arg
 
@@ -21,11 +19,8 @@ from ...controllers.errors import InvalidValueError, MissingExtraError, is_finit
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
 from ...envs.scenario.scenario import Command
+from ..output.tables import Table
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
-
-if TYPE_CHECKING:
-    from ..output.tables import Table
-    from ..score.frontier import FrontierSettings
 
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
@@ -93,7 +88,7 @@ class Options:
             if entry.name in {"out", "resume"} and value is not None and not str(value).strip():
                 raise InvalidValueError(f"{option} must name a directory or a file, got an empty string")
 
-    def defaults(self) -> Options | None:
+    def defaults(self) -> "Options | None":
         """Values of the options that are not given, where they depend on the ones given; else None."""
         return None
 
@@ -200,14 +195,12 @@ class PushOptions(RobotOptions):
     """Commanded forward velocity [m/s]."""
     vy: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded velocity to the left [m/s]."""
-    """Options of a push but for its force and direction."""
-
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
     """Duration of the push [s]."""
     body: Body = "pelvis"
     """The body that is pushed."""
 
-    def scanned(self, env_id: str, **grid: float) -> FrontierSettings:
+    def scanned(self, env_id: str, **grid: float) -> Any:
         """The frontier's push with these options; of another grid [N] where one is given."""
         from ..score.frontier import FrontierSettings
 

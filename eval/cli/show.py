@@ -1,7 +1,5 @@
 """Write one episode as a film, a contact sheet, a page in 3D, arrays or a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple

@@ -11,8 +11,6 @@ jump [m/s] is the level here, so that robots of another mass meet the same. Thre
 The measures of an episode are RecoverFormer's, too: fallen by its criterion, time to stable, largest tilt.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables of a protocol: this robot's policies over the published rows, and how the others' robots differ."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

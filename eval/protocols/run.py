@@ -1,7 +1,5 @@
 """Run policies under a protocol, with a watcher beside the robots; rows survive a kill, on any processes."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -9,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
@@ -97,7 +95,7 @@ class PushProtocol:
     robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
 
-    def with_collisions(self) -> PushProtocol:
+    def with_collisions(self) -> Self:
         """The same on robots that do not pass through themselves."""
         scenarios = (replace(one, errors=replace(one.errors, collisions=True)) for one in self.scenarios)
         return replace(self, scenarios=tuple(scenarios))

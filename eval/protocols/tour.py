@@ -6,8 +6,6 @@ the benchmark's own random streams. A punch of a joint of the G1 acts where `pun
 waypoint is the benchmark's: a velocity proportional to the error, within a robot's limits.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

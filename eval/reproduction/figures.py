@@ -1,7 +1,5 @@
 """Figs. 3, 4, 5 and 7 of the paper: paths, histories, cartoon and film, largest push by direction."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +13,8 @@ from ...controllers.files import write_atomically
 from ..record import style
 from .pendulum import Walk
 
-Axes = Figure = Any  # of matplotlib, which is loaded where something is drawn
+Axes = Any  # of matplotlib, which is loaded where something is drawn
+Figure = Any
 
 BEFORE, AFTER = 0.7, 3.4  # part of the walk that Figs. 3 and 4 show about the onset of the push [s]
 SIDES = ("left", "right")
@@ -305,7 +304,7 @@ def _cartoon_legend(figure: Figure) -> None:
 
 
 def draw_robot(axes: Axes, walk: Walk, sample: int, shift: float, width: float = 1.0) -> None:
-    """Draw one sample: x to the right from the robot's y = 0 at `shift`, y up [m]; `width` scales its lines."""
+    """Draw one sample: x to the right, the world's y = 0 at `shift`, y up [m]; `width` scales its lines."""
     from matplotlib.patches import Circle, Rectangle
 
     pelvis = (shift - float(walk["com_y"][sample]), walk.com_height)

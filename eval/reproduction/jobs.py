@@ -1,7 +1,5 @@
 """Jobs of the reproduction: each gives one row, written as it finishes and found again by the next run."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import json

@@ -1,7 +1,5 @@
 """The paper's claims against the numbers of a run, and the page that holds them (docs/generated)."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ Physics, actions and end of the episode are those of `rollout` on `PushRecovery/
 one compiled pass plans for all robots that still stand, and one moves them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence

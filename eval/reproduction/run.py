@@ -1,7 +1,5 @@
 """`push-recovery reproduce`: sections by name to rows, numbers, tables, pictures and a page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

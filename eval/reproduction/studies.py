@@ -8,8 +8,6 @@ Limits: the largest push that theory allows by direction, in closed form and by 
 trajectories.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ They are to be looked through. The joints are those of a skeleton, the model wit
 all joints at 0; a sole is the rectangle under the shapes of a foot's body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

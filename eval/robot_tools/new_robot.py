@@ -4,8 +4,6 @@ How high a robot stands and how far it steps follows from postures within the ra
 is the biped's, scaled by the ratios of sizes, masses and inertias.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace

@@ -4,8 +4,6 @@ Of each there are two suites: one that a search meets, and one that is held out 
 run ids are none of the tour protocol's, so what is tuned on its punches has met none of the scored ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,12 +1,10 @@
 """Worth of a preset on scenarios, run side by side in processes that last as long as the search."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, closing
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
@@ -96,7 +94,7 @@ class Scorer(AbstractContextManager):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
         self._pool: Pool[None] | None = None
 
-    def __enter__(self) -> Scorer:
+    def __enter__(self) -> Self:
         if self.workers > 1 or isinstance(self.workers, RayWorkers):
             self._pool = open_pool(self.workers, _nothing)
         return self

@@ -12,8 +12,6 @@ says more than either score: with d_i = value_i - best_i over those n,
 and a trial that is clearly worse than the best one is stopped early.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
