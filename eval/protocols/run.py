@@ -1,17 +1,14 @@
 """Run policies under a protocol, with a watcher beside the robots; rows survive a kill, on any processes."""
 
 import hashlib
-from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
-from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
@@ -32,23 +29,7 @@ Row = dict[str, Any]
 Job = tuple[str, str, tuple[Scenario, ...]]  # protocol, label of a policy, scenarios
 
 
-class Watcher(Protocol):
-    """Looks at robots of a core, one at a time, and may write their commands."""
-
-    def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
-        """Robot k has begun a scenario."""
-        ...
-
-    def look(self, core: BipedCore, k: int) -> None:
-        """Robot k has acted, or has just begun."""
-        ...
-
-    def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
-        """Entries of the row of the episode that has ended, besides its outcome."""
-        ...
-
-
-WATCHERS: Mapping[str, Callable[[], Watcher]] = MappingProxyType({"kick": KickWatcher, "tour": TourWatcher})
+WATCHERS = {"kick": KickWatcher, "tour": TourWatcher}  # look at robots one by one; may write their commands
 
 
 def biped_of(env_id: str) -> CompiledRobot:
@@ -66,7 +47,7 @@ def _bipeds(episodes: Any) -> BipedEpisodes:
 class Watched(Observer):
     """A watcher in an episode loop; `found` has its entries of rows by scenario id."""
 
-    def __init__(self, watcher: Watcher):
+    def __init__(self, watcher: KickWatcher | TourWatcher):
         self.found: dict[str, dict[str, Any]] = {}
         self._watcher = watcher
 

@@ -9,7 +9,8 @@ from typing import Any, Self
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
+from ...controllers.policies.interface import Policy
+from ...controllers.policies.two_stage import make_policy
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
@@ -61,19 +62,12 @@ def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisod
     return PendulumEpisodes(n, preset=preset)
 
 
-def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePolicy:
-    """A variant of the planner with its settings of a preset, by name or file."""
-    policy = make_policy(name, episodes.robot, episodes.limits, preset)
-    assert isinstance(policy, TwoStagePolicy)  # noqa: S101
-    return policy
-
-
 @lru_cache(maxsize=1)
-def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, TwoStagePolicy]:
+def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, Policy]:
     if Path(preset).read_bytes() != content:
         raise InvalidValueError(f"the preset {preset!r} is another one here: workers need the same files")
     episodes = preset_episodes(env_id, SLOTS, preset, policy)
-    return episodes, preset_policy(policy, episodes, preset)
+    return episodes, make_policy(policy, episodes.robot, episodes.limits, preset)
 
 
 def run_scenarios(state: None, job: Job) -> dict[str, float]:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile, load_preset, named_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
@@ -15,7 +16,7 @@ from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.tuning import study as tuning
 from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
-from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
+from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, worth
 from push_recovery.eval.tuning.space import Dimension, Space
 from push_recovery.eval.tuning.study import CANDIDATE, Search, TuningSettings, best_of, preset_of, race, tune
 from push_recovery.eval.tuning.variants import tune_variants
@@ -215,7 +216,7 @@ def test_the_preset_file_scores_what_the_study_says(study):
     scenarios = tuning_suite(TUNING, 8).scenarios
     for trial, path in ((study.best, str(study.path)), (study.start, "default")):
         episodes = preset_episodes(PENDULUM, 3, path, SETTINGS_STUDY.policy)
-        policy = preset_policy(SETTINGS_STUDY.policy, episodes, path)
+        policy = make_policy(SETTINGS_STUDY.policy, episodes.robot, episodes.limits, path)
         found = {o.scenario_id: worth(o) for o in rollout_batch(episodes, policy, scenarios, "p")}
         assert [found[s.id] for s in scenarios] == trial["values"]
     preset = load_preset(str(study.path))
