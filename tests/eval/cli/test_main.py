@@ -93,11 +93,21 @@ def bad_input(capsys, *argv):
     return err
 
 
-def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
+def lines_of(err):
+    """Lines of standard error, without the one that tells of a compilation."""
+    return [line for line in err.splitlines() if "compiling kernels" not in line]
+
+
+def test_evaluate_says_what_it_does_and_prints_the_contracts_object(suite, policy, tmp_path, capsys):
     out = tmp_path / "out"
     argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
+    what = f"head: 6 episodes of {policy}"
     assert main([*argv, "--out", str(out), "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    told = capsys.readouterr()
+    first, *_, last = lines_of(told.err)
+    assert first == f"{what}: a few seconds; output in {out}"
+    assert last.startswith("6/6 in 0:")
+    content = json.loads(told.out)
     assert set(content) == {"suite", "env", "policies", "out"}
     assert content["suite"]["name"] == "head"
     assert content["policies"][policy]["episodes"] == 6
@@ -107,7 +117,8 @@ def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
     assert report["policies"][policy]["survived"] == content["policies"][policy]["survived"]
     assert "Wilson" in (out / "report.md").read_text()
     assert main([*argv, "--out", str(out)]) == 0
-    text = capsys.readouterr().out
+    text, err = capsys.readouterr()
+    assert lines_of(err)[0] == f"{what}: nothing is left to run; output in {out}"
     assert f"report: {out / 'report.md'}" in text
     assert text.strip().endswith(f"page: {out / 'report.html'}")
     page = (out / "report.html").read_text()
@@ -325,24 +336,6 @@ sys.argv = ["push-recovery", "list"]
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert "interrupted" in done.stderr
-
-
-def lines_of(err):
-    """Lines of standard error, without the one that tells of a compilation."""
-    return [line for line in err.splitlines() if "compiling kernels" not in line]
-
-
-def test_evaluate_says_first_what_it_does_and_where_its_output_goes(suite, policy, tmp_path, capsys):
-    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
-    argv += ["--out", str(tmp_path / "out"), "--json"]
-    what = f"head: 6 episodes of {policy}"
-    assert main(argv) == 0
-    first, *_, last = lines_of(capsys.readouterr().err)
-    assert first == f"{what}: a few seconds; output in {tmp_path / 'out'}"
-    assert last.startswith("6/6 in 0:")
-    assert main(argv) == 0
-    first, *_ = lines_of(capsys.readouterr().err)
-    assert first == f"{what}: nothing is left to run; output in {tmp_path / 'out'}"
 
 
 def test_play_says_first_what_it_writes_and_writes_a_contact_sheet(policy, tmp_path, capsys):

@@ -16,7 +16,7 @@ from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.tuning import study as tuning
 from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
-from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, worth
+from push_recovery.eval.tuning.scorer import Scorer, check_env, preset_episodes, worth
 from push_recovery.eval.tuning.space import Dimension, Space
 from push_recovery.eval.tuning.study import CANDIDATE, Search, TuningSettings, best_of, preset_of, race, tune
 from push_recovery.eval.tuning.variants import tune_variants
@@ -260,6 +260,19 @@ def test_a_trial_at_another_point_is_refused(study, tmp_path):
     (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
     with pytest.raises(InvalidValueError, match="has trial 1 at another point than this search asks for"):
         tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("recovered", "survived", "expected"), [(True, True, 1.0), (False, True, 0.5), (False, False, 0.0)]
+)
+def test_standing_unsettled_is_worth_half(recovered, survived, expected):
+    assert worth(SimpleNamespace(recovered=recovered, survived=survived)) == expected  # type: ignore[arg-type]
+
+
+def test_environments_are_named_with_and_without_their_module():
+    assert check_env(f"push_recovery:{PENDULUM}") == PENDULUM
+    with pytest.raises(UnknownNameError, match=r"PushRecovery/Biped-v0"):
+        check_env("PushRecovery/G2-v0")
 
 
 SUITES = "tuning", "tuning-varied", "tuning-punches"
