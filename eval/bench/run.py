@@ -17,11 +17,8 @@ from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, progress_bars
 from ..output.tables import Table
-from ..rollout.environments import make_env
-from ..rollout.episodes import planning_period
-from ..rollout.load_policy import load_policy
-from . import planner
-from .keys import KEYS
+from ..rollout import environments, episodes, load_policy
+from . import keys, planner
 
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
 ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
@@ -35,11 +32,10 @@ class BenchError(PushRecoveryError):
 
 def closed_loop(env: gym.Env, seconds: float) -> tuple[float, planner.Observations]:
     """Real-time factor with two-stage in the loop, unpushed and in place, and the observations met."""
-    policy = load_policy("two-stage", env)
-    scenario = Scenario("bench", duration=seconds + planner.WARM_UP * planning_period(env))
+    policy, period = load_policy.load_policy("two-stage", env), episodes.planning_period(env)
+    scenario = Scenario("bench", duration=seconds + planner.WARM_UP * period)
     observation, _ = env.reset(seed=0, options={"scenario": scenario})
-    observations, began, steps = [], 0.0, 0
-    over = False
+    observations, began, steps, over = [], 0.0, 0, False
     while not over:
         if steps == planner.WARM_UP:
             began = time.perf_counter()
@@ -48,10 +44,10 @@ def closed_loop(env: gym.Env, seconds: float) -> tuple[float, planner.Observatio
         observations.append(observation)
         steps += 1
         if terminated:
-            raise BenchError(f"two-stage fell after {steps * planning_period(env):.2f} s; nothing to time")
+            raise BenchError(f"two-stage fell after {steps * period:.2f} s; nothing to time")
         over = truncated
     wall = time.perf_counter() - began
-    return (steps - planner.WARM_UP) * planning_period(env) / wall, np.array(observations)
+    return (steps - planner.WARM_UP) * period / wall, np.array(observations)
 
 
 def start_time(env_id: str) -> float:
@@ -76,7 +72,7 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
         seconds: simulated time of the closed loop [s]; with less than FULL the slow parts are left out: more
             than 64 robots, Humanoid-v5, other solvers, the start of a process.
     """
-    env, quick = make_env(env_id), seconds < FULL
+    env, quick = environments.make_env(env_id), seconds < FULL
     work = Work(f"timings of {env_id}", "a minute or less" if quick else "some minutes")
     try:
         with progress_bars(["bench"], 1, work, moving=False) as bars:  # which would take time of their own
@@ -95,7 +91,7 @@ def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
     quick = seconds < FULL
     rtf, walk = closed_loop(env, seconds)
     content: dict[str, Any] = {"env": env_id, "single_env_rtf": rtf, "threads": 1}
-    policy = load_policy("two-stage", env)
+    policy = load_policy.load_policy("two-stage", env)
     if isinstance(policy, TwoStagePolicy):
         if isinstance(env.unwrapped, BipedEnv):
             content |= loop.memory_per_robot(policy) | loop.time_control(policy)
@@ -118,7 +114,7 @@ def number(value: Any) -> str:
 
 def key_cells(content: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key, value and meaning of each timing that stands alone."""
-    return [(key, number(content[key]), meaning) for key, meaning in KEYS.items() if key in content]
+    return [(key, number(content[key]), meaning) for key, meaning in keys.KEYS.items() if key in content]
 
 
 def robot_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:

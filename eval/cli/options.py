@@ -50,6 +50,14 @@ def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]
     return {"bounds": (low, high)}
 
 
+def pushes_of(command: Any, sample: int | None = None) -> Any:
+    """The suite of a command with its model errors and profile, or a sample evenly spread over it."""
+    from ..score import sensitivity, suites
+
+    suite = suites.pushes_on(command.env_id, command.suite, command.model_errors, command.profile)
+    return suite if sample is None else sensitivity.sample_of(suite, sample)
+
+
 def page_lines(write: Callable[[], Path]) -> list[str]:
     """Write a page, and say where it is; where its extra is missing, say so on standard error and go on."""
     try:

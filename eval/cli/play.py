@@ -10,7 +10,8 @@ from tyro.conf import arg
 from ...controllers.errors import UnknownNameError
 from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
-from .options import Count, EnvOptions, FileName, NameOrFile, PolicyName, PushOptions, Real, within
+from . import options
+from .options import Count, EnvOptions, NameOrFile, PolicyName, PushOptions, Real, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,12 +28,12 @@ class Play(EnvOptions, PushOptions):
     """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Id of the scenario in the suite (by default the first one)."""
-    out: FileName = None
+    out: options.FileName = None
     """Write one push as a film (mp4 or gif), as six moments (png) or as a page in 3D (html)."""
-    log: FileName = None
+    log: options.FileName = None
     """Write the episode of one push as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques,
     limits met."""
-    plot: FileName = None
+    plot: options.FileName = None
     """Draw the episode of one push over time (png or svg)."""
     viewer: Literal["browser", "mujoco"] = "browser"
     """Where you play with the robot: on a page in the browser, or in MuJoCo's own window."""
@@ -78,9 +79,7 @@ class Play(EnvOptions, PushOptions):
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
         if self.suite is not None or self.scenario is not None:
-            from ..score.suites import pushes_on
-
-            suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
+            suite = options.pushes_of(self)
             found = {scenario.id: scenario for scenario in suite.scenarios}
             if self.scenario is None:
                 return suite.scenarios[0]

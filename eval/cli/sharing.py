@@ -8,16 +8,8 @@ from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import parse_json
-from .options import (
-    Count,
-    EnvOptions,
-    JsonOption,
-    NameOrFile,
-    Policies,
-    RunningOptions,
-    WorkerOptions,
-    within,
-)
+from . import options
+from .options import Count, EnvOptions, JsonOption, RunningOptions, within
 
 MOST = {"kick": 200, "tour": 5120}
 
@@ -29,7 +21,7 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     protocol: Positional[Literal["kick", "tour"]]
     """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
     tour of 90 s."""
-    policies: Policies = ("two-stage",)
+    policies: options.Policies = ("two-stage",)
     form: Annotated[
         Literal["stated", "coded", "force"] | None,
         arg(metavar="NAME", help_behavior_hint="(default: stated)"),
@@ -73,12 +65,12 @@ class ProtocolCommand(EnvOptions, RunningOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Submit(WorkerOptions):
+class Submit(options.WorkerOptions):
     """Check results by running a random sample of their rows again, and put them on a leaderboard."""
 
     directory: Annotated[Positional[str], arg(metavar="DIR")]
     """Directory that evaluate has written, with all rows of its suite."""
-    suite: NameOrFile = None
+    suite: options.NameOrFile = None
     """Suite of the results, if it is a file of your own; its hash has to be that of the results."""
     board: Annotated[str, arg(metavar="DIR")] = "leaderboard"
     """Folder of the leaderboard. It gets a file for each policy on each suite, and a page made of them."""

@@ -102,16 +102,12 @@ class CeilingCommand(EnvOptions, options.RobotOptions, RunningOptions):
     def run(self) -> None:
         """Evaluate, search, print the table or the object, write the reports."""
         from .. import ceiling, hindsight
-        from ..score.sensitivity import sample_of
-        from ..score.suites import pushes_on
 
         settings = hindsight.CeilingSettings(
             policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
             generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
         )  # fmt: skip
-        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
-        if self.sample is not None:
-            suite = sample_of(suite, self.sample)
+        suite = options.pushes_of(self, self.sample)
         found = ceiling.ceiling(
             suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
         )
@@ -141,11 +137,8 @@ class Corrections(EnvOptions, options.RobotOptions):
         from ..output.progress import Work, about, episode_seconds, progress_bars
         from ..record import corrections
         from ..rollout.policy_source import acting_in
-        from ..score.sensitivity import sample_of
-        from ..score.suites import pushes_on
 
-        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
-        suite = sample_of(suite, self.sample)
+        suite = options.pushes_of(self, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
         length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))

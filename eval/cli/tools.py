@@ -42,14 +42,13 @@ class Names(JsonOption):
 
     def run(self) -> None:
         """Print the names."""
-        from ..rollout.environments import env_ids
-        from ..rollout.load_policy import FORMS, policy_names
+        from ..rollout import environments, load_policy
         from ..score.suites import SUITES
 
-        envs, policies = env_ids(), policy_names()
+        envs, policies = environments.env_ids(), load_policy.policy_names()
         suites = [{**make().summary(), "name": name} for name, make in SUITES.items()]
         texts = map("{name} v{version}: {scenarios} pushes, sha256 {sha256}".format_map, suites)
-        parts = {"environments": envs, "policies": [*policies, *FORMS], "suites": texts}
+        parts = {"environments": envs, "policies": [*policies, *load_policy.FORMS], "suites": texts}
         lines = ["\n  ".join([f"{title}:", *names]) for title, names in parts.items()]
         self.show({"envs": envs, "policies": list(policies), "suites": suites}, lines=lines)
 
@@ -124,12 +123,11 @@ class Export(EnvOptions):
         """Write the file, and say how well it agrees; one that does not compute the same is not written."""
         from ...controllers.policies.learned import NetworkPolicy
         from ..record.onnx_export import export_onnx, require_onnx
-        from ..rollout.environments import make_env_for
-        from ..rollout.policy_source import policy_sources
+        from ..rollout import environments, policy_source
 
         require_onnx()
-        source = policy_sources(self.policy)[self.policy]
-        env = make_env_for(source.origin, self.env_id)
+        source = policy_source.policy_sources(self.policy)[self.policy]
+        env = environments.make_env_for(source.origin, self.env_id)
         try:
             policy = source.load(env)
             if not isinstance(policy, NetworkPolicy):
