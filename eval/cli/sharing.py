@@ -166,8 +166,7 @@ class SuiteCommand(JsonOption):
     action: Positional[Literal["new"]]
     """new: draw a suite."""
     like: Annotated[str, arg(metavar="NAME")] = "varied"
-    """Kind of pushes that is drawn: standard, hard, varied, or one of the shifts
-    (docs/evaluation.md#suites)."""
+    """Pushes that are drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."""
     seed: Count = field(metadata=within(0))
     """Seed of the draw; the same seed gives the same suite on every machine."""
     scenarios: Count = field(default=256, metadata=within(1, 65536))
@@ -177,8 +176,8 @@ class SuiteCommand(JsonOption):
     ] = None
     """Name of the suite."""
     pushes: Annotated[str, arg(metavar="JSON")] = "{}"
-    """Ranges in place of those of standard or hard, by fields of PushDistribution, such as
-    '{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}'."""
+    """Ranges in place of those of standard or hard, by fields of PushDistribution,
+    such as '{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}'."""
     out: Annotated[str, arg(metavar="FILE")]
     """Suite file to write."""
 

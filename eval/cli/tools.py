@@ -167,8 +167,7 @@ class Tune(EnvOptions, options.ErrorOptions, options.RunningOptions):
     seed: Count = field(default=0, metadata=within(0))
     """Seed of the search."""
     errors: Annotated[str, arg(metavar="JSON")] = "{}"
-    """Model errors of every second robot; half of these robots have the mass error negated
-    (docs/tuning.md)."""
+    """Model errors of every second robot; half of these have the mass error negated (docs/tuning.md)."""
 
     @property
     def settings(self) -> Any:
