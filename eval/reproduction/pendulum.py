@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, is_finite_number
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.capturability import max_recoverable_force, max_recoverable_impulse
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
@@ -22,6 +22,7 @@ from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
 from ...controllers.settings import preset_config
+from ...controllers.validation import require_integer, require_number
 from ...envs.pendulum.env import PendulumCore, PendulumEpisodes
 from ...envs.scenario.push import GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
@@ -43,10 +44,8 @@ class Measurement:
     delay: int = 0  # whole planning periods
 
     def __post_init__(self) -> None:
-        if not (is_finite_number(self.dcm_noise) and self.dcm_noise >= 0):
-            raise InvalidValueError(f"dcm_noise must be finite and >= 0 [m], got {self.dcm_noise!r}")
-        if isinstance(self.delay, bool) or not isinstance(self.delay, int) or self.delay < 0:
-            raise InvalidValueError(f"delay must be an integer >= 0 [periods], got {self.delay!r}")
+        require_number("dcm_noise", self.dcm_noise, 0.0)
+        require_integer("delay", self.delay)
 
 
 EXACT = Measurement()
