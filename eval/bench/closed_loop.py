@@ -3,8 +3,6 @@
 Gymnasium's Humanoid-v5 without any controller is timed side by side with it.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import dataclass

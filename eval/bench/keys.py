@@ -1,7 +1,5 @@
 """The keys of `push-recovery bench --json`, and their meanings."""
 
-from __future__ import annotations
-
 KEYS = {
     "raw_physics_rtf": "bare mj_step of one robot along a walk; all rtf are simulated s per wall s",
     "single_env_rtf": "one robot through gym.make, two-stage in the loop",

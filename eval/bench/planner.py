@@ -3,14 +3,12 @@
 The solvers get the planner's two problems as matrices, from Python, by their own interfaces.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -57,13 +55,7 @@ def time_calls(call: Callable[[Any], object], arguments: list[Any], calls: int =
 
 
 def pushed_observations(env: gym.Env, policy: TwoStagePolicy, walk: Observations) -> Observations:
-    """BATCH observations of robots that walk in place and are pushed; of the walk where there are none.
-
-    Args:
-        env: whose robots they are.
-        policy: that acts.
-        walk: (m, 36) of one robot, repeated where the environment does not run in batches.
-    """
+    """BATCH observations of robots that walk in place and are pushed; of `walk` (m, 36) where none are."""
     rule = action_rule(env)
     episodes = None if rule is None or rule.residual is not None else batch_episodes(rule.env, ROBOTS)
     if episodes is None:
@@ -137,29 +129,21 @@ TOLERANCE = 1e-6  # of the solvers that iterate
 MODULES = {"daqp": "daqp", "osqp": "osqp", "quadprog": "quadprog", "proxqp": "proxsuite"}
 
 
-@dataclass(frozen=True)
-class Dense:
-    """min 0.5 x'Hx + f'x  s.t.  lower <= A x <= upper, with the slacks of soft rows among the x."""
-
-    H: Array
-    f: Array
-    A: Array
-    lower: Array
-    upper: Array
-
-    @classmethod
-    def of(cls, program: QuadraticProgram) -> Dense:
-        """A program with its soft rows written out: a slack each, at its weight."""
-        soft = np.flatnonzero(program.soft_weight > 0)
-        n, m, k = program.f.size, program.lower.size, soft.size
-        H, A = np.zeros((n + k, n + k)), np.zeros((m, n + k))
-        H[:n, :n], A[:, :n] = program.H, program.A
-        H[range(n, n + k), range(n, n + k)] = program.soft_weight[soft]
-        A[soft, range(n, n + k)] = 1.0
-        return cls(H, np.concatenate([program.f, np.zeros(k)]), A, program.lower, program.upper)
+def hard(program: QuadraticProgram) -> QuadraticProgram:
+    """A program with its soft rows written out: a slack each among the x, at its weight."""
+    soft = np.flatnonzero(program.soft_weight > 0)
+    n, m, k = program.f.size, program.lower.size, soft.size
+    H, A = np.zeros((n + k, n + k)), np.zeros((m, n + k))
+    H[:n, :n], A[:, :n] = program.H, program.A
+    H[range(n, n + k), range(n, n + k)] = program.soft_weight[soft]
+    A[soft, range(n, n + k)] = 1.0
+    return replace(program, H=H, f=np.concatenate([program.f, np.zeros(k)]), A=A, soft_weight=np.zeros(m))
 
 
-def _daqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+Prepared = tuple[Callable[[], Any], Callable[[Any], Array]]  # solves a program; reads x out of what that gave
+
+
+def _daqp(problem: QuadraticProgram) -> Prepared:
     import daqp
 
     sense = np.zeros(problem.lower.size, np.int32)
@@ -167,7 +151,7 @@ def _daqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
     return lambda: daqp.solve(problem.H, problem.f, problem.A, upper, lower, sense), lambda found: found[0]
 
 
-def _osqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+def _osqp(problem: QuadraticProgram) -> Prepared:
     import osqp
     from scipy import sparse
 
@@ -183,7 +167,7 @@ def _osqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
     return solve, lambda found: found.x
 
 
-def _quadprog(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+def _quadprog(problem: QuadraticProgram) -> Prepared:
     quadprog: Any = importlib.import_module("quadprog")
     equal = problem.lower == problem.upper
     rows = np.vstack([problem.A[equal], problem.A[~equal], -problem.A[~equal]])
@@ -192,7 +176,7 @@ def _quadprog(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]
     return lambda: quadprog.solve_qp(problem.H, -problem.f, C, bounds, count), lambda found: found[0]
 
 
-def _proxqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
+def _proxqp(problem: QuadraticProgram) -> Prepared:
     proxsuite: Any = importlib.import_module("proxsuite")
     equal = problem.lower == problem.upper
     A, b, C = problem.A[equal], problem.lower[equal], problem.A[~equal]
@@ -205,11 +189,6 @@ def _proxqp(problem: Dense) -> tuple[Callable[[], Any], Callable[[Any], Array]]:
 
 
 SOLVERS = {"daqp": _daqp, "osqp": _osqp, "quadprog": _quadprog, "proxqp": _proxqp}
-
-
-def missing_solvers() -> list[str]:
-    """Solvers that are not installed."""
-    return [name for name, module in MODULES.items() if importlib.util.find_spec(module) is None]
 
 
 def step_problem(policy: TwoStagePolicy, problem: Stage2) -> StepProblem:
@@ -229,32 +208,23 @@ def step_problem(policy: TwoStagePolicy, problem: Stage2) -> StepProblem:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Recorded:
-    """Problems as a controller meets them."""
-
-    stage_1: list[Dense]
-    stage_2: list[tuple[Dense, Dense]]  # x, y
-    cop: Array  # (n, 2) that stage 2 decides on [m]
+Problems = list[list[QuadraticProgram]]  # without soft rows; each group is timed as one
 
 
-def record(policy: TwoStagePolicy, observations: Array) -> Recorded:
-    """PROBLEMS problems, evenly spaced over the observations, less those at which the step plan is held."""
+def record(policy: TwoStagePolicy, observations: Array) -> tuple[Problems, Problems, Array]:
+    """Problems of stage 1; those of stage 2, x and y; and the CoP that stage 2 decides on, (n, 2) [m].
+
+    PROBLEMS of each, evenly spaced over the observations, less those at which the step plan is held.
+    """
     rows = observations[np.linspace(0, len(observations) - 1, PROBLEMS).astype(int)]
     problems = [problem for row in rows if not (problem := Stage2(row, policy.plan(row))).plan.held]
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
-    stage_2 = [
-        (Dense.of(planner.program(problem.row, 0).qp), Dense.of(planner.program(problem.row, 1).qp))
-        for problem in problems
-    ]
-    return Recorded(
-        stage_1=[Dense.of(step_program(step_problem(policy, problem))) for problem in problems],
-        stage_2=stage_2,
-        cop=planner.plan_batch(np.array([problem.row for problem in problems]))[:, :2],
-    )
+    stage_1 = [[hard(step_program(step_problem(policy, problem)))] for problem in problems]
+    stage_2 = [[hard(planner.program(problem.row, axis).qp) for axis in (0, 1)] for problem in problems]
+    return stage_1, stage_2, planner.plan_batch(np.array([problem.row for problem in problems]))[:, :2]
 
 
-def _time_all(name: str, problems: Sequence[Sequence[Dense]]) -> tuple[Timing, list[list[Any]]]:
+def _time_all(name: str, problems: Problems) -> tuple[Timing, list[list[Any]]]:
     """Time of each group of problems [us], and what the solver gave for each; the second of two runs."""
     prepared = [[SOLVERS[name](problem) for problem in group] for group in problems]
     spent, results = [], []
@@ -272,19 +242,17 @@ def solver_timings(policy: TwoStagePolicy, observations: Array) -> dict[str, Any
     """Each solver on the same recorded problems, from matrices to solution, one call each from Python.
 
     For each solver NAME, stage_2_NAME_us is the time for both axes, and stage_2_NAME_error_m is the largest
-    difference of its CoP from ours;
-    `stage_2_daqp_c_us` the time that DAQP itself counts in its C code.
+    difference of its CoP from ours. `stage_2_daqp_c_us` is the time that DAQP itself counts in its C code.
     """
-    recorded, missing = record(policy, observations), missing_solvers()
+    stage_1, stage_2, own_cop = record(policy, observations)
+    missing = [name for name, module in MODULES.items() if importlib.util.find_spec(module) is None]
     content: dict[str, Any] = {"solvers_missing": missing}
-    for name in SOLVERS:
-        if name in missing:
-            continue
-        content[f"stage_1_{name}_us"], _ = _time_all(name, [[problem] for problem in recorded.stage_1])
-        content[f"stage_2_{name}_us"], results = _time_all(name, recorded.stage_2)
-        read = SOLVERS[name](recorded.stage_2[0][0])[1]
+    for name in (name for name in SOLVERS if name not in missing):
+        content[f"stage_1_{name}_us"], _ = _time_all(name, stage_1)
+        content[f"stage_2_{name}_us"], results = _time_all(name, stage_2)
+        _, read = SOLVERS[name](stage_2[0][0])
         cop = np.array([[float(read(found)[0]) for found in group] for group in results])
-        content[f"stage_2_{name}_error_m"] = float(np.max(np.abs(cop - recorded.cop)))
+        content[f"stage_2_{name}_error_m"] = float(np.max(np.abs(cop - own_cop)))
         if name == "daqp":
             spent = [sum(1e6 * (f[3]["setup_time"] + f[3]["solve_time"]) for f in group) for group in results]
             content["stage_2_daqp_c_us"] = summary(spent)

@@ -3,8 +3,6 @@
 Times are in microseconds where no other unit is given.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -19,19 +17,8 @@ from ...controllers.policies.two_stage import TwoStagePolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, progress_bars
 from ..output.tables import Table
-from ..rollout.environments import make_env
-from ..rollout.episodes import planning_period
-from ..rollout.load_policy import load_policy
-from .keys import KEYS
-from .planner import (
-    CALLS,
-    MODULES,
-    WARM_UP,
-    Observations,
-    batch_planner_timings,
-    planner_timings,
-    pushed_observations,
-)
+from ..rollout import environments, episodes, load_policy
+from . import keys, planner
 
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
 ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
@@ -43,25 +30,24 @@ class BenchError(PushRecoveryError):
     """The closed loop did not last."""
 
 
-def closed_loop(env: gym.Env, seconds: float) -> tuple[float, Observations]:
+def closed_loop(env: gym.Env, seconds: float) -> tuple[float, planner.Observations]:
     """Real-time factor with two-stage in the loop, unpushed and in place, and the observations met."""
-    policy = load_policy("two-stage", env)
-    scenario = Scenario("bench", duration=seconds + WARM_UP * planning_period(env))
+    policy, period = load_policy.load_policy("two-stage", env), episodes.planning_period(env)
+    scenario = Scenario("bench", duration=seconds + planner.WARM_UP * period)
     observation, _ = env.reset(seed=0, options={"scenario": scenario})
-    observations, began, steps = [], 0.0, 0
-    over = False
+    observations, began, steps, over = [], 0.0, 0, False
     while not over:
-        if steps == WARM_UP:
+        if steps == planner.WARM_UP:
             began = time.perf_counter()
         action, _ = policy.predict(observation)
         observation, _, terminated, truncated, _ = env.step(action)
         observations.append(observation)
         steps += 1
         if terminated:
-            raise BenchError(f"two-stage fell after {steps * planning_period(env):.2f} s; nothing to time")
+            raise BenchError(f"two-stage fell after {steps * period:.2f} s; nothing to time")
         over = truncated
     wall = time.perf_counter() - began
-    return (steps - WARM_UP) * planning_period(env) / wall, np.array(observations)
+    return (steps - planner.WARM_UP) * period / wall, np.array(observations)
 
 
 def start_time(env_id: str) -> float:
@@ -76,14 +62,6 @@ def start_time(env_id: str) -> float:
     return time.perf_counter() - began
 
 
-def biped_timings(policy: TwoStagePolicy, quick: bool) -> dict[str, Any]:
-    """Timings of the biped alone: bare physics, control, many robots, Humanoid-v5 beside them."""
-    from .closed_loop import batch_timings, humanoid_timings, memory_per_robot, time_control
-
-    content = {**memory_per_robot(policy), **time_control(policy), **batch_timings(policy, quick)}
-    return content if quick else {**content, **humanoid_timings(policy)}
-
-
 def bench(env_id: str, seconds: float) -> dict[str, Any]:
     """All timings that this environment has, in one run; named by `KEYS` and `GROUPS`.
 
@@ -94,7 +72,7 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
         seconds: simulated time of the closed loop [s]; with less than FULL the slow parts are left out: more
             than 64 robots, Humanoid-v5, other solvers, the start of a process.
     """
-    env, quick = make_env(env_id), seconds < FULL
+    env, quick = environments.make_env(env_id), seconds < FULL
     work = Work(f"timings of {env_id}", "a minute or less" if quick else "some minutes")
     try:
         with progress_bars(["bench"], 1, work, moving=False) as bars:  # which would take time of their own
@@ -108,20 +86,22 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
 def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
     """All timings but that of the start of a process."""
     from ...envs.biped.env import BipedEnv
-    from .planner import solver_timings
+    from . import closed_loop as loop
 
     quick = seconds < FULL
     rtf, walk = closed_loop(env, seconds)
     content: dict[str, Any] = {"env": env_id, "single_env_rtf": rtf, "threads": 1}
-    policy = load_policy("two-stage", env)
+    policy = load_policy.load_policy("two-stage", env)
     if isinstance(policy, TwoStagePolicy):
         if isinstance(env.unwrapped, BipedEnv):
-            content |= biped_timings(policy, quick)
-        observations = pushed_observations(env, policy, walk)
-        content |= planner_timings(policy, observations[:CALLS])
-        content |= batch_planner_timings(policy, observations)
+            content |= loop.memory_per_robot(policy) | loop.time_control(policy)
+            content |= loop.batch_timings(policy, quick)
+            content |= {} if quick else loop.humanoid_timings(policy)
+        observations = planner.pushed_observations(env, policy, walk)
+        content |= planner.planner_timings(policy, observations[: planner.CALLS])
+        content |= planner.batch_planner_timings(policy, observations)
         if not quick:
-            content |= solver_timings(policy, observations)
+            content |= planner.solver_timings(policy, observations)
     return content
 
 
@@ -134,7 +114,7 @@ def number(value: Any) -> str:
 
 def key_cells(content: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key, value and meaning of each timing that stands alone."""
-    return [(key, number(content[key]), meaning) for key, meaning in KEYS.items() if key in content]
+    return [(key, number(content[key]), meaning) for key, meaning in keys.KEYS.items() if key in content]
 
 
 def robot_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
@@ -157,7 +137,7 @@ def solver_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:
             first, second = (number(content[f"stage_{stage}_{match[1]}_us"]) for stage in (1, 2))
             cells.append((match[1], first, second, f"{content[f'stage_2_{match[1]}_error_m']:.0e} m"))
     for name in content["solvers_missing"]:
-        cells.append((name, "not installed", f"pip install {MODULES[name]}", "-"))
+        cells.append((name, "not installed", f"pip install {planner.MODULES[name]}", "-"))
     return cells
 
 

@@ -1,7 +1,5 @@
 """Compile all kernels ahead of their first use, by a short run of everything that calls one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

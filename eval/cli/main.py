@@ -1,7 +1,5 @@
 """The command line: commands by name, their words, and every error as one line and an exit code."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import io
@@ -14,13 +12,10 @@ from dataclasses import MISSING, fields, is_dataclass
 from importlib import import_module
 from textwrap import fill
 from types import NoneType
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError, UnknownNameError
 from ..output.interrupt import INTERRUPTED, STOPPED, CtrlC, end_now
-
-if TYPE_CHECKING:
-    from .options import Options
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
 PROGRAM = "push-recovery"
@@ -75,7 +70,7 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
 }  # fmt: skip
 
 
-def parse(name: str, words: Sequence[str]) -> Options:
+def parse(name: str, words: Sequence[str]) -> Any:
     """The options of a command; those not given have its defaults.
 
     Raises:
@@ -86,13 +81,13 @@ def parse(name: str, words: Sequence[str]) -> Options:
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
     module, kind, _ = COMMANDS[name]
-    command: type[Options] = getattr(import_module(module, __package__), kind)
+    command: type[Any] = getattr(import_module(module, __package__), kind)
     options = _parse(name, command, words)
     default = options.defaults()
     return options if default is None else _parse(name, command, words, default=default)
 
 
-def _parse(name: str, command: type[Options], words: Sequence[str], **default: Any) -> Options:
+def _parse(name: str, command: type[Any], words: Sequence[str], **default: Any) -> Any:
     import tyro
 
     try:
@@ -116,7 +111,7 @@ def _parse(name: str, command: type[Options], words: Sequence[str], **default: A
 class _Reader(argparse.ArgumentParser):
     """Reads the same options by the plain rules of argparse, to say what is wrong with words."""
 
-    def refuse(self, name: str, command: type[Options], words: Sequence[str]) -> NoReturn:
+    def refuse(self, name: str, command: type[Any], words: Sequence[str]) -> NoReturn:
         """Raise InvalidValueError with the first thing that is wrong with the words of a command."""
         known = self._add_fields(command)
         words = [word.replace("_", "-") if word.startswith("--") else word for word in words]

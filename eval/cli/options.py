@@ -4,8 +4,6 @@ A command is a frozen dataclass: its fields are the options, the texts below the
 What is slow to load is imported by the functions that need it, so that `--help` stays quick.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -13,17 +11,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import arg
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, is_finite_number, shown
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
+from ...envs.scenario.scenario import Command
+from ..output.tables import Table
 from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
-
-if TYPE_CHECKING:
-    from ..output.tables import Table
 
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
@@ -40,7 +37,9 @@ Directory = Annotated[str | None, arg(metavar="DIR", help_behavior_hint="")]
 FileName = Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")]
 NameOrFile = Annotated[str | None, arg(metavar="NAME|FILE", help_behavior_hint="")]
 Count = Annotated[int, arg(metavar="N")]
+CountOrNone = Annotated[int | None, arg(metavar="N", help_behavior_hint="")]
 Real = Annotated[float, arg(metavar="X")]
+RealOrNone = Annotated[float | None, arg(metavar="X", help_behavior_hint="")]
 PolicyName = Annotated[str, arg(metavar="NAME|FILE")]
 Policies = Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)]
 SuiteName = Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)]
@@ -49,6 +48,14 @@ SuiteName = Annotated[str, arg(metavar="NAME|FILE", help=SUITES_TEXT)]
 def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]:
     """Metadata of a field whose number must be finite and in [low, high], or None."""
     return {"bounds": (low, high)}
+
+
+def pushes_of(command: Any, sample: int | None = None) -> Any:
+    """The suite of a command with its model errors and profile, or a sample evenly spread over it."""
+    from ..score import sensitivity, suites
+
+    suite = suites.pushes_on(command.env_id, command.suite, command.model_errors, command.profile)
+    return suite if sample is None else sensitivity.sample_of(suite, sample)
 
 
 def page_lines(write: Callable[[], Path]) -> list[str]:
@@ -89,7 +96,7 @@ class Options:
             if entry.name in {"out", "resume"} and value is not None and not str(value).strip():
                 raise InvalidValueError(f"{option} must name a directory or a file, got an empty string")
 
-    def defaults(self) -> Options | None:
+    def defaults(self) -> "Options | None":
         """Values of the options that are not given, where they depend on the ones given; else None."""
         return None
 
@@ -189,20 +196,23 @@ class RunningOptions(WorkerOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VelocityOptions(Options):
-    """Options of the commanded velocity."""
+class PushOptions(RobotOptions):
+    """Options of a push but for its force and direction."""
 
     vx: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded forward velocity [m/s]."""
     vy: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded velocity to the left [m/s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PushOptions(VelocityOptions):
-    """Options of a push but for its force and direction."""
-
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
     """Duration of the push [s]."""
     body: Body = "pelvis"
     """The body that is pushed."""
+
+    def scanned(self, env_id: str, **grid: float) -> Any:
+        """The frontier's push with these options; of another grid [N] where one is given."""
+        from ..score.frontier import FrontierSettings
+
+        return FrontierSettings(
+            env_id, duration=self.duration, body=self.body, command=Command(self.vx, self.vy),
+            errors=self.model_errors, profile=self.profile, **grid,
+        )  # fmt: skip

@@ -1,7 +1,5 @@
 """`push-recovery play`."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,22 +9,13 @@ from tyro.conf import arg
 
 from ...controllers.errors import UnknownNameError
 from ...envs.scenario.push import polar_push
-from ...envs.scenario.scenario import Command, Scenario
-from .options import (
-    Count,
-    EnvOptions,
-    FileName,
-    NameOrFile,
-    PolicyName,
-    PushOptions,
-    Real,
-    RobotOptions,
-    within,
-)
+from ...envs.scenario.scenario import Scenario
+from . import options
+from .options import Count, EnvOptions, NameOrFile, PolicyName, PushOptions, Real, within
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play(EnvOptions, PushOptions, RobotOptions):
+class Play(EnvOptions, PushOptions):
     """Play with a walking robot, or write one push to files."""
 
     policy: PolicyName = "two-stage"
@@ -39,12 +28,12 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
     """Id of the scenario in the suite (by default the first one)."""
-    out: FileName = None
+    out: options.FileName = None
     """Write one push as a film (mp4 or gif), as six moments (png) or as a page in 3D (html)."""
-    log: FileName = None
+    log: options.FileName = None
     """Write the episode of one push as arrays (npz) or text (csv): DCM, CoP, CMP, trunk, steps, torques,
     limits met."""
-    plot: FileName = None
+    plot: options.FileName = None
     """Draw the episode of one push over time (png or svg)."""
     viewer: Literal["browser", "mujoco"] = "browser"
     """Where you play with the robot: on a page in the browser, or in MuJoCo's own window."""
@@ -73,30 +62,24 @@ class Play(EnvOptions, PushOptions, RobotOptions):
     def _play(self, scenario: Scenario) -> None:
         """A robot that walks as a scenario says, and gets its first push at the press of a key."""
         print("plays until Ctrl-C; the robot is loaded first, a few seconds", flush=True)
+        from ..play import browser, desktop, gate
         from ..play.session import Session
         from ..rollout.load_policy import policy_names
 
         pushes = scenario.pushes or (polar_push(0.0, 0.0, self.duration, 0.0),)
         impulse = pushes[0].impulse_magnitude, math.degrees(pushes[0].direction)
-        names = dict.fromkeys([self.policy, *filter(None, [self.beside]), *policy_names()])
         if self.viewer == "mujoco":
-            from ..play.desktop import play_in_window
-
-            play_in_window(lambda: Session(self.env_id, self.policy, self.beside, scenario), impulse)
+            desktop.play_in_window(lambda: Session(self.env_id, self.policy, self.beside, scenario), impulse)
             return
-        from ..play.browser import play, require_play
-        from ..play.gate import Gate
-
-        require_play()
+        browser.require_play()
         session = Session(self.env_id, self.policy, self.beside, scenario)
-        play(session, list(names), Gate(self.host, self.token), self.port, impulse)
+        names = dict.fromkeys([self.policy, *filter(None, [self.beside]), *policy_names()])
+        browser.play(session, list(names), gate.Gate(self.host, self.token), self.port, impulse)
 
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
         if self.suite is not None or self.scenario is not None:
-            from ..score.suites import pushes_on
-
-            suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
+            suite = options.pushes_of(self)
             found = {scenario.id: scenario for scenario in suite.scenarios}
             if self.scenario is None:
                 return suite.scenarios[0]
@@ -104,15 +87,5 @@ class Play(EnvOptions, PushOptions, RobotOptions):
                 some = [*list(found)[:3], f"... {len(found)} in all"]
                 raise UnknownNameError(f"scenario of suite {suite.name}", self.scenario, some)
             return found[self.scenario]
-        from ..score.frontier import FrontierSettings
-
-        settings = FrontierSettings(
-            self.env_id,
-            duration=self.duration,
-            body=self.body,
-            command=Command(self.vx, self.vy),
-            errors=self.model_errors,
-            profile=self.profile,
-        )
-        scenario = settings.scenario(self.psi, self.force)
+        scenario = self.scanned(self.env_id).scenario(self.psi, self.force)
         return replace(scenario, id=f"push-{self.force:g}N-{self.psi:g}deg")

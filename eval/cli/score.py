@@ -1,46 +1,26 @@
 """`push-recovery evaluate` and `compare`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
 from ..rollout.names import TABLE_ARMS
-from .options import (
-    PROFILE_TEXT,
-    SUITES_TEXT,
-    Count,
-    EnvOptions,
-    ErrorOptions,
-    Flag,
-    RobotOptions,
-    RunningOptions,
-    page_lines,
-    within,
-)
-
-if TYPE_CHECKING:
-    from ..score.evaluate import Evaluation
-    from ..score.suites import Suite
+from . import options
+from .options import Count, Flag
 
 ARCHIVE = ".zip"
 LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
-POLICIES_TEXT = (
-    "Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. passive is not among the "
-    "default ones, since it falls in 2 s without a push."
-)
-DEFAULT_TEXT = f"{SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
-PROFILES_TEXT = f"{PROFILE_TEXT} Several profiles are shown side by side."
+DEFAULT_TEXT = f"{options.SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
+PROFILES_TEXT = f"{options.PROFILE_TEXT} Several profiles are shown side by side."
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
+class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOptions):
     """Options of a command that runs policies on a suite."""
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
@@ -50,15 +30,11 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
     film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
     """Film the pushes that one policy recovers from and another does not, side by side, as GIF
     and mp4."""
-    films: Count = field(default=4, metadata=within(1))
+    films: Count = field(default=4, metadata=options.within(1))
     """Largest number of pushes that are filmed."""
 
     def trusted(self, policies: Sequence[str]) -> list[Any]:
-        """The policies, every FILE.zip as a policy of that label; without trust they stay, to be refused.
-
-        Raises:
-            InvalidValueError: a file can't be read.
-        """
+        """The policies, every FILE.zip as a policy of that label; without trust they stay, to be refused."""
         if not self.trust or not any(name.endswith(ARCHIVE) for name in policies):
             return list(policies)
         archive = import_module(LOADER, __package__).ArchivePolicy
@@ -71,7 +47,7 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
 
             require_imageio()
 
-    def make_films(self, evaluation: Evaluation) -> None:
+    def make_films(self, evaluation: Any) -> None:
         """Write the films asked for, and say where they are."""
         if self.film is not None:
             from ..record.film import FOLDER, film_discordant
@@ -80,28 +56,29 @@ class SuiteOptions(EnvOptions, ErrorOptions, RunningOptions):
             if paths and not self.json:
                 print(f"films: {evaluation.directory / FOLDER}")
 
-    def pushes_under(self, profile: str) -> Suite:
+    def pushes_under(self, profile: str) -> Any:
         """The suite, with the model errors and a profile in every scenario."""
         from ..score.suites import pushes_on
 
         return pushes_on(self.env_id, self.suite, self.model_errors, profile)
 
     def write_page(
-        self, command: str, found: Mapping[str, Evaluation], directory: Path, positional: Sequence[str] = ()
+        self, command: str, found: Mapping[str, Any], directory: Path, positional: Sequence[str] = ()
     ) -> list[str]:
         """Write the page of evaluations by profile, and say where it is."""
-        from ..report.evaluation import with_pictures
-        from ..report.page import command_of
+        from ..report import evaluation, page
 
-        typed = command_of(command, self, positional)
-        return page_lines(lambda: with_pictures(found, typed, directory))
+        typed = page.command_of(command, self, positional)
+        return options.page_lines(lambda: evaluation.with_pictures(found, typed, directory))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(SuiteOptions):
     """Score policies on a suite."""
 
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)] = TABLE_ARMS
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
+    """Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. passive is not among the
+    default ones, since it falls in 2 s without a push."""
     profile: Annotated[tuple[str, ...], arg(metavar="NAME", help=PROFILES_TEXT)] = ("exact",)
 
     def __post_init__(self) -> None:
@@ -115,8 +92,7 @@ class Evaluate(SuiteOptions):
         Each profile has a directory of its own, below DIR where there are several.
         """
         from ..ceiling import with_ceiling
-        from ..score.evaluate import evaluate
-        from ..score.report import profiles_table, rates_table, write_evaluation_reports, write_profiles
+        from ..score import evaluate, report
 
         self.check_film()
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
@@ -124,16 +100,16 @@ class Evaluate(SuiteOptions):
         found, objects, lines, table = {}, {}, [], None
         for name, suite in suites.items():
             place = self.directory / name if several and self.directory else self.directory
-            one = evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
+            one = evaluate.evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
             reported = with_ceiling(one, self.processes, self.overwrite)
-            lines.append(f"report: {write_evaluation_reports(one, reported)}")
+            lines.append(f"report: {report.write_evaluation_reports(one, reported)}")
             more = [policy for policy in reported.rows if policy not in one.rows]  # a stored ceiling
             objects[name] = one.to_dict() | {policy: reported.score(policy).to_dict() for policy in more}
-            found[name], table = one, rates_table(reported)
+            found[name], table = one, report.rates_table(reported)
         directory = self.directory or next(iter(found.values())).directory
         if several:
-            table = profiles_table(found)
-            lines.insert(0, f"profiles: {write_profiles(found, directory)}")
+            table = report.profiles_table(found)
+            lines.insert(0, f"profiles: {report.write_profiles(found, directory)}")
         lines += self.write_page("evaluate", found, directory)
         content = {"profiles": objects} if several else next(iter(objects.values()))
         self.show(content, filter(None, [table]), lines)
@@ -142,7 +118,7 @@ class Evaluate(SuiteOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compare(SuiteOptions, RobotOptions):
+class Compare(SuiteOptions, options.RobotOptions):
     """Compare two policies on the same pushes."""
 
     a: Annotated[Positional[str], arg(metavar="A")]
@@ -152,13 +128,12 @@ class Compare(SuiteOptions, RobotOptions):
 
     def run(self) -> None:
         """Compare two policies, print the table or the object."""
-        from ..score.evaluate import compare
-        from ..score.report import comparison_table
+        from ..score import evaluate, report
 
         self.check_film()
         suite, (a, b) = self.pushes_under(self.profile), self.trusted((self.a, self.b))
-        found = compare(a, b, suite, self.env_id, self.processes, self.directory, self.overwrite)
+        found = evaluate.compare(a, b, suite, self.env_id, self.processes, self.directory, self.overwrite)
         page = self.write_page("compare", {self.profile: found.evaluation}, found.directory, ("a", "b"))
         outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"
-        self.show(found.to_dict(), [comparison_table(found)], [outcomes, *page])
+        self.show(found.to_dict(), [report.comparison_table(found)], [outcomes, *page])
         self.make_films(found.evaluation)

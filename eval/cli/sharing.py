@@ -1,36 +1,16 @@
 """`push-recovery protocol kick|tour`, `submit`, `robot new` and `suite new`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import parse_json
-from .options import (
-    Count,
-    EnvOptions,
-    JsonOption,
-    NameOrFile,
-    Policies,
-    RunningOptions,
-    WorkerOptions,
-    within,
-)
+from . import options
+from .options import Count, EnvOptions, JsonOption, RunningOptions, within
 
-if TYPE_CHECKING:
-    from ..protocols.run import PushProtocol
-
-FORM_TEXT = (
-    "Form of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or "
-    "force, the same impulse as a force of 0.1 s on the pelvis."
-)
-EPISODES_TEXT = (
-    "Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."
-)
 MOST = {"kick": 200, "tour": 5120}
 
 
@@ -41,14 +21,17 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     protocol: Positional[Literal["kick", "tour"]]
     """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
     tour of 90 s."""
-    policies: Policies = ("two-stage",)
+    policies: options.Policies = ("two-stage",)
     form: Annotated[
         Literal["stated", "coded", "force"] | None,
-        arg(metavar="NAME", help=FORM_TEXT, help_behavior_hint="(default: stated)"),
+        arg(metavar="NAME", help_behavior_hint="(default: stated)"),
     ] = None
-    episodes: Annotated[
-        int | None, arg(metavar="N", help=EPISODES_TEXT, help_behavior_hint="(default: 200, of tour 64)")
-    ] = field(default=None, metadata=within(1))
+    """Form of kick: stated, as the paper says (8 directions, horizontal); coded, as its program does; or
+    force, the same impulse as a force of 0.1 s on the pelvis."""
+    episodes: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 200, of tour 64)")] = (
+        field(default=None, metadata=within(1))
+    )
+    """Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."""
     collisions: bool = False
     """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
     shanks alone)."""
@@ -62,41 +45,32 @@ class ProtocolCommand(EnvOptions, RunningOptions):
                 f"--episodes must be at most {MOST[self.protocol]} of {self.protocol}, got {self.episodes}"
             )
 
-    @property
-    def asked(self) -> PushProtocol:
-        """The protocol with its scenarios."""
-        from ..protocols.kick import kick_scenarios
-        from ..protocols.run import PushProtocol, biped_of
-        from ..protocols.tour import tour_scenario
-
-        robot, form = biped_of(self.env_id), self.form or "stated"
-        if self.protocol == "tour":
-            scenarios = tuple(tour_scenario(one, robot) for one in range(self.episodes or 64))
-        else:
-            levels = kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
-            scenarios = tuple(scenario for level in levels for scenario in level)
-        protocol = PushProtocol(self.protocol, form, robot.robot, scenarios)
-        return protocol.with_collisions() if self.collisions else protocol
-
     def run(self) -> None:
         """Run it, print one table or object, write the reports."""
-        from ..protocols.report import result_tables, to_dict, write_protocol_reports
-        from ..protocols.run import run_protocol
+        from ..protocols import kick, report, run, tour
 
-        found = run_protocol(
-            self.asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
-        )
-        report = f"report: {write_protocol_reports(found)}"
-        self.show(to_dict(found), result_tables(found)[:1], [report])
+        robot, form = run.biped_of(self.env_id), self.form or "stated"
+        if self.protocol == "tour":
+            scenarios = tuple(tour.tour_scenario(one, robot) for one in range(self.episodes or 64))
+        else:
+            levels = kick.kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
+            scenarios = tuple(scenario for level in levels for scenario in level)
+        asked = run.PushProtocol(self.protocol, form, robot.robot, scenarios)
+        found = run.run_protocol(
+            asked.with_collisions() if self.collisions else asked,
+            self.env_id, self.policies, self.processes, self.directory, self.overwrite,
+        )  # fmt: skip
+        lines = [f"report: {report.write_protocol_reports(found)}"]
+        self.show(report.to_dict(found), report.result_tables(found)[:1], lines)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Submit(WorkerOptions):
+class Submit(options.WorkerOptions):
     """Check results by running a random sample of their rows again, and put them on a leaderboard."""
 
     directory: Annotated[Positional[str], arg(metavar="DIR")]
     """Directory that evaluate has written, with all rows of its suite."""
-    suite: NameOrFile = None
+    suite: options.NameOrFile = None
     """Suite of the results, if it is a file of your own; its hash has to be that of the results."""
     board: Annotated[str, arg(metavar="DIR")] = "leaderboard"
     """Folder of the leaderboard. It gets a file for each policy on each suite, and a page made of them."""
@@ -110,26 +84,26 @@ class Submit(WorkerOptions):
     def run(self) -> None:
         """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""
         from ..output.rows import Writer, require_place
-        from ..score.leaderboard import PAGE, add_entry, entry_of, read_submission, run_again, sample_of
+        from ..score import leaderboard
 
         board = Path(self.board)
-        submission = read_submission(Path(self.directory), self.suite)
-        require_place(board / PAGE)
+        submission = leaderboard.read_submission(Path(self.directory), self.suite)
+        page = board / leaderboard.PAGE
+        require_place(page)
         with Writer(board):
-            samples = sample_of(submission, self.sample, self.seed)
-            run_again(submission, samples, self.processes)
-            entries = {name: entry_of(submission, name, len(samples[name])) for name in submission.rows}
-            files = {name: str(add_entry(board, entry)) for name, entry in entries.items()}
+            samples = leaderboard.sample_of(submission, self.sample, self.seed)
+            leaderboard.run_again(submission, samples, self.processes)
+            entries = {
+                name: leaderboard.entry_of(submission, name, len(samples[name])) for name in submission.rows
+            }
+            files = {name: str(leaderboard.add_entry(board, entry)) for name, entry in entries.items()}
         lines = [
             f"{name}: {entry['score']['recovered']} of {entry['score']['episodes']} recovered, "
             f"{entry['checked']} rows run again: {files[name]}"
             for name, entry in entries.items()
         ]
-        page = str(board / PAGE)
-        self.show({"entries": entries, "files": files, "page": page}, lines=[*lines, f"page: {page}"])
-
-
-MODEL_TEXT = "MJCF or URDF of the robot: a file, or PACKAGE/PATH in a package of the extra robots."
+        lines.append(f"page: {page}")
+        self.show({"entries": entries, "files": files, "page": str(page)}, lines=lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +112,8 @@ class RobotCommand(JsonOption):
 
     action: Positional[Literal["new"]]
     """new: guess the parts of a robot and derive its sizes."""
-    model: Annotated[Positional[str], arg(metavar="FILE.xml", help=MODEL_TEXT)]
+    model: Annotated[Positional[str], arg(metavar="FILE.xml")]
+    """MJCF or URDF of the robot: a file, or PACKAGE/PATH in a package of the extra robots."""
     name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: that of the model)")] = None
     """Name of the robot and of its files."""
     out: Annotated[str, arg(metavar="DIR")] = "."
@@ -171,9 +146,7 @@ def _guess_lines(about: dict[str, Any]) -> list[str]:
         "waist pitch, roll": ", ".join(str(joint or "none") for joint in about["waist"]),
         "held at [rad]": ", ".join(f"{joint} {angle:g}" for joint, angle in about["held"].items()) or "none",
         "no joints here": ", ".join(about["fixed"]) or "none",
-        "soles [m]": " and ".join(
-            f"{size[0]:g} x {size[1]:g}" for size in (s["size"] for s in about["soles"])
-        ),
+        "soles [m]": " and ".join("{:g} x {:g}".format(*sole["size"]) for sole in about["soles"]),
         "mass [kg]": f"{robot['mass']:.1f}",
         "CoM height [m]": f"{robot['com_height']:.3f}",
         "trunk about the waist": f"{robot['trunk_inertia']:.2f} kg m^2, {robot['trunk_torque_max']:g} N m"
@@ -186,22 +159,14 @@ def _guess_lines(about: dict[str, Any]) -> list[str]:
     return [f"{name:32}{text}" for name, text in rows.items()]
 
 
-PUSHES_TEXT = (
-    "Ranges in place of those of standard or hard, by fields of PushDistribution, such as "
-    '\'{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}\'.'
-)
-LIKE_TEXT = (
-    "Kind of pushes that is drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class SuiteCommand(JsonOption):
     """Write a suite of pushes that nobody has met; --suite FILE of other commands runs it."""
 
     action: Positional[Literal["new"]]
     """new: draw a suite."""
-    like: Annotated[str, arg(metavar="NAME", help=LIKE_TEXT)] = "varied"
+    like: Annotated[str, arg(metavar="NAME")] = "varied"
+    """Pushes that are drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."""
     seed: Count = field(metadata=within(0))
     """Seed of the draw; the same seed gives the same suite on every machine."""
     scenarios: Count = field(default=256, metadata=within(1, 65536))
@@ -210,7 +175,9 @@ class SuiteCommand(JsonOption):
         str | None, arg(metavar="NAME", help_behavior_hint="(default: the kind and the seed)")
     ] = None
     """Name of the suite."""
-    pushes: Annotated[str, arg(metavar="JSON", help=PUSHES_TEXT)] = "{}"
+    pushes: Annotated[str, arg(metavar="JSON")] = "{}"
+    """Ranges in place of those of standard or hard, by fields of PushDistribution,
+    such as '{"impulse_min": 150, "impulse_max": 180, "push_duration": 0.2}'."""
     out: Annotated[str, arg(metavar="FILE")]
     """Suite file to write."""
 

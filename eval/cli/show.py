@@ -1,7 +1,5 @@
 """Write one episode as a film, a contact sheet, a page in 3D, arrays or a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -13,9 +11,8 @@ from ...controllers.files import write_atomically
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import require_place
-from ..record.film import Shot, episode_film, require_imageio, strip
-from ..record.plot import PLOT_FORMATS, write_plot
-from ..record.record import LOG_FORMATS, record_episode, write_log
+from ..play import browser, replay
+from ..record import film, plot, record
 from ..record.words import describe
 from ..rollout.episodes import GymRobot, Watch, planning_period, rollout
 from ..rollout.policy_source import acting_in
@@ -32,34 +29,22 @@ class Written(NamedTuple):
     plot: Path | None = None  # their figure
 
     def check(self) -> str:
-        """Refuse other formats and places that can't be written to; returns the suffix of `out`.
-
-        Raises:
-            UnknownNameError: a suffix is no known format.
-            InvalidValueError: a file can't be written.
-            MissingExtraError: what writes a film or a page is not installed.
-        """
-        for path, valid in zip(self, (FORMATS, LOG_FORMATS, PLOT_FORMATS), strict=True):
+        """Refuse other formats, and what can't be written here; returns the suffix of `out`."""
+        for path, valid in zip(self, (FORMATS, record.LOG_FORMATS, plot.PLOT_FORMATS), strict=True):
             if path is not None and path.suffix.lower() not in valid:
                 raise UnknownNameError("output format", path.suffix.lower() or str(path), valid)
         suffix = "" if self.out is None else self.out.suffix.lower()
         if suffix == ".mp4":
-            require_imageio()
+            film.require_imageio()
         elif suffix == ".html":
-            from ..play.browser import require_play
-
-            require_play()
+            browser.require_play()
         for path in filter(None, self):
             require_place(path)
         return suffix
 
 
 def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> str:
-    """Run a scenario and write what has been asked for; returns the push and its outcome in words.
-
-    Raises:
-        PushRecoveryError: as `Written.check`, before the episode begins.
-    """
+    """Run a scenario and write what has been asked for; returns the push and its outcome in words."""
     suffix, last = written.check(), {}
     drawn = None if suffix in {"", ".html"} else "rgb_array"
     with acting_in(env_id, policy, render_mode=drawn) as (env, acting, _):
@@ -75,11 +60,11 @@ def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written)
             if written.log is None and written.plot is None:
                 rollout(env, acting, scenario, policy, look)
             else:
-                found = record_episode(env, acting, scenario, policy, look)
+                found = record.record_episode(env, acting, scenario, policy, look)
                 if written.log is not None:
-                    write_log(found, written.log)
+                    record.write_log(found, written.log)
                 if written.plot is not None:
-                    write_plot(found, written.plot)
+                    plot.write_plot(found, written.plot)
             if written.out is not None:
                 write_atomically(written.out, content())
             bars.set(policy, 1)
@@ -91,11 +76,9 @@ def _observer(suffix: str, policy: str, env: gym.Env) -> tuple[Watch | None, Cal
     if not suffix:
         return None, bytes
     if suffix == ".html":
-        from ..play.replay import Replay
-
-        replay = Replay(env, policy)
-        return replay, replay.page
-    shot = Shot(policy, planning_period(env))
+        watch = replay.Replay(env, policy)
+        return watch, watch.page
+    shot = film.Shot(policy, planning_period(env))
     if suffix == ".png":
-        return shot, lambda: strip(shot)
-    return shot, lambda: episode_film(shot, suffix)
+        return shot, lambda: film.strip(shot)
+    return shot, lambda: film.episode_film(shot, suffix)

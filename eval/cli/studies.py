@@ -1,7 +1,5 @@
 """`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,52 +8,29 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError, shown
-from ...envs.scenario.scenario import Command
 from ..rollout.names import TABLE_ARMS
-from .options import (
-    Count,
-    Directory,
-    EnvOptions,
-    Policies,
-    PushOptions,
-    Real,
-    RobotOptions,
-    RunningOptions,
-    SuiteName,
-    page_lines,
-    within,
-)
+from . import options
+from .options import Count, CountOrNone, EnvOptions, Policies, Real, RunningOptions, SuiteName, within
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
+class Frontier(EnvOptions, options.PushOptions, RunningOptions):
     """Scan the directions for the largest recoverable push."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
     """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
     directions: Count = field(default=16, metadata=within(1))
     """Number of directions, evenly spread, counter-clockwise from forward."""
-    grid: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
-        default=None, metadata=within(1, 1000)
-    )
+    grid: options.RealOrNone = field(default=None, metadata=within(1, 1000))
     """Step between the forces that are tried [N] (by default 10 on the pendulum and 20 elsewhere)."""
 
     def run(self) -> None:
         """Write picture and frontier.json, print the table or the object."""
         from ...controllers.files import write_text
-        from ..report.frontier import write_frontier_page
-        from ..report.page import command_of
+        from ..report import frontier, page
         from ..score import frontier as scan
 
-        settings = scan.FrontierSettings(
-            self.env_id,
-            self.grid or scan.default_grid(self.env_id),
-            self.duration,
-            self.body,
-            Command(self.vx, self.vy),
-            self.model_errors,
-            self.profile,
-        )
+        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id))
         found = scan.frontier(
             settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
         )
@@ -65,7 +40,9 @@ class Frontier(EnvOptions, PushOptions, RobotOptions, RunningOptions):
         lines = [
             f"report: {scan.write_frontier_reports(found)}",
             "pictures: " + ", ".join(map(str, scan.save_pictures(found))),
-            *page_lines(lambda: write_frontier_page(found, command_of("frontier", self))),
+            *options.page_lines(
+                lambda: frontier.write_frontier_page(found, page.command_of("frontier", self))
+            ),
         ]
         self.show(content, [scan.frontier_table(found)], lines)
 
@@ -96,21 +73,15 @@ class Sensitivity(EnvOptions, RunningOptions):
         self.show(found.to_dict(), study.sensitivity_tables(found), [report])
 
 
-POLICIES_TEXT = (
-    "Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."
-)
-
-
 @dataclass(frozen=True, kw_only=True)
-class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
+class CeilingCommand(EnvOptions, options.RobotOptions, RunningOptions):
     """Search what is possible at least; the settings are those of `CeilingSettings`."""
 
     suite: SuiteName = "hard"
-    sample: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = field(
-        default=None, metadata=within(1)
-    )
+    sample: CountOrNone = field(default=None, metadata=within(1))
     """Number of pushes, evenly spread over the suite (by default all of them)."""
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", help=POLICIES_TEXT)] = TABLE_ARMS
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
+    """Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."""
     planner: Annotated[str, arg(metavar="NAME")] = "two-stage"
     """The planner whose actions are corrected."""
     steps: Count = field(default=4, metadata=within(1, 100))
@@ -130,23 +101,18 @@ class CeilingCommand(EnvOptions, RobotOptions, RunningOptions):
 
     def run(self) -> None:
         """Evaluate, search, print the table or the object, write the reports."""
-        from ..ceiling import ceiling, ceiling_table, search_lines, write_ceiling_reports
-        from ..hindsight import CeilingSettings
-        from ..score.sensitivity import sample_of
-        from ..score.suites import pushes_on
+        from .. import ceiling, hindsight
 
-        settings = CeilingSettings(
+        settings = hindsight.CeilingSettings(
             policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
             generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
         )  # fmt: skip
-        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
-        if self.sample is not None:
-            suite = sample_of(suite, self.sample)
-        found = ceiling(
+        suite = options.pushes_of(self, self.sample)
+        found = ceiling.ceiling(
             suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
         )
-        lines = [search_lines(found).rstrip(), f"report: {write_ceiling_reports(found)}"]
-        self.show(found.to_dict(), [ceiling_table(found)], lines)
+        lines = [ceiling.search_lines(found).rstrip(), f"report: {ceiling.write_ceiling_reports(found)}"]
+        self.show(found.to_dict(), [ceiling.ceiling_table(found)], lines)
 
 
 FOLDER = Path("runs/corrections")
@@ -154,7 +120,7 @@ ALONE = 2.0  # what a robot costs alone, of its cost among others
 
 
 @dataclass(frozen=True, kw_only=True)
-class Corrections(EnvOptions, RobotOptions):
+class Corrections(EnvOptions, options.RobotOptions):
     """Show what a residual adds to the planner, by the direction of the push and by step."""
 
     policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
@@ -162,7 +128,7 @@ class Corrections(EnvOptions, RobotOptions):
     suite: SuiteName = "hard"
     sample: Count = field(default=256, metadata=within(1))
     """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
-    out: Directory = None
+    out: options.Directory = None
     """Directory for report and figure (default: runs/corrections)."""
 
     def run(self) -> None:
@@ -171,11 +137,8 @@ class Corrections(EnvOptions, RobotOptions):
         from ..output.progress import Work, about, episode_seconds, progress_bars
         from ..record import corrections
         from ..rollout.policy_source import acting_in
-        from ..score.sensitivity import sample_of
-        from ..score.suites import pushes_on
 
-        suite = pushes_on(self.env_id, self.suite, self.model_errors, self.profile)
-        suite = sample_of(suite, self.sample)
+        suite = options.pushes_of(self, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
         length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))
@@ -189,10 +152,8 @@ class Corrections(EnvOptions, RobotOptions):
         summary = corrections.summarise(found)
         parts = [f"# What {name} adds, on {suite.name} ({self.profile})", corrections.outcome_table(summary)]
         for step, title in enumerate(corrections.STEP_NAMES):
-            parts += [
-                f"## During {title}: mean (standard deviation)",
-                corrections.correction_table(summary, step),
-            ]
+            about = f"## During {title}: mean (standard deviation)"
+            parts += [about, corrections.correction_table(summary, step)]
         text = "\n\n".join(part.strip() for part in parts) + "\n"
         directory.mkdir(parents=True, exist_ok=True)
         write_text(directory / "report.md", text)
@@ -201,14 +162,11 @@ class Corrections(EnvOptions, RobotOptions):
             print(path)
 
 
-Section = Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Reproduce(RunningOptions):
     """Measure the paper's results again on the pendulum."""
 
-    section: Positional[Section] = "all"
+    section: Positional[Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]] = "all"
     """Part of the paper that is measured again."""
     directions: Count = field(default=36, metadata=within(1))
     """Number of directions of scenario 2, evenly spread, counter-clockwise from forward."""
@@ -222,13 +180,13 @@ class Reproduce(RunningOptions):
 
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
-        from ..report.page import command_of
+        from ..report import page as pages
         from ..report.reproduction import write_reproduction_page
         from ..reproduction.run import RESULT, TABLES, reproduce
 
         page = None if self.page is None else Path(self.page)
         found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
-        command = command_of("reproduce", self, ("section",))
+        command = pages.command_of("reproduce", self, ("section",))
         paths = (found.directory / RESULT, found.directory / TABLES, *found.pictures)
-        written = page_lines(lambda: write_reproduction_page(found, command))
+        written = options.page_lines(lambda: write_reproduction_page(found, command))
         self.show(found.content, found.tables, [*map(str, paths), *written])

@@ -1,37 +1,23 @@
 """`push-recovery bench`, `list`, `warmup`, `curves`, `export` and `tune`."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
-from .options import (
-    Count,
-    Directory,
-    EnvOptions,
-    ErrorOptions,
-    JsonOption,
-    Options,
-    Real,
-    RunningOptions,
-    within,
-)
-
-if TYPE_CHECKING:
-    from ..tuning.study import Row, TuningSettings
+from . import options
+from .options import Count, EnvOptions, JsonOption, within
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(EnvOptions, JsonOption):
     """Time the parts on this machine."""
 
-    seconds: Real = field(default=20.0, metadata=within(0.1, 600))
+    seconds: options.Real = field(default=20.0, metadata=within(0.1, 600))
     """Simulated time of one robot's closed loop [s]. With less than 5 only what is quick is measured: without
     Humanoid-v5, other solvers, more than 64 robots, and the start of a process."""
 
@@ -56,16 +42,13 @@ class Names(JsonOption):
 
     def run(self) -> None:
         """Print the names."""
-        from ..rollout.environments import env_ids
-        from ..rollout.load_policy import FORMS, policy_names
+        from ..rollout import environments, load_policy
         from ..score.suites import SUITES
 
-        envs, policies = env_ids(), policy_names()
+        envs, policies = environments.env_ids(), load_policy.policy_names()
         suites = [{**make().summary(), "name": name} for name, make in SUITES.items()]
-        texts = [
-            "{name} v{version}: {scenarios} pushes, sha256 {sha256}".format_map(suite) for suite in suites
-        ]
-        parts = {"environments": envs, "policies": [*policies, *FORMS], "suites": texts}
+        texts = map("{name} v{version}: {scenarios} pushes, sha256 {sha256}".format_map, suites)
+        parts = {"environments": envs, "policies": [*policies, *load_policy.FORMS], "suites": texts}
         lines = ["\n  ".join([f"{title}:", *names]) for title, names in parts.items()]
         self.show({"envs": envs, "policies": list(policies), "suites": suites}, lines=lines)
 
@@ -77,16 +60,14 @@ class WarmUp(JsonOption):
     def run(self) -> None:
         """Compile, with a bar over the environments that are run for it."""
         from ...controllers.jit import cache_root
-        from ..bench.warmup import names, warm_up
+        from ..bench import warmup
         from ..output.progress import Work, progress_bars
 
-        work = Work(
-            "all kernels", "about 2 minutes where they are to be compiled, else seconds", cache_root()
-        )
-        with progress_bars(("kernels",), len(names()), work) as bars:
-            for done, name in enumerate(warm_up()):
+        names, length = warmup.names(), "about 2 minutes where they are to be compiled, else seconds"
+        with progress_bars(("kernels",), len(names), Work("all kernels", length, cache_root())) as bars:
+            for done, name in enumerate(warmup.warm_up()):
                 bars.set("kernels", done, name)
-            bars.set("kernels", len(names()))
+            bars.set("kernels", len(names))
         self.show({"cache": str(cache_root())}, lines=[f"kernels: {cache_root()}"])
 
 
@@ -95,26 +76,20 @@ BASE = "residual"  # whose curve begins at the planner's own share
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curves(Options):
+class Curves(options.Options):
     """Draw learning curves of policies from their files."""
 
     policies: Annotated[
         Positional[tuple[str, ...]], arg(metavar="[NAME|FILE ...]", help_behavior_hint="")
     ] = ("",)
     """Learned policies by name or file (by default all that come with the package)."""
-    ceiling: Annotated[float | None, arg(metavar="X", help_behavior_hint="")] = field(
-        default=None, metadata=within(0, 1)
-    )
+    ceiling: options.RealOrNone = field(default=None, metadata=within(0, 1))
     """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/search.md)."""
-    out: Directory = None
+    out: options.Directory = None
     """Directory for curves.png and curves.svg (default: runs/curves)."""
 
     def run(self) -> None:
-        """Draw, and print the last point of each.
-
-        Raises:
-            InvalidValueError: there is no policy, or a file has no training curve.
-        """
+        """Draw, and print the last point of each."""
         from ..record.learning_curve import learning_curve, save_learning_curves
         from ..rollout.load_policy import shipped_names
 
@@ -145,21 +120,14 @@ class Export(EnvOptions):
     output means (docs/policies.md)."""
 
     def run(self) -> None:
-        """Write the file, and say how well it agrees.
-
-        Raises:
-            MissingExtraError: onnx is not installed.
-            PushRecoveryError: no learned policy, one made for another environment, or a file that does not
-                compute the same, which is not written.
-        """
+        """Write the file, and say how well it agrees; one that does not compute the same is not written."""
         from ...controllers.policies.learned import NetworkPolicy
         from ..record.onnx_export import export_onnx, require_onnx
-        from ..rollout.environments import make_env_for
-        from ..rollout.policy_source import policy_sources
+        from ..rollout import environments, policy_source
 
         require_onnx()
-        source = policy_sources(self.policy)[self.policy]
-        env = make_env_for(source.origin, self.env_id)
+        source = policy_source.policy_sources(self.policy)[self.policy]
+        env = environments.make_env_for(source.origin, self.env_id)
         try:
             policy = source.load(env)
             if not isinstance(policy, NetworkPolicy):
@@ -173,13 +141,10 @@ class Export(EnvOptions):
 EPISODE = 6.5  # [s]
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
 PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-punches"]
-ERRORS = (
-    "Model errors of every second robot; half of these robots have the mass error negated (docs/tuning.md)."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tune(EnvOptions, ErrorOptions, RunningOptions):
+class Tune(EnvOptions, options.ErrorOptions, options.RunningOptions):
     """Search settings; the defaults are those of `TuningSettings`."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME")] = ("two-stage",)
@@ -201,43 +166,39 @@ class Tune(EnvOptions, ErrorOptions, RunningOptions):
     """Number of pushes that the search does not see; start and best meet them at its end."""
     seed: Count = field(default=0, metadata=within(0))
     """Seed of the search."""
-    errors: Annotated[str, arg(metavar="JSON", help=ERRORS)] = "{}"
+    errors: Annotated[str, arg(metavar="JSON")] = "{}"
+    """Model errors of every second robot; half of these have the mass error negated (docs/tuning.md)."""
 
     @property
-    def settings(self) -> TuningSettings:
+    def settings(self) -> Any:
         """Settings of each study but for its number of trials, with the first policy's name."""
         from ..tuning.study import TuningSettings
 
-        only, preset, suite = self.only or (), self.preset or "", self.suite or ""
         return TuningSettings(
-            self.env, self.policies[0], self.space, only, preset, self.seed, suite, self.scenarios,
-            self.held_out, self.model_errors,
+            self.env, self.policies[0], self.space, self.only or (), self.preset or "", self.seed,
+            self.suite or "", self.scenarios, self.held_out, self.model_errors,
         )  # fmt: skip
 
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
-        from ..output.progress import Bars, Work, about, progress_bars, robot_seconds
-        from ..tuning.variants import check_variants, place_of, result_tables, summary, tune_variants
+        from ..output.progress import Work, about, progress_bars, robot_seconds
+        from ..tuning import variants
 
-        each = check_variants(self.settings, self.policies)  # unknown names fail here, before the bars
+        each = variants.check_variants(self.settings, self.policies)  # unknown names fail before the bars
         simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
-        place = self.directory or place_of(self.settings, list(each))
+        place = self.directory or variants.place_of(self.settings, list(each))
         work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), place)
-        bars: list[Bars] = []
+        bars: list[Any] = []
 
-        def show(row: Row, best: Row, policy: str) -> None:
+        def show(row: dict[str, Any], best: dict[str, Any], policy: str) -> None:
             bars[0].set(policy, row["trial"], f"best {best['score']:.3f} (trial {best['trial']})")
 
         with ExitStack() as stack:
-            found = tune_variants(
-                self.settings,
-                self.policies,
-                self.trials,
-                self.processes,
-                place,
-                self.overwrite,
+            found = variants.tune_variants(
+                self.settings, self.policies, self.trials, self.processes, place, self.overwrite,
                 {name: partial(show, policy=name) for name in each},
                 lambda: bars.append(stack.enter_context(progress_bars(list(each), self.trials, work))),
-            )
-        self.show(summary(found), result_tables(found), [f"preset of all of these arms: {found.path}"])
+            )  # fmt: skip
+        lines = [f"preset of all of these arms: {found.path}"]
+        self.show(variants.summary(found), variants.result_tables(found), lines)

@@ -1,7 +1,5 @@
 """A session in a browser: the scene, the panel, and the loop that keeps both in step with the clock."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time
@@ -32,12 +30,8 @@ Do = Callable[[Callable[[], object]], None]  # has something done between two pl
 class Panel:
     """Everything that is not the scene.
 
-    Args:
-        server: of viser.
-        session: that its buttons act on.
-        policies: to choose from.
-        do: hands an action to the loop that runs the session.
-        impulse: at first, size [N s] and direction, counter-clockwise from forward [deg].
+    `do` hands an action to the loop that runs the session; `impulse` is the first choice of size [N s] and
+    direction, counter-clockwise from forward [deg].
     """
 
     def __init__(
@@ -114,8 +108,7 @@ class Panel:
         gui.add_command(label, hotkey=key).on_trigger(lambda _: self._do(action))
 
     def _push(self) -> None:
-        impulse = polar_impulse(self._size.value, self._psi.value)
-        self._session.push(impulse, self._body.value)
+        self._session.push(polar_impulse(self._size.value, self._psi.value), self._body.value)
 
     def _replay(self) -> None:
         self._session.replay()
@@ -143,18 +136,12 @@ AIMED = (245, 95, 85)  # colour of the arrow of a drag; the pointer has an orang
 
 
 class App:
-    """One session and everybody who looks at it.
-
-    Args:
-        session: that is played.
-        server: of viser, behind its gate.
-        policies: to choose from.
-        impulse: of the push button at first, size [N s] and direction [deg].
-    """
+    """One session and everybody who looks at it; `impulse` is as for `Panel`."""
 
     def __init__(self, session: Session, server: Any, policies: Sequence[str], impulse: tuple[float, float]):
         self.session, self.server = session, server
         self._actions: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+        self.do: Do = self._actions.put
         self.ended = threading.Event()
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.set_panel_label("push-recovery play")
@@ -168,10 +155,6 @@ class App:
         self._frames, self._pelvis = 0, np.zeros(3)
         self._aim: tuple[Any, Array] = None, np.zeros(2)  # pointer on the screen, impulse shown for it
         self.draw()
-
-    def do(self, action: Callable[[], object]) -> None:
-        """Have something done between two planning periods."""
-        self._actions.put(action)
 
     def run(self) -> None:
         """Play until `ended` is set."""
@@ -188,8 +171,10 @@ class App:
             action = self._actions.get()
             try:
                 action()
-            except PushRecoveryError as error:
-                self._complain(str(error))
+            except PushRecoveryError as error:  # everybody who looks is told
+                self.panel.agree()
+                for client in self.server.get_clients().values():
+                    client.add_notification("Not done", str(error), auto_close_seconds=6.0)
         self.session.advance(seconds)
         self.draw()
 
@@ -243,12 +228,6 @@ class App:
             body = self.session.lanes[i].episodes.core.body
             self._robots.append(RobotView(self.server, f"robot {i}", body, i * APART, self.grab))
 
-    def _complain(self, reason: str) -> None:
-        """Say to everybody who looks why something was not done."""
-        self.panel.agree()
-        for client in self.server.get_clients().values():
-            client.add_notification("Not done", reason, auto_close_seconds=6.0)
-
 
 def look_above_the_panel(client: Any) -> None:
     """Move the camera of a phone so that the panel covers nothing of the robot."""
@@ -275,12 +254,7 @@ def require_play() -> None:
 def open_app(
     session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
 ) -> App:
-    """A session behind a gate, at the next port that is free; it does not move until it is run.
-
-    Raises:
-        MissingExtraError: viser or mjviser is not installed.
-        InvalidValueError: the host is none of this computer's.
-    """
+    """A session behind a gate, at the next port that is free; it does not move until it is run."""
     server = open_server(gate, port)
     try:
         return App(session, server, policies, impulse)

@@ -4,8 +4,6 @@ Ctrl and the mouse drag a body as in any MuJoCo window; its way along the floor 
 let go.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any
@@ -23,22 +21,14 @@ SLOWER = 0.5  # of the speed, a key press
 
 
 class Desktop:
-    """Keys and mouse of a window that act on a session, and its words.
-
-    Args:
-        session: that is played.
-        impulse: of the push by key, size [N s] and direction [deg].
-    """
+    """Keys and mouse of a window that act on a session; `impulse` of a key: size [N s], direction [deg]."""
 
     def __init__(self, session: Session, impulse: tuple[float, float]):
         self.session, self._impulse = session, polar_impulse(*impulse)
         self._keys: list[int] = []
+        self.key = self._keys.append  # a key that is pressed is answered between two planning periods
         self._way: np.ndarray | None = None  # of the mouse, while it drags a body [m]
         self._last_words = ""
-
-    def key(self, code: int) -> None:
-        """A key has been pressed; it is answered between two planning periods."""
-        self._keys.append(code)
 
     def answer_keys(self) -> None:
         """Do what the keys say; those without a meaning are left."""
@@ -79,11 +69,7 @@ class Desktop:
 
 
 def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) -> None:
-    """Open a window on a session, and play until it is closed.
-
-    Raises:
-        RenderError: there is no display.
-    """
+    """Open a window on a session, where there is a display, and play until it is closed."""
     from ...envs.rendering import require_display
 
     require_display()

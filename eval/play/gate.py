@@ -6,8 +6,6 @@ interface the name that was asked for must be the loopback's, so that no other n
 Where there is a token, the page is served to those who have it in the address, and a cookie carries it on.
 """
 
-from __future__ import annotations
-
 import contextlib
 import http
 import http.cookies
@@ -33,12 +31,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Gate:
-    """Decides about every request before anything answers it.
-
-    Args:
-        host: that is listened on.
-        token: that must be shown; made up where it is empty and the host can be reached from elsewhere.
-    """
+    """Decides about every request; where others can reach the host and no token is given, it makes one up."""
 
     def __init__(self, host: str, token: str = ""):
         self.host = host
@@ -50,13 +43,7 @@ class Gate:
         return f"http://{host}:{port}" + (f"/?token={self.token}" if self.token else "")
 
     def refusal(self, path: str, headers: Any, is_websocket: bool) -> str | None:
-        """Why a request is refused; None lets it pass.
-
-        Args:
-            path: of the request, with its query.
-            headers: by name.
-            is_websocket: whether it asks for the connection that carries everything.
-        """
+        """Why a request for a path with its query is refused; None lets it pass. A page is no websocket."""
         here = headers.get("Host", "")
         if is_loopback(self.host) and urlsplit(f"//{here}").hostname not in LOOPBACK_NAMES:
             return "the host asked for is not this computer"
@@ -105,10 +92,6 @@ def open_server(gate: Gate, port: int) -> Any:
     """A server of viser behind a gate; it takes the next port that is free.
 
     viser has no place for a check of its own, so the call by which it opens its socket is led through here.
-
-    Raises:
-        MissingExtraError: viser is not installed.
-        InvalidValueError: the host is none of this computer's.
     """
     try:
         import viser

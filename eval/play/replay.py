@@ -1,7 +1,5 @@
 """An episode as one page that needs nothing else: turn about it, stop it, play it again."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 
@@ -23,14 +21,6 @@ class Replay:
 
     The scene is viser's: it is built on a server whose address nobody gets, and what it would have sent to a
     browser is what the page holds.
-
-    Args:
-        env: that the episode is run in.
-        policy: that acts, as it stands over the robot.
-
-    Raises:
-        InvalidValueError: no biped.
-        MissingExtraError: viser is not installed.
     """
 
     def __init__(self, env: gym.Env, policy: str):

@@ -1,7 +1,5 @@
 """Browser scene of a robot: meshes, marks on the floor, arrows of pushes, and strip charts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -88,12 +86,7 @@ def support_polygon(episodes: BipedEpisodes) -> Array:
 
 
 class FloorMarks:
-    """Handles of the overlays of one robot.
-
-    Args:
-        server: of viser.
-        root: name of the frame that the robot stands in.
-    """
+    """Handles of the overlays of one robot, in its frame of the scene."""
 
     def __init__(self, server: Any, root: str):
         scene, nothing = server.scene, np.zeros((SEGMENTS, 2, 3), np.float32)
@@ -123,11 +116,6 @@ class FloorMarks:
         self._foothold.visible = visible[FOOTHOLD]
         self._foothold.vertices = at_height(overlays[FOOTHOLD], FOOTHOLD_HEIGHT)
 
-    def remove(self) -> None:
-        """Take them out of the scene."""
-        for handle in (*self._points.values(), *self._regions.values(), self._foothold):
-            handle.remove()
-
 
 def at_height(points: Array, height: float) -> np.ndarray:
     """Points (k, 2) at a height [m], (k, 3) as the browser takes them."""
@@ -148,13 +136,7 @@ SEEN = 0.8  # how long a push that was given is shown [s]
 
 
 class PushArrow:
-    """An arrow that is hidden until it is shown.
-
-    Args:
-        server: of viser.
-        name: of the arrow in the scene; places are in the frame above it.
-        colour: red, green, blue in 0-255.
-    """
+    """An arrow of a colour (red, green, blue in 0-255), which is hidden until it is shown."""
 
     def __init__(self, server: Any, name: str, colour: tuple[int, int, int]):
         nothing = np.zeros((1, 2, 3), np.float32)
@@ -198,11 +180,7 @@ TORQUES = "largest torque, share of the motor's"
 
 
 class StripCharts:
-    """Charts of one robot in the panel.
-
-    Args:
-        server: of viser.
-    """
+    """Charts of one robot in the panel."""
 
     def __init__(self, server: Any):
         from viser import uplot
@@ -247,12 +225,7 @@ class RobotMeshes:
 
     They look as in films: where the physics of a robot has no more than soles, its own meshes are shown.
     Those were made for other ends than a browser (a Unitree G1 has 400 000 triangles), so they are coarsened.
-
-    Args:
-        server: of viser.
-        root: name of the frame that the robot stands in.
-        robot: whose shape it has.
-        grab: called with every event of a drag on a body; None: it can't be dragged.
+    `grab` is called with every event of a drag on a body.
     """
 
     def __init__(self, server: Any, root: str, robot: CompiledRobot, grab: Grab | None = None):
@@ -275,18 +248,9 @@ class RobotMeshes:
             handle.position, handle.wxyz = self._data.xpos[body], self._data.xquat[body]
         return self._data.xpos[self._pelvis].copy()
 
-    def remove(self) -> None:
-        """Take it out of the scene."""
-        for _, handle in self._handles:
-            handle.remove()
-
 
 def body_meshes(robot: CompiledRobot) -> dict[int, list[Any]]:
-    """Meshes of trimesh by moving body, in the body's own axes; made once for a robot.
-
-    Raises:
-        MissingExtraError: mjviser is not installed.
-    """
+    """Meshes of trimesh by moving body, in the body's own axes; made once for a robot."""
     if MESHES in robot.found:
         return robot.found[MESHES]
     model = robot.picture
@@ -311,14 +275,10 @@ def body_meshes(robot: CompiledRobot) -> dict[int, list[Any]]:
 
 
 def coarse(mesh: Any, cell: float = CELL) -> Any:
-    """A mesh of trimesh with one vertex of each colour for each cell of a grid, the mean of those in it.
+    """A mesh of trimesh with one vertex of each colour for each cell [m] of a grid, the mean of those in it.
 
     Triangles that have lost a side are left out, and so are those that have come twice. A mesh with a texture
     stays as it is.
-
-    Args:
-        mesh: of trimesh, in its body's axes.
-        cell: width of the grid's cells [m].
     """
     import trimesh
     from trimesh.visual import ColorVisuals
@@ -372,15 +332,7 @@ class Ground:
 
 
 class RobotView:
-    """One robot in the scene: meshes, marks on the floor, and words over it.
-
-    Args:
-        server: of viser.
-        name: of the robot in the scene.
-        robot: whose shape it has.
-        aside: offset to the left of the first robot [m].
-        grab: as for `RobotMeshes`.
-    """
+    """One robot in the scene, `aside` [m] to the left of the first: meshes, marks, and words over it."""
 
     def __init__(
         self, server: Any, name: str, robot: CompiledRobot, aside: float = 0.0, grab: Grab | None = None
@@ -399,6 +351,5 @@ class RobotView:
         return pelvis
 
     def remove(self) -> None:
-        """Take it out of the scene."""
-        for part in (self.meshes, self._marks, self._label, self._frame):
-            part.remove()
+        """Take it out of the scene, with all that is in its frame."""
+        self._frame.remove()

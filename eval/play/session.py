@@ -5,8 +5,6 @@ which the robot is put back at the same moment (`restore`). So the walk is at an
 from the start, bit for bit, whoever gave the pushes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -42,11 +40,9 @@ def dragged_impulse(way: ArrayLike, camera: ArrayLike) -> Array:
 
         J = K (r a + u b), |J| <= IMPULSE_MAX,    a: the camera's right, b: its view's horizontal direction.
 
-    At depth D from the camera a pixel is 2 D tan(fov / 2) / H metres, H the picture's height in pixels.
-
-    Args:
-        way: from the point grabbed to the pointer, (3,) in the world [m].
-        camera: its axes in the world, (3, 3), columns right, down, view.
+    At depth D from the camera a pixel is 2 D tan(fov / 2) / H metres, H the picture's height in pixels. `way`
+    goes from the point grabbed to the pointer, (3,) in the world [m]; the columns of `camera` (3, 3) are its
+    axes right, down, view.
     """
     right, down, view = np.asarray(camera, np.float64).T
     away = view if np.hypot(*view[:2]) > STEEP else -down
@@ -63,11 +59,7 @@ def floor_impulse(way: ArrayLike) -> Array:
 
 
 def polar_impulse(size: float, psi_deg: float) -> Array:
-    """Impulse (2,) of a size [N s] towards psi, counter-clockwise from x [deg].
-
-    Raises:
-        InvalidValueError: a size beyond IMPULSE_MAX or an angle that is not finite.
-    """
+    """Impulse (2,) of a size up to IMPULSE_MAX [N s] towards psi, counter-clockwise from x [deg]."""
     size = require_number("impulse [N s]", size, 0.0, IMPULSE_MAX)
     psi = math.radians(require_number("direction [deg]", psi_deg))
     return np.array([size * math.cos(psi), size * math.sin(psi)])
@@ -95,15 +87,9 @@ class LaneState:
 
 
 class Lane:
-    """One robot that walks under a policy, and whose scenario grows while it walks.
+    """One biped that walks under a policy, and whose scenario grows while it walks.
 
-    Args:
-        env_id: of a biped under gait actions.
-        policy: a name, a file, or MODULE:ATTRIBUTE.
-        start: robot and command; its pushes and its end are left out.
-
-    Raises:
-        PushRecoveryError: unknown names, or a robot that can't be put back.
+    It has robot and command of `start`, but neither its pushes nor its end.
     """
 
     def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
@@ -147,20 +133,12 @@ class Lane:
         self.recorder()
 
     def push(self, push: Push) -> None:
-        """Push from now on; `push` starts at the present time or later.
-
-        Raises:
-            InvalidValueError: the robot has fallen.
-        """
+        """Push from the present time on, or later; a robot that has fallen is not pushed."""
         scenario = self.scenario
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
 
     def set_command(self, command: Command) -> None:
-        """Another command, in force from the next planning period on.
-
-        Raises:
-            InvalidValueError: the robot has fallen.
-        """
+        """Another command, in force from the next planning period on."""
         scenario, at = self.scenario, self.time + self.period
         if command == self.command:
             return
@@ -168,20 +146,12 @@ class Lane:
         self._go_on(replace(scenario, changes=(*kept, CommandChange(at, command))))
 
     def state(self) -> LaneState:
-        """Robot and memory of now.
-
-        Raises:
-            InvalidValueError: the robot has fallen.
-        """
+        """Robot and memory of now; a robot that has fallen has none."""
         self._refuse_fallen()
         return LaneState(self.env.state_snapshot(), self.name, self._memory)
 
     def put(self, state: LaneState) -> None:
-        """Go on where a robot of the same kind was; another policy remembers nothing of it.
-
-        Raises:
-            InvalidValueError: a robot of another kind.
-        """
+        """Go on where a robot of the same kind was; another policy remembers nothing of it."""
         self._seen, self.info = self.env.restore(state.snapshot)
         same = state.policy == self.name
         self._memory = state.memory if same else None
@@ -284,7 +254,7 @@ class Session:
     @property
     def beside(self) -> str | None:
         """Policy of the second robot; None where there is none."""
-        return self.lanes[1].name if len(self.lanes) > 1 else None
+        return self.lanes[1].name if self.lanes[1:] else None
 
     def advance(self, seconds: float) -> int:
         """Let the time of the clock go by; returns the planning periods simulated."""
@@ -313,11 +283,7 @@ class Session:
         self.step()
 
     def set_speed(self, speed: float) -> None:
-        """Simulated seconds a second.
-
-        Raises:
-            InvalidValueError: outside [SLOWEST, FASTEST].
-        """
+        """Simulated seconds a second, in [SLOWEST, FASTEST]."""
         self.speed = require_number("speed", speed, SLOWEST, FASTEST)
 
     def faster(self, factor: float) -> None:

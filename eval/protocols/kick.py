@@ -11,8 +11,6 @@ jump [m/s] is the level here, so that robots of another mass meet the same. Thre
 The measures of an episode are RecoverFormer's, too: fallen by its criterion, time to stable, largest tilt.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any
@@ -55,13 +53,7 @@ def uniforms(seed: int, *shape: int) -> NDArray[np.float64]:
 def kick_scenarios(
     form: str, episodes: int = EPISODES, mass: float = REFERENCE.mass
 ) -> dict[int, tuple[Scenario, ...]]:
-    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, of one of three forms.
-
-    Args:
-        form: of the push.
-        episodes: of each level.
-        mass: of the robot [kg], which a force goes with.
-    """
+    """Level of LEVELS (the force on the G1 [N]) -> its scenarios in place, for a robot of a mass [kg]."""
     return {
         force: tuple(
             _scenario(form, mass, force, i, *u)
@@ -129,12 +121,7 @@ class KickWatcher:
 
 
 class Measures:
-    """Measures of one episode so far.
-
-    Args:
-        start: of the disturbance [s].
-        standing: height of the pelvis at the begin [m].
-    """
+    """Measures of an episode: the disturbance comes at `start` [s], the pelvis stands `standing` high [m]."""
 
     def __init__(self, start: float, standing: float):
         self._start, self._standing = start, standing

@@ -1,9 +1,7 @@
 """Tables of a protocol: this robot's policies over the published rows, and how the others' robots differ."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
@@ -146,7 +144,7 @@ def kick_title(results: Results) -> str:
     return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_collisions(results)}"
 
 
-def kick_summary(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+def kick_summary(rows: Sequence[Row]) -> dict[str, Any]:
     """Level -> counts, rate and means of one policy."""
     found = {}
     for force in LEVELS:
@@ -209,9 +207,7 @@ def _collisions(results: Results) -> str:
 
 def to_dict(results: Results) -> dict[str, Any]:
     """One JSON object of the results."""
-    summary: Callable[[Sequence[Row]], dict[str, Any]] = (
-        kick_summary if results.protocol.name == "kick" else tour_summary
-    )
+    summary = kick_summary if results.protocol.name == "kick" else tour_summary
     return {
         "protocol": results.protocol.summary() | {"collisions": results.protocol.collisions},
         "env": results.env_id,

@@ -1,19 +1,14 @@
 """Run policies under a protocol, with a watcher beside the robots; rows survive a kill, on any processes."""
 
-from __future__ import annotations
-
 import hashlib
-from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, Self
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
-from ...envs.biped.core import BipedCore
 from ...envs.biped.env import BipedEpisodes
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.scenario.scenario import Scenario
@@ -34,31 +29,11 @@ Row = dict[str, Any]
 Job = tuple[str, str, tuple[Scenario, ...]]  # protocol, label of a policy, scenarios
 
 
-class Watcher(Protocol):
-    """Looks at robots of a core, one at a time, and may write their commands."""
-
-    def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
-        """Robot k has begun a scenario."""
-        ...
-
-    def look(self, core: BipedCore, k: int) -> None:
-        """Robot k has acted, or has just begun."""
-        ...
-
-    def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
-        """Entries of the row of the episode that has ended, besides its outcome."""
-        ...
-
-
-WATCHERS: Mapping[str, Callable[[], Watcher]] = MappingProxyType({"kick": KickWatcher, "tour": TourWatcher})
+WATCHERS = {"kick": KickWatcher, "tour": TourWatcher}  # look at robots one by one; may write their commands
 
 
 def biped_of(env_id: str) -> CompiledRobot:
-    """The robot of an environment.
-
-    Raises:
-        InvalidValueError: it is of another kind.
-    """
+    """The robot of an environment, which has to be one of the biped's."""
     with closing(make_env(env_id)) as env:
         return _bipeds(getattr(env.unwrapped, "episodes", None)).core.body
 
@@ -72,16 +47,12 @@ def _bipeds(episodes: Any) -> BipedEpisodes:
 class Watched(Observer):
     """A watcher in an episode loop; `found` has its entries of rows by scenario id."""
 
-    def __init__(self, watcher: Watcher):
+    def __init__(self, watcher: KickWatcher | TourWatcher):
         self.found: dict[str, dict[str, Any]] = {}
         self._watcher = watcher
 
     def begin(self, robots: Any, k: int, scenario: Scenario) -> None:
-        """Robot k has begun a scenario.
-
-        Raises:
-            InvalidValueError: it is no biped.
-        """
+        """Robot k has begun a scenario; one that is no biped is refused."""
         core = _bipeds(robots.episodes).core
         self._watcher.begin(core, k, scenario)
         self._watcher.look(core, k)
@@ -105,7 +76,7 @@ class PushProtocol:
     robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
 
-    def with_collisions(self) -> PushProtocol:
+    def with_collisions(self) -> Self:
         """The same on robots that do not pass through themselves."""
         scenarios = (replace(one, errors=replace(one.errors, collisions=True)) for one in self.scenarios)
         return replace(self, scenarios=tuple(scenarios))
@@ -156,22 +127,20 @@ def run_protocol(
     sources = policy_sources(policies)
     sizes = chunk_sizes(env_id, sources)
     config = {"format": FORMAT, "protocol": protocol.summary(), "env": env_id, "code": code_digest()}
-    label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
     config |= preset_digest(env_id)
+    label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"
     store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     with store:
-        missing = {
-            name: [s for s in protocol.scenarios if (name, s.id) not in store.rows] for name in sources
-        }
+        asked = protocol.scenarios
+        missing = {name: [s for s in asked if (name, s.id) not in store.rows] for name in sources}
         jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
         found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
-        seconds = guessed_seconds(env_id, missing, sources, workers)
-        ids = {scenario.id for scenario in protocol.scenarios}
+        length = about(guessed_seconds(env_id, missing, sources, workers))
+        ids = {scenario.id for scenario in asked}
         done = {name: sum(key[0] == name and key[1] in ids for key in store.rows) for name in digests}
         what = f"{protocol.name}: {len(ids)} episodes of {', '.join(digests)}"
-        with progress_bars(
-            list(digests), len(ids), Work(what, about(seconds), store.directory), done
-        ) as bars:
+        work = Work(what, length, store.directory)
+        with progress_bars(list(digests), len(ids), work, done) as bars:
             for row in found:
                 store.append({**row, "policy_sha256": digests[row["policy"]]})
                 done[row["policy"]] += 1

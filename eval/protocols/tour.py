@@ -6,8 +6,6 @@ the benchmark's own random streams. A punch of a joint of the G1 acts where `pun
 waypoint is the benchmark's: a velocity proportional to the error, within a robot's limits.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache
@@ -52,12 +50,11 @@ def punch_points(robot: CompiledRobot) -> tuple[PunchPoint, ...]:
     data, legs = robot.in_reference_posture(), robot.indices.legs
     axis = next((joint for joint in robot.indices.joints[1:3] if joint != MISSING), None)
     waist = data.xpos[robot.indices.trunk] if axis is None else data.xanchor[axis]
-    found = []
-    for side, leg in zip(SIDES, legs, strict=True):
-        found += [
-            _point(robot, data, f"{side}_{link}", data.xanchor[joint])
-            for link, joint in zip(LINKS, leg, strict=True)
-        ]
+    found = [
+        _point(robot, data, f"{side}_{link}", data.xanchor[joint])
+        for side, leg in zip(SIDES, legs, strict=True)
+        for link, joint in zip(LINKS, leg, strict=True)
+    ]
     found += WAIST * [_point(robot, data, "trunk", waist)]
     for side, left in zip(SIDES, (1.0, -1.0), strict=True):
         shoulder = _point(robot, data, "trunk", waist + [0.0, left * SHOULDER[0], SHOULDER[1]])
@@ -142,11 +139,7 @@ def seed_words(values: Sequence[int]) -> list[int]:
 
 
 class SeededTwister:
-    """A Mersenne twister seeded as C++ seeds it, and the draws of the teleop-walking-benchmark.
-
-    Args:
-        seeds: of `std::seed_seq`.
-    """
+    """A Mersenne twister seeded as `std::seed_seq` seeds it, and the benchmark's draws."""
 
     def __init__(self, *seeds: int):
         self._generator = np.random.MT19937(0)
@@ -239,10 +232,8 @@ class Follower:
     """Commands of one robot that walks to one waypoint after the other.
 
     A waypoint is reached within the bounds of REACHED, and lost again beyond those of LOST; meanwhile the
-    command is to rest. Position and heading are reached each for itself.
-
-    Args:
-        velocity: of the robot against one whose CoM is 0.8 m high.
+    command is to rest. Position and heading are reached each for itself. Velocities are `velocity` times as
+    large as those of a robot whose CoM is 0.8 m high.
     """
 
     def __init__(self, velocity: float = 1.0) -> None:
@@ -300,13 +291,7 @@ def pose_of(core: BipedCore, k: int) -> Pose:
 
 
 class Tour:
-    """One robot on its way: `errors` has distance [m] and heading error [rad] of each segment begun.
-
-    Args:
-        targets: the waypoints, in the frame of the origin.
-        origin: where the robot began.
-        velocity: of the robot against one whose CoM is 0.8 m high.
-    """
+    """One robot on its way: `errors` has distance [m] and heading error [rad] of each segment begun."""
 
     def __init__(self, targets: Sequence[Pose], origin: Pose, velocity: float):
         self._targets, self._origin, self._follower = targets, origin, Follower(velocity)

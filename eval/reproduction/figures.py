@@ -1,24 +1,20 @@
 """Figs. 3, 4, 5 and 7 of the paper: paths, histories, cartoon and film, largest push by direction."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.files import write_atomically
 from ..record import style
-from ..record.record import Array
 from .pendulum import Walk
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+Axes = Any  # of matplotlib, which is loaded where something is drawn
+Figure = Any
 
 BEFORE, AFTER = 0.7, 3.4  # part of the walk that Figs. 3 and 4 show about the onset of the push [s]
 SIDES = ("left", "right")
@@ -65,14 +61,7 @@ def lateral_limits(walks: Sequence[Walk], margin: float = 0.06) -> tuple[float, 
 
 
 def title(axes: Axes, walk: Walk, index: int, outcome: bool = True) -> None:
-    """Title a panel: letter, variant and whether it recovers, behind a sample of the variant's line.
-
-    Args:
-        axes: the panel.
-        walk: shown in it.
-        index: of the panel, for its letter.
-        outcome: say whether the robot falls or recovers.
-    """
+    """Title a panel: letter, variant and whether it recovers, behind a sample of the variant's line."""
     from matplotlib.lines import Line2D
     from matplotlib.transforms import ScaledTranslation
 
@@ -104,8 +93,7 @@ def draw_paths(walks: Sequence[Walk], directory: Path) -> list[Path]:
             title(axes, walk, index)
             _soles(axes, walk)
             _curves(axes, walk)
-            tip: Any = _pushed_com(walk)
-            tail: Any = tip - _arrow(walk)
+            tail, tip = _push_arrow(walk)
             style.draw_arrow(axes, tail, tip, lw=3, shrinkB=0, zorder=8)
             axes.annotate(
                 push_text(walk), tail, (5, 1), textcoords="offset points", color=style.PUSH_COLOUR,
@@ -140,19 +128,15 @@ def _path_limits(walks: Sequence[Walk]) -> tuple[tuple[float, float], tuple[floa
         x += [feet.min() - walk.sole[0] / 2, feet.max() + walk.sole[0] / 2]
         if walk.outcome.survived:
             x += [walk["dcm_x"][in_view(walk)].max()]
-        tail = _pushed_com(walk) - _arrow(walk)
-        low_y, high_y = min(low_y, tail[1] - 0.08), max(high_y, tail[1] + 0.08)
+        (_, tail_y), _ = _push_arrow(walk)
+        low_y, high_y = min(low_y, tail_y - 0.08), max(high_y, tail_y + 0.08)
     return (float(min(x)) - 0.05, float(max(x)) + 0.05), (float(low_y), float(high_y))
 
 
-def _pushed_com(walk: Walk) -> Array:
-    """CoM at the onset of the push, (2,) [m]."""
-    return walk.points("com")[min(int(np.searchsorted(walk["time"], walk.push_start)), len(walk) - 1)]
-
-
-def _arrow(walk: Walk) -> Array:
-    """The push's arrow from tail to tip, of a fixed length, (2,) [m]."""
-    return ARROW * walk.push_force / max(float(np.linalg.norm(walk.push_force)), 1e-9)
+def _push_arrow(walk: Walk) -> Any:
+    """Tail and tip of the push's arrow, each (2,) [m]: it ends at the CoM at the onset, ARROW long."""
+    tip = walk.points("com")[min(int(np.searchsorted(walk["time"], walk.push_start)), len(walk) - 1)]
+    return tip - ARROW * walk.push_force / max(float(np.linalg.norm(walk.push_force)), 1e-9), tip
 
 
 def _curves(axes: Axes, walk: Walk) -> None:
@@ -301,9 +285,8 @@ def draw_cartoon(walks: Sequence[Walk], directory: Path) -> list[Path]:
             axes.spines[["top", "right"]].set_visible(False)
             _row(axes, walk)
         rows[0].set_title("seen from behind", loc="right", fontsize=9.5)
-        rows[-1].set_xlabel(
-            "time since the onset of the push [s]; dotted: where the CoM was at the first instant"
-        )
+        about = "time since the onset of the push [s]; dotted: where the CoM was at the first instant"
+        rows[-1].set_xlabel(about)
         _cartoon_legend(figure)
         return style.save(figure, directory, "fig5_cartoon")
 
@@ -312,25 +295,16 @@ def _cartoon_legend(figure: Figure) -> None:
     left, right = style.FOOT_COLOURS
     point: dict[str, Any] = {"ms": 7, "ls": "none"}
     looks: dict[str, dict[str, Any]] = {
-        "left leg": {"color": left, "lw": 3},
-        "right leg": {"color": right, "lw": 3},
+        "left leg": {"color": left, "lw": 3}, "right leg": {"color": right, "lw": 3},
         "CoM": {"marker": "o", "color": style.COM_COLOUR, "mec": "white", **point},
         "DCM": {"marker": "D", "color": style.DCM_COLOUR, "mec": "white", **point},
         "CoP": {"marker": "^", "color": style.COP_COLOUR, **point},
-    }
+    }  # fmt: skip
     style.legend(figure, looks, 5, columnspacing=1.4)
 
 
 def draw_robot(axes: Axes, walk: Walk, sample: int, shift: float, width: float = 1.0) -> None:
-    """Draw one instant: legs, soles, trunk, head, CoM, DCM, CoP and push.
-
-    Args:
-        axes: their x is to the robot's right [m], their y the height [m].
-        walk: the episode.
-        sample: index of the instant.
-        shift: x of the world's y = 0 [m].
-        width: factor on the widths of the lines.
-    """
+    """Draw one sample: x to the right, the world's y = 0 at `shift`, y up [m]; `width` scales its lines."""
     from matplotlib.patches import Circle, Rectangle
 
     pelvis = (shift - float(walk["com_y"][sample]), walk.com_height)
@@ -491,16 +465,7 @@ def draw_limits(
     title: str = "Largest recoverable push of 0.1 s at the start of a left stance, stepping in place",
     unit: str = "N",
 ) -> list[Path]:
-    """Draw Fig. 7, a polar map: forward is up, psi counter-clockwise, so that left is left.
-
-    Args:
-        curves: by variant, points (psi [deg], largest push) in the order of psi; closed here.
-        limits: the same by closed-form limit, one of `style.LIMIT_STYLES`.
-        directory: where the pictures go.
-        stem: of their names.
-        title: over the picture.
-        unit: of the radius.
-    """
+    """Draw Fig. 7, a polar map: forward is up, psi [deg] counter-clockwise; each curve is closed here."""
     with style.print_style():
         figure = style.new_figure(style.WIDTH, style.WIDTH + 0.9)
         axes: Any = figure.add_subplot(projection="polar")

@@ -1,7 +1,5 @@
 """Jobs of the reproduction: each gives one row, written as it finishes and found again by the next run."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import json
@@ -21,7 +19,7 @@ from ...controllers.model.nominal_gait import NominalGait
 from ...controllers.model.observation import side_sign
 from ..output.progress import Work, about, progress_bars
 from ..output.rows import RowFile
-from ..output.tables import Table, markdown_table
+from ..output.tables import Table
 from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
 from ..score.frontier import BEYOND, Scanned, multiples, scan_upwards
@@ -31,24 +29,19 @@ Row = dict[str, Any]
 Rows = Mapping[str, Row]  # by key of the job
 
 
-def table_text(table: Table) -> str:
-    """A table in Markdown under a line in bold."""
-    return f"**{table.title}**\n\n{markdown_table(table.columns, table.rows)}"
-
-
 class Job(ABC):
     """A computation that gives one row; frozen and picklable."""
 
     FIELDS: ClassVar[tuple[str, ...]]  # that every row has, besides those of the job's identity
 
-    @abstractmethod
-    def identity(self) -> dict[str, Any]:
-        """All that decides the row, as JSON."""
-
     @property
     @abstractmethod
     def text(self) -> str:
         """Words for the progress bar."""
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """All that decides the row, as JSON."""
 
     @abstractmethod
     def run(self) -> Row:
@@ -94,13 +87,7 @@ class ScanJob(Job):
 
 
 def scan(survives: Survives, grids: Sequence[float], unit: float = 1.0) -> Row:
-    """Largest strength before the first failure, the largest survived at all, and the failures.
-
-    Args:
-        survives: whether each of several strengths is survived.
-        grids: coarse to fine, in units of `unit`.
-        unit: of grids, BEYOND and the cap.
-    """
+    """Largest strength before the first failure, the largest survived, and failures; numbers in `unit`s."""
     side_by_side = max(1, round(CHUNK / grids[0]))
 
     def in_chunks(strengths: Iterator[float]) -> Iterator[tuple[float, bool]]:
@@ -169,12 +156,7 @@ class CaseJob(EpisodeJob):
 
 
 def case_numbers(walk: Walk, gait: NominalGait) -> Row:
-    """Numbers of one case as JSON; lengths [m], times [s], angles [rad], speed [m/s].
-
-    Args:
-        walk: a recorded push, from before its onset on.
-        gait: nominal gait of its command.
-    """
+    """Numbers of a recorded push as JSON; lengths [m], times [s], angles [rad], speed [m/s]."""
     time, survived = walk["time"], walk.outcome.survived
     pushed = int(np.searchsorted(walk.touchdown, walk.push_start + 1e-9, side="right")) - 1
     strides, durations = np.diff(walk.foothold, axis=0), np.diff(walk.touchdown)
@@ -237,20 +219,12 @@ def config() -> dict[str, Any]:
 
 
 def open_store(directory: Path, overwrite: bool = False) -> RowFile:
-    """Rows of a directory.
-
-    Raises:
-        InvalidValueError: it holds rows of other code, or another run is writing there.
-    """
+    """Rows of a directory; one with rows of other code, or in use, is refused."""
     return RowFile(directory, config(), ("key",), overwrite)
 
 
 def run_jobs(jobs: Iterable[Job], store: RowFile, workers: int) -> Rows:
-    """Run what the store does not hold, on several processes with a progress bar; all rows by key.
-
-    Raises:
-        InvalidValueError: a row of the store lacks a field of its job.
-    """
+    """Rows by key, of which the store has some; the others run in processes, with a progress bar."""
     wanted = {key(job): job for job in jobs}
     for name, job in wanted.items():
         if lacks := [field for field in job.FIELDS if field not in store.rows.get((name,), job.FIELDS)]:

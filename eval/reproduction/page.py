@@ -1,7 +1,5 @@
 """The paper's claims against the numbers of a run, and the page that holds them (docs/generated)."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -9,7 +7,6 @@ from typing import Any, NamedTuple
 
 from ...controllers.files import write_text
 from ..output.tables import Table, markdown_table
-from .jobs import table_text
 
 Content = dict[str, Any]
 Tables = Mapping[str, Sequence[Table]]  # by name of the section
@@ -26,17 +23,18 @@ class Claim(NamedTuple):
     verdict: str  # one of the three, and why
 
 
+def table_text(table: Table) -> str:
+    """A table in Markdown under a line in bold."""
+    return f"**{table.title}**\n\n{markdown_table(table.columns, table.rows)}"
+
+
 def verdict(holds: bool, why: str = "") -> str:
     """Reproduced where it holds, otherwise differs; with a reason."""
     return (REPRODUCED if holds else DIFFERS) + (f": {why}" if why else "")
 
 
 def claims(content: Content) -> Iterator[Claim]:
-    """All claims, in the paper's order.
-
-    Args:
-        content: result object with scenario 1 and scenario 2.
-    """
+    """All claims in the paper's order, of a result object with scenarios 1 and 2."""
     yield from _forces(content)
     yield from _motion(content["scenario_1_cases"], content["scenario_1_sway"])
     yield from _scenario_2(content["scenario_2"], content["scenario_2_overview"]["two-stage"])
@@ -236,14 +234,7 @@ the DCM moves.
 
 
 def write_page(content: dict[str, Any], tables: Tables, directory: Path, path: Path) -> list[Path]:
-    """Write the page and copy its pictures beside it; returns what was written.
-
-    Args:
-        content: result object of all sections.
-        tables: by name of the section.
-        directory: where the pictures lie.
-        path: of the page.
-    """
+    """Write the page and copy its pictures, which lie in `directory`, beside it; returns what was written."""
     pictures = path.parent / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     written = [Path(shutil.copyfile(directory / name, pictures / name)) for name, _ in SHOWN]

@@ -4,8 +4,6 @@ Physics, actions and end of the episode are those of `rollout` on `PushRecovery/
 one compiled pass plans for all robots that still stand, and one moves them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, is_finite_number
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.capturability import max_recoverable_force, max_recoverable_impulse
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait
@@ -24,6 +22,7 @@ from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
 from ...controllers.settings import preset_config
+from ...controllers.validation import require_integer, require_number
 from ...envs.pendulum.env import PendulumCore, PendulumEpisodes
 from ...envs.scenario.push import GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
@@ -45,10 +44,8 @@ class Measurement:
     delay: int = 0  # whole planning periods
 
     def __post_init__(self) -> None:
-        if not (is_finite_number(self.dcm_noise) and self.dcm_noise >= 0):
-            raise InvalidValueError(f"dcm_noise must be finite and >= 0 [m], got {self.dcm_noise!r}")
-        if isinstance(self.delay, bool) or not isinstance(self.delay, int) or self.delay < 0:
-            raise InvalidValueError(f"delay must be an integer >= 0 [periods], got {self.delay!r}")
+        require_number("dcm_noise", self.dcm_noise, 0.0)
+        require_integer("delay", self.delay)
 
 
 EXACT = Measurement()
@@ -65,11 +62,6 @@ class PendulumSensor:
     """
 
     def __init__(self, core: PendulumCore, scenarios: Sequence[Scenario], measurement: Measurement = EXACT):
-        """Set up.
-
-        Raises:
-            InvalidValueError: measurement errors on top of a scenario's own noise.
-        """
         if measurement != EXACT and (noisy := [s.id for s in scenarios if s.errors.dcm_noise > 0]):
             raise InvalidValueError(f"scenario {noisy[0]!r} has dcm_noise of its own beside {measurement}")
         self._core, self._measurement = core, measurement
@@ -126,15 +118,8 @@ def run_batch(
 ) -> list[Outcome]:
     """Run scenarios side by side, each to its own end; no outcome depends on its neighbours.
 
-    Args:
-        policy: takes a batch of observations and remembers nothing.
-        scenarios: what happens to each pendulum.
-        episodes: one for each scenario; by default of the environment's own pendulum.
-        measurement: errors of what the policy sees.
-        watch: called with the slots at the start of an episode and after every period, to look, not to touch.
-
-    Raises:
-        InvalidValueError: actions of another shape or not finite, or an episode that never ends.
+    The policy takes batches and remembers nothing; `watch` is called with the slots at the start of an
+    episode and after every period.
     """
     episodes = PendulumEpisodes(len(scenarios)) if episodes is None else episodes
     slots = _MeasuredSlots(episodes, scenarios, measurement)
@@ -146,12 +131,7 @@ def run_batch(
 class _MeasuredSlots(Slots):
     """Slots whose policy sees a measurement; slot k holds scenario k."""
 
-    def __init__(
-        self,
-        episodes: PendulumEpisodes,
-        scenarios: Sequence[Scenario],
-        measurement: Measurement,
-    ):
+    def __init__(self, episodes: PendulumEpisodes, scenarios: Sequence[Scenario], measurement: Measurement):
         super().__init__(episodes)
         self._sensor = PendulumSensor(episodes.core, scenarios, measurement)
 
@@ -274,12 +254,7 @@ class PushKind:
         return Scenario(name, (push,), Command(self.vx), "left", noise_seed=seed)
 
     def limit(self, variant: Variant, **options: Any) -> float:
-        """Largest strength of the closed form for the variant's robot and gait.
-
-        Args:
-            variant: its robot and nominal gait.
-            options: of `max_recoverable_force`, or of `max_recoverable_impulse` for a velocity jump.
-        """
+        """Largest strength of the closed form for a variant, with options of that closed form."""
         robot, gait, psi = variant.robot_model, variant.gait(self.vx), math.radians(self.psi_deg)
         if self.duration > 0:
             return max_recoverable_force(robot, psi, self.duration, gait=gait, **options)

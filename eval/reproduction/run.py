@@ -1,7 +1,5 @@
 """`push-recovery reproduce`: sections by name to rows, numbers, tables, pictures and a page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +11,8 @@ from ...controllers.files import read_file, write_text
 from ...controllers.validation import parse_json
 from ..output.rows import default_directory, require_place
 from ..output.tables import Table
-from .jobs import Rows, Section, config, open_store, run_jobs, table_text
-from .page import write_page
+from .jobs import Rows, Section, config, open_store, run_jobs
+from .page import table_text, write_page
 from .scenarios import SCENARIO_1, SCENARIO_2
 from .studies import ABLATIONS, LIMITS_STUDY
 
@@ -48,16 +46,20 @@ def reproduce(
         section: the name of one of SECTIONS, or `all`.
         directions: of scenario 2, counter-clockwise from forward.
         workers: processes; changes no result.
-        directory: for rows, reproduction.json, tables.md and pictures; by default one under runs/ named after
-            the code.
+        directory: for rows, numbers, tables and pictures; by default one under runs/ named after the code.
         overwrite: start over where the directory holds rows.
         page: where to write the page that holds the paper's claims against the run; needs all sections.
 
     Raises:
-        PushRecoveryError: an unknown section, a page of some sections only, a directory of other code, or one
-            to which another run is writing.
+        PushRecoveryError: an unknown section, a page of some sections only, or a directory that is in use or
+            of other code.
     """
-    chosen = _chosen(section, page)
+    chosen = [one for one in SECTIONS if section in (ALL, one.name)]
+    if not chosen:
+        names = ", ".join(one.name for one in SECTIONS)
+        raise InvalidValueError(f"section must be one of {ALL}, {names}, got {section!r}")
+    if page is not None and section != ALL:
+        raise InvalidValueError(f"a page needs all sections, got {section!r}: leave the section out")
     if page is not None:
         require_place(page)
     directory = directory or default_directory("reproduce", config())
@@ -83,17 +85,6 @@ def _written(
     if page is not None:
         pictures += write_page(content, every, directory, page)
     return Reproduction(content, tables, pictures, directory)
-
-
-def _chosen(section: str, page: Path | None) -> list[Section]:
-    """The sections of that name."""
-    chosen = [one for one in SECTIONS if section in (ALL, one.name)]
-    if not chosen:
-        names = ", ".join(one.name for one in SECTIONS)
-        raise InvalidValueError(f"section must be one of {ALL}, {names}, got {section!r}")
-    if page is not None and section != ALL:
-        raise InvalidValueError(f"a page needs all sections, got {section!r}: leave the section out")
-    return chosen
 
 
 def _earlier(directory: Path) -> dict[str, Any]:

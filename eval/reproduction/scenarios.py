@@ -8,8 +8,6 @@ Scenario 2 (Fig. 7): the largest push by direction, every variant against the cl
 The same for a velocity jump, where knowing of a push early is worth nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product

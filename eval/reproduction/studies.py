@@ -8,8 +8,6 @@ Limits: the largest push that theory allows by direction, in closed form and by 
 trajectories.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -42,11 +40,9 @@ class Sweep:
 
 def planner_sweep(base: Variant, name: str, unit: str, values: Sequence[Any], scale: float = 1.0) -> Sweep:
     """A field of PlannerConfig; `scale` turns its unit into the one shown."""
-    cases = tuple(
-        (f"{value * scale:g}", replace(base, planner=pairs({**dict(base.planner), name: value})))
-        for value in values
-    )
-    return Sweep(base.label, f"{name} [{unit}]", cases)
+    fields = ({"planner": pairs({**dict(base.planner), name: value})} for value in values)
+    texts = (f"{value * scale:g}" for value in values)
+    return variant_sweep(base, f"{name} [{unit}]", zip(texts, fields, strict=True))
 
 
 def variant_sweep(base: Variant, parameter: str, cases: Iterable[tuple[str, dict[str, Any]]]) -> Sweep:
@@ -62,9 +58,8 @@ def robot_sweep(name: str, values: Sequence[float]) -> Sweep:
 
 def adaptation_sweep(base: Variant) -> Sweep:
     """The step adapts its place, its time, both or neither."""
-    fixed = {"place": {"adapt_step": False}, "time": {"adapt_duration": False}}
-    choices = {"place and time": {}, "place only": fixed["time"], "time only": fixed["place"],
-               "neither": {**fixed["place"], **fixed["time"]}}  # fmt: skip
+    place, time = {"adapt_step": False}, {"adapt_duration": False}
+    choices = {"place and time": {}, "place only": place, "time only": time, "neither": place | time}
     cases = ((text, {"planner": pairs(fields)}) for text, fields in choices.items())
     return variant_sweep(base, "the step adapts", cases)
 
@@ -93,19 +88,14 @@ def sweeps() -> tuple[Sweep, ...]:
     periods = (
         (f"{1e3 * period:g}", {"control_hz": 1.0 / period}) for period in (0.002, 0.005, 0.01, 0.02, 0.05)
     )
+    by_form = [replace(base, label=label, planner=pairs(form)) for label, base, form in forms]
     return (
         planner_sweep(STAGE_1, "alpha_offset", "1/m^2", powers(1, 8)),
         planner_sweep(TWO_STAGE, "alpha_offset", "1/m^2", powers(1, 8)),
         planner_sweep(TWO_STAGE, "beta_dcm", "1/m^2", powers(2, 8)),
         planner_sweep(TWO_STAGE, "beta_trunk", "s^4/rad^2", powers(-5, 1)),
         planner_sweep(TWO_STAGE, "beta_cop", "1/m^2", powers(-2, 3)),
-        *(
-            planner_sweep(
-                replace(base, label=label, planner=pairs(form)),
-                "sampling_time", "ms", (0.02, 0.03, 0.05, 0.1), 1e3,
-            )
-            for label, base, form in forms
-        ),
+        *(planner_sweep(base, "sampling_time", "ms", (0.02, 0.03, 0.05, 0.1), 1e3) for base in by_form),
         planner_sweep(TWO_STAGE, "tail_intervals", "-", (0, 2, 4, 6, 8, 10)),
         robot_sweep("foot_width", (0.06, 0.08, 0.10, 0.13, 0.16)),
         robot_sweep("pelvis_width", (0.15, 0.20, 0.25, 0.30)),
@@ -209,14 +199,10 @@ def limit_summary(rows: Rows, directions: int) -> Row:
 
         field, unit = ("limit_N", "N") if duration > 0 else ("limit_Ns", "N s")
         closed[kind] = [{"psi_deg": psi, field: limit(psi)} for psi in directions_deg(directions)]
-        cases = [
-            {
-                "psi_deg": psi,
-                "closed_form": limit(psi),
-                "program": rows[key(ProgramJob(kind, psi))]["strength"],
-            }
-            for psi in directions_deg(CHECKED)
-        ]
+        cases = []
+        for psi in directions_deg(CHECKED):
+            program = rows[key(ProgramJob(kind, psi))]["strength"]
+            cases.append({"psi_deg": psi, "closed_form": limit(psi), "program": program})
         solved = [case for case in cases if case["program"] is not None]
         difference = max((abs(case["program"] - case["closed_form"]) for case in solved), default=None)
         about = {"limit": kind, "unit": unit, "cases": cases, "largest_difference": difference}

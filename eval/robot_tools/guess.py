@@ -4,8 +4,6 @@ They are to be looked through. The joints are those of a skeleton, the model wit
 all joints at 0; a sole is the rectangle under the shapes of a foot's body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -64,11 +62,7 @@ class Skeleton:
 
 
 def read_skeleton(model: str) -> Skeleton:
-    """The skeleton of a model, MJCF or URDF.
-
-    Raises:
-        InvalidValueError: no such model, one that MuJoCo cannot read, or one without a robot in it.
-    """
+    """The skeleton of a model, MJCF or URDF; one without a robot in it is refused."""
     spec = read_model(model)
     torques, posture = largest_torques(spec), first_keyframe(spec)
     followers = [joint.name for joint in spec.joints]  # joints that follow others are none of the legs
@@ -108,11 +102,7 @@ LIGHT = 0.015  # share of the robot's mass below which a joint moves too little 
 
 
 def guess_plan(skeleton: Skeleton) -> tuple[BodyPlan, Angles]:
-    """Legs, waist and held joints of a robot; and the joints that are fixed, which its model has no more.
-
-    Raises:
-        InvalidValueError: no two legs of six joints each were found.
-    """
+    """Legs, waist and held joints of a robot; and the joints that are fixed, which its model has no more."""
     left, right = find_legs(skeleton)
     waist, trunk = find_waist(skeleton, {*left, *right})
     roles, held, fixed = {*left, *right, *waist}, [], []
@@ -136,11 +126,7 @@ def guess_plan(skeleton: Skeleton) -> tuple[BodyPlan, Angles]:
 
 
 def find_legs(skeleton: Skeleton) -> tuple[Chain, Chain]:
-    """Hinges of the left and the right leg: the two chains that reach lowest, less what they share.
-
-    Raises:
-        InvalidValueError: they have not six joints each, or do not lie left and right.
-    """
+    """Hinges of the left and the right leg: the two chains that reach lowest, less what they share."""
     model, anchors = skeleton.model, skeleton.data.xanchor
     ends = [joint for joint in skeleton.hinges if model.jnt_dofadr[joint] not in model.dof_parentid]
     chains = [skeleton.chain(joint) for joint in sorted(ends, key=lambda joint: anchors[joint, 2])[:2]]
@@ -211,11 +197,7 @@ Array = NDArray[np.float64]
 
 
 def guess_soles(model_place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
-    """Soles of the bodies that two joints move, level in the reference posture.
-
-    Raises:
-        InvalidValueError: a foot without shapes, or whose meshes cannot be read.
-    """
+    """Soles of the bodies that two joints move, level in the reference posture."""
     try:
         model = read_model(model_place).compile()
     except ValueError as error:

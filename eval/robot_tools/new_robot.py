@@ -4,8 +4,6 @@ How high a robot stands and how far it steps follows from postures within the ra
 is the biped's, scaled by the ratios of sizes, masses and inertias.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -42,9 +40,9 @@ DIRECTIONS = 8
 PROVISIONAL = 1.0  # CoM height before it is known [m]
 
 
-def leg_length(body: CompiledRobot) -> float:
-    """Length of the left leg in the reference posture, from its first hip axis to the ankle [m]."""
-    anchors = body.in_reference_posture().xanchor[list(body.indices.legs[0])]
+def leg_length(body: CompiledRobot, data: mujoco.MjData | None = None) -> float:
+    """Length of the left leg from first hip axis to ankle, by default in the reference posture [m]."""
+    anchors = (data or body.in_reference_posture()).xanchor[list(body.indices.legs[0])]
     return float(np.linalg.norm(anchors[4] - anchors[0]))
 
 
@@ -113,9 +111,8 @@ def scaled_settings(
 ) -> PresetFile:
     """The biped's preset scaled to a robot, its steps as wide as its hips are, with some fields changed.
 
-    Slower legs make the shortest step longer, but not the nominal one.
-
-    `changes` are section -> field -> value, of "planner" and of the sections of a robot.
+    Slower legs make the shortest step longer, but not the nominal one. `changes` are section -> field ->
+    value, of "planner" and of the sections of a robot.
     """
     robot, scale = body.robot, scale_of(body)
     own: dict[str, dict[str, Any]] = {
@@ -137,36 +134,24 @@ def scaled_settings(
 
 
 def standing_height(description: RobotDescription) -> float:
-    """CoM height over level soles at which the legs are bent as the biped's are [m].
-
-    Raises:
-        InvalidValueError: the robot cannot stand so.
-    """
+    """CoM height over level soles at which the legs are bent as the biped's are [m]."""
     body = compiled_robot(description)
-    data = body.in_reference_posture()
+    data, posed = body.in_reference_posture(), mujoco.MjData(body.model)
+    leg = leg_length(body)
     mujoco.mj_comPos(body.model, data)
     straight = data.subtree_com[0, 2] - data.site_xpos[body.indices.soles[0], 2]
     for height in np.arange(straight, 0.6 * straight, -FINE):
-        share = _leg_share(body, height)
-        if share is not None and share <= BENT:
+        coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
+        if coordinates is None:
+            continue
+        posed.qpos[:] = coordinates
+        mujoco.mj_kinematics(body.model, posed)
+        if leg_length(body, posed) / leg <= BENT:
             return round(float(height), 3)
     raise InvalidValueError(
         f"robot {description.name!r} does not stand with its CoM over its soles, {0.6 * straight:.2f} to "
         f"{straight:.2f} m high, within the ranges of its joints"
     )
-
-
-def _leg_share(body: CompiledRobot, height: float) -> float | None:
-    """Length of the left leg over that of a straight one, of a robot that stands; None where it cannot."""
-    data, straight = mujoco.MjData(body.model), body.in_reference_posture()
-    coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
-    if coordinates is None:
-        return None
-    data.qpos[:] = coordinates
-    mujoco.mj_kinematics(body.model, data)
-    hip, ankle = body.indices.legs[0][0], body.indices.legs[0][4]
-    lengths = [np.linalg.norm(one.xanchor[ankle] - one.xanchor[hip]) for one in (data, straight)]
-    return float(lengths[0] / lengths[1])
 
 
 def _stands(body: CompiledRobot, height: float, step: tuple[float, float]) -> np.ndarray | None:
@@ -260,11 +245,7 @@ def new_robot(model: str, name: str) -> NewRobot:
 
 
 def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
-    """Largest torques of all joints but the fixed ones.
-
-    Raises:
-        InvalidValueError: the model does not say some.
-    """
+    """Largest torques of all joints but the fixed ones."""
     spec = read_model(model)
     torques = largest_torques(spec)
     joints = [joint.name for joint in spec.joints if joint.name not in fixed]

@@ -4,8 +4,6 @@ Of each there are two suites: one that a search meets, and one that is held out 
 run ids are none of the tour protocol's, so what is tuned on its punches has met none of the scored ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -103,14 +101,7 @@ def tuning_suite(
     errors: ModelErrors = EXACT_MODEL,
     robot: tuple[str, Similarity] = ("biped", SAME),
 ) -> Suite:
-    """The first `scenarios` of a suite of SEEDS, for a robot of a name and size.
-
-    Every whole block of 256 is stratified. With `errors`, every second robot is off by them, half of these
-    with the mass error negated.
-
-    Raises:
-        UnknownNameError: listing the valid names.
-    """
+    """The first scenarios of a suite of SEEDS; `errors` as in `_spoilt`, `robot` is its name and size."""
     require_choice("tuning suite", name, list(SEEDS))
     kind = name.removesuffix(held_out_of(""))
     suite = of_size(Suite(name, VERSIONS[kind], tuple(DRAWN[kind](name, scenarios))), *robot)
@@ -120,13 +111,7 @@ def tuning_suite(
 def punched_suite(
     name: str, scenarios: int, robot: CompiledRobot, errors: ModelErrors = EXACT_MODEL
 ) -> Suite:
-    """The first `scenarios` of a suite of FIRST_RUN: excerpts of the tour, on a robot as the tour has them.
-
-    With `errors`, some robots are off as in `tuning_suite`.
-
-    Raises:
-        UnknownNameError: listing the valid names.
-    """
+    """The first scenarios of a suite of FIRST_RUN, excerpts of the tour; `errors` as in `_spoilt`."""
     require_choice("tuning suite", name, list(FIRST_RUN))
     first = FIRST_RUN[name]
     drawn = tuple(excerpt(f"{name}-{i:04d}", first + i, robot) for i in range(scenarios))
@@ -134,7 +119,7 @@ def punched_suite(
 
 
 def _spoilt(suite: Suite, errors: ModelErrors) -> Suite:
-    """The suite with errors of every second robot."""
+    """The suite with errors of every second robot, half of these with the mass error negated."""
     if errors == EXACT_MODEL:
         return suite
     both = errors, replace(errors, mass=-errors.mass)

@@ -1,17 +1,16 @@
 """Worth of a preset on scenarios, run side by side in processes that last as long as the search."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, closing
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.policies.two_stage import TwoStagePolicy, make_policy
+from ...controllers.policies.interface import Policy
+from ...controllers.policies.two_stage import make_policy
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
@@ -35,12 +34,7 @@ def worth(outcome: Outcome) -> float:
 
 
 def check_env(env_id: str) -> str:
-    """The id of an environment whose planner can be tuned: the pendulum's, or that of a robot's gait.
-
-    Raises:
-        UnknownNameError: there is none, or it is one of a form that has no planner, or another below.
-        InvalidValueError: it names a preset, or the robot cannot be loaded.
-    """
+    """The id of an environment whose planner can be tuned, which may name no preset: a pendulum or a gait."""
     name = EnvName.parse(env_id)
     if name.preset:
         raise InvalidValueError(f"a study starts at a preset of its own: say --preset {name.preset}")
@@ -68,28 +62,16 @@ def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisod
     return PendulumEpisodes(n, preset=preset)
 
 
-def preset_policy(name: str, episodes: GaitEpisodes, preset: str) -> TwoStagePolicy:
-    """A variant of the planner with its settings of a preset, by name or file."""
-    policy = make_policy(name, episodes.robot, episodes.limits, preset)
-    assert isinstance(policy, TwoStagePolicy)  # noqa: S101
-    return policy
-
-
 @lru_cache(maxsize=1)
-def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, TwoStagePolicy]:
+def _prepared(env_id: str, policy: str, preset: str, content: bytes) -> tuple[GaitEpisodes, Policy]:
     if Path(preset).read_bytes() != content:
         raise InvalidValueError(f"the preset {preset!r} is another one here: workers need the same files")
     episodes = preset_episodes(env_id, SLOTS, preset, policy)
-    return episodes, preset_policy(policy, episodes, preset)
+    return episodes, make_policy(policy, episodes.robot, episodes.limits, preset)
 
 
 def run_scenarios(state: None, job: Job) -> dict[str, float]:
-    """Worth by scenario id: the task of a worker, which keeps what it has prepared by itself.
-
-    Args:
-        state: of the worker; none.
-        job: environment, policy, preset file and its content, scenarios.
-    """
+    """Worth by scenario id: the task of a worker, which keeps what it has prepared by itself."""
     env_id, name, preset, content, scenarios = job
     episodes, policy = _prepared(env_id, name, preset, content)
     return {out.scenario_id: worth(out) for out in rollout_batch(episodes, policy, scenarios, name)}
@@ -100,19 +82,13 @@ def _nothing() -> None:
 
 
 class Scorer(AbstractContextManager):
-    """Runs one variant of one environment under preset files; a context manager.
-
-    Args:
-        env_id: for `check_env`.
-        policy: name of the variant.
-        workers: processes, or those of a Ray cluster; they change no result. One means this process.
-    """
+    """Runs one variant of one environment under preset files, in this process where there is one worker."""
 
     def __init__(self, env_id: str, policy: str, workers: int = 1):
         self.env_id, self.policy, self.workers = check_env(env_id), policy, workers
         self._pool: Pool[None] | None = None
 
-    def __enter__(self) -> Scorer:
+    def __enter__(self) -> Self:
         if self.workers > 1 or isinstance(self.workers, RayWorkers):
             self._pool = open_pool(self.workers, _nothing)
         return self

@@ -4,13 +4,11 @@ Left out are weights that only scale a whole cost (alpha_step, beta_cop, com_pri
 implies (freeze, which is the gait machine's commit), hardware, numerical constants and switches.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +41,7 @@ class Dimension:
         """Group and name, as options and tables call it."""
         return f"{self.group}.{self.name}"
 
-    def times(self, factor: float) -> Dimension:
+    def times(self, factor: float) -> Self:
         """The same dimension of a robot whose value is so many times as large; the unit of a factor stays."""
         unit = self.unit if self.scale == "log" else self.unit * factor
         return replace(self, low=self.low * factor, high=self.high * factor, unit=unit)
@@ -75,7 +73,7 @@ class Space:
                 )
 
     @classmethod
-    def at(cls, dimensions: Sequence[Dimension], start: Mapping[str, Mapping[str, float]]) -> Space:
+    def at(cls, dimensions: Sequence[Dimension], start: Mapping[str, Mapping[str, float]]) -> Self:
         """A space that starts at some settings."""
         return cls(tuple(dimensions), tuple(float(start[d.group][d.name]) for d in dimensions))
 
@@ -106,11 +104,7 @@ class Space:
 
 
 def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimension, ...]:
-    """The dimensions whose label or group is named; all of them where nothing is.
-
-    Raises:
-        UnknownNameError: a name that fits none.
-    """
+    """The dimensions whose label or group is named; all of them where nothing is."""
     labels = [dimension.label for dimension in dimensions]
     groups = sorted({dimension.group for dimension in dimensions})
     for name in only:
@@ -199,11 +193,7 @@ OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
 
 
 def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
-    """The fields of PlannerConfig that a variant of the planner uses.
-
-    Raises:
-        UnknownNameError: no policy of that name with gains to tune; lists those that have some.
-    """
+    """The fields of PlannerConfig that a variant of the planner uses; other policies are refused."""
     require_choice("policy to tune", policy, VARIANTS)
     planner = make_policy(policy)
     assert isinstance(planner, TwoStagePolicy)  # noqa: S101

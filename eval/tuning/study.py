@@ -12,8 +12,6 @@ says more than either score: with d_i = value_i - best_i over those n,
 and a trial that is clearly worse than the best one is stopped early.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -34,16 +32,8 @@ from ..output.statistics import PairedCounts
 from ..protocols.run import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
-from .pushes import (
-    PUNCHES,
-    SUITE_SIZE,
-    TUNING,
-    TUNING_SUITES,
-    VARIED,
-    held_out_of,
-    punched_suite,
-    tuning_suite,
-)
+from . import pushes
+from .pushes import TUNING, VARIED
 from .scorer import BIPED, PENDULUM, RECOVERED, Scorer, check_env, own_episodes
 from .space import OF_TRUNK, ROBOT, Space, planner_dimensions, select
 
@@ -93,16 +83,15 @@ class TuningSettings:
             )
         require_integer("seed", self.seed)
         for name in ("scenarios", "held_out"):
-            if not FEWEST_SCENARIOS <= require_integer(name, getattr(self, name)) <= SUITE_SIZE:
-                raise InvalidValueError(
-                    f"{name} must be in [{FEWEST_SCENARIOS}, {SUITE_SIZE}], got {getattr(self, name)}"
-                )
+            count, most = require_integer(name, getattr(self, name)), pushes.SUITE_SIZE
+            if not FEWEST_SCENARIOS <= count <= most:
+                raise InvalidValueError(f"{name} must be in [{FEWEST_SCENARIOS}, {most}], got {count}")
         if not self.preset:
             object.__setattr__(self, "preset", own_episodes(self.env_id).preset)
         if not self.suite:
             plain = self.env_id == PENDULUM or self.errors != EXACT_MODEL
             object.__setattr__(self, "suite", TUNING if plain else VARIED)
-        require_choice("tuning suite", self.suite, list(TUNING_SUITES))
+        require_choice("tuning suite", self.suite, list(pushes.TUNING_SUITES))
         if self.suite != TUNING and self.env_id == PENDULUM:
             raise InvalidValueError(
                 f"suite {self.suite!r} is that of robots; {PENDULUM} takes {TUNING!r} only"
@@ -123,9 +112,6 @@ def space_of(settings: TuningSettings) -> Space:
 
     Those of another robot than the biped have its bounds and units times as much as their start is of the
     biped's own value. What turns a trunk is left out where there is no waist.
-
-    Raises:
-        UnknownNameError: a field that is not among them.
     """
     planner, robot = settings.space != "robot", settings.space != "planner"
     dimensions = (planner_dimensions(settings.policy) if planner else ()) + (ROBOT if robot else ())
@@ -172,12 +158,7 @@ def whose(preset: PresetFile) -> dict[str, Any]:
 
 
 class Search:
-    """Proposes points of a space, generation by generation; the first generation is drawn about the start.
-
-    Raises:
-        InvalidValueError: fewer than two dimensions.
-        MissingExtraError: the package is not installed.
-    """
+    """Proposes points of a space, generation by generation; the first one is drawn about the start."""
 
     def __init__(self, space: Space, seed: int):
         try:
@@ -231,12 +212,9 @@ def clearly_worse(values: Sequence[float], best: Sequence[float]) -> bool:
 
 
 def race(run: Callable[[int, int], list[float]], scenarios: int, best: Sequence[float]) -> list[float]:
-    """Values of a trial, rung by rung, until it is clearly worse than the best one.
+    """Values of a trial, rung by rung, until it is clearly worse than the best one; without one, of all.
 
-    Args:
-        run: values of the scenarios from the first number to before the second.
-        scenarios: how many there are.
-        best: values of the best trial so far on all of them; empty: this one is run in full.
+    `run` gives the values of the scenarios from its first number to before its second.
     """
     values: list[float] = []
     for end in rungs(scenarios) if len(best) else [scenarios]:
@@ -262,11 +240,7 @@ class Trials:
     path: Path  # of the preset that is being run
 
     def run(self, number: int, point: NDArray[np.float64], suite: Suite, best: Row | None) -> Row:
-        """The row of a point; stopped early where it is clearly worse than the best one so far.
-
-        Raises:
-            InvalidValueError: the directory has a trial of this number at another point.
-        """
+        """The row of a point; stopped early where it is clearly worse than the best one so far."""
         key = (suite.name, number)
         if key in self.store.rows:
             row = self.store.rows[key]
@@ -278,11 +252,11 @@ class Trials:
             return row
         settings, paired = self.space.settings(point), best["values"] if best else ()
         preset_of(self.settings, settings).save(self.path)
-        values = race(
-            lambda first, end: self.scorer.values(self.path, suite.scenarios[first:end]),
-            len(suite.scenarios),
-            paired,
-        )
+
+        def run(first: int, end: int) -> list[float]:
+            return self.scorer.values(self.path, suite.scenarios[first:end])
+
+        values = race(run, len(suite.scenarios), paired)
         row = {
             "suite": suite.name, "trial": number, "score": estimate(values, paired),
             "stopped": len(values) < len(suite.scenarios), "scenarios": len(values), "settings": settings,
@@ -311,14 +285,7 @@ def comparison(start: Row, best: Row) -> dict[str, Any]:
 def findings(
     config: Mapping[str, Any], population: int, rows: Sequence[Row], held_out: Mapping[int, Row]
 ) -> dict[str, Any]:
-    """The section `found` of a preset file.
-
-    Args:
-        config: configuration of the study.
-        population: trials in a generation.
-        rows: of all trials.
-        held_out: rows of start and best on the suite held out, by number of the trial.
-    """
+    """The section `found` of a preset file; `held_out` has the rows of start and best by trial."""
     best = best_of(rows)
     return {
         "by": f"CMA-ES (cmaes {version('cmaes')}), {population} trials a generation, successive halving",
@@ -382,7 +349,7 @@ def tune(
     """
     space = space_of(settings)
     suite = _suite(settings, settings.suite, settings.scenarios)
-    held_out = _suite(settings, held_out_of(settings.suite), settings.held_out)
+    held_out = _suite(settings, pushes.held_out_of(settings.suite), settings.held_out)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
@@ -407,9 +374,9 @@ def tune(
 
 def _suite(settings: TuningSettings, name: str, scenarios: int) -> Suite:
     """The first scenarios of a suite, for the robot of the settings."""
-    if settings.suite == PUNCHES:
-        return punched_suite(name, scenarios, biped_of(settings.env_id), settings.errors)
-    return tuning_suite(name, scenarios, settings.errors, robot_of(settings.env_id))
+    if settings.suite == pushes.PUNCHES:
+        return pushes.punched_suite(name, scenarios, biped_of(settings.env_id), settings.errors)
+    return pushes.tuning_suite(name, scenarios, settings.errors, robot_of(settings.env_id))
 
 
 def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: OnTrial | None) -> list[Row]:

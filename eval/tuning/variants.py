@@ -1,7 +1,5 @@
 """The same search for several variants of the planner: one budget, one start, one record, and its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,11 +78,7 @@ def tune_variants(
 
 
 def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
-    """Settings of each variant's study.
-
-    Raises:
-        PushRecoveryError: a variant or a field that cannot be tuned, or a variant that comes twice.
-    """
+    """Settings of each variant's study; a name or a field that cannot be tuned is refused."""
     if twice := [name for name in policies if policies.count(name) > 1]:
         raise InvalidValueError(f"arm {twice[0]!r} is given more than once")
     each = {name: replace(settings, policy=name) for name in policies}
@@ -111,21 +105,13 @@ def result_tables(found: VariantStudies) -> list[Table]:
 
 def summary(found: VariantStudies) -> dict[str, Any]:
     """The object of `--json`: how each variant's preset was found, and where they lie."""
-    arms = {name: _summary(study) for name, study in found.studies.items()}
-    return {"arms": arms, "preset": str(found.path), "out": str(found.directory)}
-
-
-def _summary(study: Study) -> dict[str, Any]:
-    found = study.preset.found
     keys = ("by", "trials", "stopped_early", "episodes", "trial", "suites", "code", "tuning", "held_out")
-    return {
-        "env": study.settings.env_id,
-        "policy": study.settings.policy,
-        **{name: found[name] for name in keys},
-        "settings": study.best["settings"],
-        "preset": str(study.path),
-        "out": str(study.directory),
-    }
+    arms = {}
+    for name, study in found.studies.items():
+        about = {"env": study.settings.env_id, "policy": study.settings.policy}
+        about |= {key: study.preset.found[key] for key in keys} | {"settings": study.best["settings"]}
+        arms[name] = {**about, "preset": str(study.path), "out": str(study.directory)}
+    return {"arms": arms, "preset": str(found.path), "out": str(found.directory)}
 
 
 def score_cells(name: str, entry: dict[str, Any]) -> tuple[str, ...]:
@@ -141,8 +127,8 @@ def field_cells(study: Study, most: int = 12) -> list[tuple[str, ...]]:
     """The fields whose values moved most, in their own units."""
     start, best = study.start["settings"], study.best["settings"]
     moves = zip(study.space.dimensions, study.best["point"], strict=True)
-    cells: Sequence[tuple[float, tuple[str, ...]]] = [
-        (abs(move), (d.label, f"{start[d.group][d.name]:g}", f"{best[d.group][d.name]:g}", f"{move:+.2f}"))
-        for d, move in moves
+    moved = sorted(moves, key=lambda pair: -abs(pair[1]))[:most]
+    return [
+        (d.label, f"{start[d.group][d.name]:g}", f"{best[d.group][d.name]:g}", f"{move:+.2f}")
+        for d, move in moved
     ]
-    return [cell for _, cell in sorted(cells, key=lambda pair: -pair[0])[:most]]

@@ -2,23 +2,15 @@
 
 import subprocess
 import sys
+from itertools import accumulate, cycle
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
-from push_recovery.eval.bench import closed_loop as bench_batch
-from push_recovery.eval.bench.closed_loop import (
-    PERIODS,
-    WARM_UP,
-    BatchTiming,
-    batch_timings,
-    memory_per_robot,
-    resident_mib,
-    time_control,
-    walking_core,
-)
+from push_recovery.eval.bench import closed_loop
+from push_recovery.eval.bench.closed_loop import BatchTiming, batch_timings, memory_per_robot, time_control
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 
@@ -30,8 +22,8 @@ def test_rates_and_ratios():
 
 
 def test_every_timed_robot_is_pushed_and_stands_to_the_end():
-    core = walking_core(24, 2)
-    for _ in range(WARM_UP + PERIODS):
+    core = closed_loop.walking_core(24, 2)
+    for _ in range(closed_loop.WARM_UP + closed_loop.PERIODS):
         actions = POLICY.predict(core.observation)[0]
         core.step(BIPED_LIMITS.from_action(actions), actions.astype(np.float64))
     assert not core.gait.failure.any()
@@ -39,11 +31,10 @@ def test_every_timed_robot_is_pushed_and_stands_to_the_end():
 
 
 def test_the_keys_of_the_contract(monkeypatch):
-    monkeypatch.setattr(bench_batch, "ROBOTS", {1: (1,), 64: (1, 2), 256: (1,)})
-    monkeypatch.setattr(bench_batch, "QUICK", (1, 64))
-    assert isinstance(POLICY, TwoStagePolicy)
+    monkeypatch.setattr(closed_loop, "ROBOTS", {1: (1,), 64: (1, 2), 256: (1,)})
+    monkeypatch.setattr(closed_loop, "QUICK", (1, 64))
     monkeypatch.setattr(
-        bench_batch,
+        closed_loop,
         "time_batch",
         lambda policy, n, threads: BatchTiming(n, threads, 10.0, 1.0 * n, 1.0, 0.01),
     )
@@ -57,15 +48,15 @@ def test_the_keys_of_the_contract(monkeypatch):
 
 def test_memory_counts_the_robots(monkeypatch):
     seen = iter([100.0, 116.0])
-    monkeypatch.setattr(bench_batch, "resident_mib", lambda: next(seen))
-    monkeypatch.setattr(bench_batch, "MEMORY", 8)
+    monkeypatch.setattr(closed_loop, "resident_mib", lambda: next(seen))
+    monkeypatch.setattr(closed_loop, "MEMORY", 8)
     assert memory_per_robot(POLICY) == {"memory_mib_per_robot": 2.0}
-    monkeypatch.setattr(bench_batch, "resident_mib", lambda: None)
+    monkeypatch.setattr(closed_loop, "resident_mib", lambda: None)
     assert memory_per_robot(POLICY) == {}
 
 
 def test_resident_memory_grows_with_what_is_used():
-    if resident_mib() is None:
+    if closed_loop.resident_mib() is None:
         pytest.skip("the system does not tell")
     code = (
         "import numpy as np; from push_recovery.eval.bench.closed_loop import resident_mib; "
@@ -75,43 +66,25 @@ def test_resident_memory_grows_with_what_is_used():
     assert float(done.stdout) == pytest.approx(64.0, abs=4.0)
 
 
-def test_control_is_what_the_core_adds_to_bare_physics(monkeypatch):
-    monkeypatch.setattr(bench_batch, "CALLS", 20)
-    content = time_control(POLICY)
-    assert content["raw_physics_rtf"] > 0.0
-    assert content["whole_body_us"]["median"] <= content["whole_body_us"]["p99"]
-
-
 def test_humanoid_runs_in_turn_with_the_bipeds(monkeypatch):
-    from push_recovery.eval.bench import closed_loop as bench_humanoid
-
-    rates = iter([(10.0, 30.0), (30.0, 60.0), (20.0, 90.0)])
-    turn = [rate for pair in rates for rate in pair]
-    monkeypatch.setattr(bench_humanoid, "SLICES", 3)
-    monkeypatch.setattr(bench_humanoid, "_humanoid", lambda env: turn.pop(0))
-    monkeypatch.setattr(bench_humanoid, "_bipeds", lambda core, policy: turn.pop(0))
-    monkeypatch.setattr(bench_humanoid, "ROBOTS", 2)
-    content = bench_humanoid.humanoid_timings(POLICY)
+    turn = iter([10.0, 30.0, 30.0, 60.0, 20.0, 90.0])
+    monkeypatch.setattr(closed_loop, "SLICES", 3)
+    monkeypatch.setattr(closed_loop, "_humanoid", lambda env: next(turn))
+    monkeypatch.setattr(closed_loop, "_bipeds", lambda core, policy: next(turn))
+    content = closed_loop.humanoid_timings(POLICY)
     assert content == {"humanoid_rtf": 20.0, "biped_rtf": 60.0, "over_humanoid": 3.0}
 
 
 def clock(*microseconds):
     """A clock whose calls lie so far apart, over and over."""
-    state = {"now": 0, "calls": 0}
-
-    def read():
-        state["now"] += round(1e3 * microseconds[state["calls"] % len(microseconds)])
-        state["calls"] += 1
-        return state["now"]
-
-    return SimpleNamespace(perf_counter_ns=read)
+    times = accumulate(round(1e3 * time) for time in cycle(microseconds))
+    return SimpleNamespace(perf_counter_ns=lambda: next(times))
 
 
 def test_control_costs_what_the_core_takes_beyond_physics(monkeypatch):
     """Five physics steps of 2 ms take 1 ms bare, 4 ms with control: 10 simulated s a second, 600 us each."""
-    assert isinstance(POLICY, TwoStagePolicy)
-    monkeypatch.setattr(bench_batch, "CALLS", 3)
-    monkeypatch.setattr(bench_batch, "time", clock(77.0, 1000.0, 4000.0))
+    monkeypatch.setattr(closed_loop, "CALLS", 3)
+    monkeypatch.setattr(closed_loop, "time", clock(77.0, 1000.0, 4000.0))
     content = time_control(POLICY)
     assert content["raw_physics_rtf"] == pytest.approx(10.0)
     assert content["whole_body_us"] == {"median": pytest.approx(600.0), "p99": pytest.approx(600.0)}
@@ -119,9 +92,8 @@ def test_control_costs_what_the_core_takes_beyond_physics(monkeypatch):
 
 def test_a_batch_is_timed_part_by_part_for_each_robot(monkeypatch):
     """Two robots: 1, 2 and 4 ms of physics, planner and core are half as much each."""
-    assert isinstance(POLICY, TwoStagePolicy)
-    monkeypatch.setattr(bench_batch, "PERIODS", 3)
-    monkeypatch.setattr(bench_batch, "time", clock(77.0, 1000.0, 2000.0, 4000.0))
-    timing = bench_batch.time_batch(POLICY, 2, 1)
+    monkeypatch.setattr(closed_loop, "PERIODS", 3)
+    monkeypatch.setattr(closed_loop, "time", clock(77.0, 1000.0, 2000.0, 4000.0))
+    timing = closed_loop.time_batch(POLICY, 2, 1)
     assert (timing.robots, timing.threads, timing.period) == (2, 1, pytest.approx(0.01))
     assert (timing.physics, timing.plan, timing.core) == pytest.approx((500.0, 1000.0, 2000.0))

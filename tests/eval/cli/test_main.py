@@ -9,12 +9,13 @@ import sys
 import time
 from dataclasses import fields
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import COMMANDS, main, parse
-from push_recovery.eval.cli.options import VelocityOptions
+from push_recovery.eval.cli.options import PushOptions
 from push_recovery.eval.cli.studies import Frontier
 from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
@@ -36,9 +37,9 @@ def test_options_are_the_fields_of_a_dataclass():
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -2.01, 2.01])
 def test_bounds_hold_for_options_made_in_python_too(value):
-    assert VelocityOptions(vx=-2.0, vy=2.0).vy == 2.0
+    assert PushOptions(vx=-2.0, vy=2.0).vy == 2.0
     with pytest.raises(InvalidValueError, match=r"--vy must be a number in \[-2, 2\]"):
-        VelocityOptions(vy=value)
+        PushOptions(vy=value)
 
 
 def test_tune_has_the_defaults_of_its_settings():
@@ -92,11 +93,21 @@ def bad_input(capsys, *argv):
     return err
 
 
-def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
+def lines_of(err):
+    """Lines of standard error, without the one that tells of a compilation."""
+    return [line for line in err.splitlines() if "compiling kernels" not in line]
+
+
+def test_evaluate_says_what_it_does_and_prints_the_contracts_object(suite, policy, tmp_path, capsys):
     out = tmp_path / "out"
     argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
+    what = f"head: 6 episodes of {policy}"
     assert main([*argv, "--out", str(out), "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    told = capsys.readouterr()
+    first, *_, last = lines_of(told.err)
+    assert first == f"{what}: a few seconds; output in {out}"
+    assert last.startswith("6/6 in 0:")
+    content = json.loads(told.out)
     assert set(content) == {"suite", "env", "policies", "out"}
     assert content["suite"]["name"] == "head"
     assert content["policies"][policy]["episodes"] == 6
@@ -106,7 +117,8 @@ def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
     assert report["policies"][policy]["survived"] == content["policies"][policy]["survived"]
     assert "Wilson" in (out / "report.md").read_text()
     assert main([*argv, "--out", str(out)]) == 0
-    text = capsys.readouterr().out
+    text, err = capsys.readouterr()
+    assert lines_of(err)[0] == f"{what}: nothing is left to run; output in {out}"
     assert f"report: {out / 'report.md'}" in text
     assert text.strip().endswith(f"page: {out / 'report.html'}")
     page = (out / "report.html").read_text()
@@ -116,19 +128,8 @@ def test_evaluate_json_is_the_contracts_object(suite, policy, tmp_path, capsys):
 
 def test_compare_json(suite, tmp_path, capsys):
     a, b = (toy.save_policy(tmp_path / f"{gain}.safetensors", gain) for gain in (9, 1))
-    argv = [
-        "compare",
-        a,
-        b,
-        "--env",
-        toy.ENV_ID,
-        "--suite",
-        suite,
-        "--workers",
-        "1",
-        "--out",
-        str(tmp_path / "c"),
-    ]
+    argv = ["compare", a, b, "--env", toy.ENV_ID, "--suite", suite]
+    argv += ["--workers", "1", "--out", str(tmp_path / "c")]
     assert main([*argv, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert (content["a"], content["b"], content["suite"], content["pairs"]) == (a, b, "head", 6)
@@ -201,60 +202,50 @@ def test_bad_output_directory_is_bad_input(suite, policy, tmp_path, capsys):
     assert (tmp_path / "file").read_text() == "here already"
 
 
-def test_every_command_has_help(capsys):
-    commands = ("evaluate", "compare", "frontier", "bench", "list", "play", "train")
+def test_the_overview_names_every_command_and_the_version_is_that_of_the_package(capsys):
     assert main([]) == 0
     overview = capsys.readouterr().out
-    for name in commands:
-        assert name in overview
-        assert main([name, "--help"]) == 0
-        assert "usage: push-recovery " + name in capsys.readouterr().out
-
-
-def test_the_version_is_that_of_the_package(capsys):
+    assert all(f"  {name} " in overview for name in COMMANDS)
+    assert main(["evaluate", "--help"]) == 0
+    assert "usage: push-recovery evaluate" in capsys.readouterr().out
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"push-recovery {push_recovery.__version__}\n"
 
 
+def slow_ones_after(code):
+    """What a process prints that does something with the command line, and then names its slow packages."""
+    lines = ["import importlib, sys", "from push_recovery.eval.cli import main", code]
+    lines += ["print(sorted({'matplotlib', 'mujoco', 'numba', 'scipy'} & sys.modules.keys()))"]
+    argv = [sys.executable, "-c", "\n".join(lines)]
+    return subprocess.run(argv, capture_output=True, text=True, timeout=60, check=True).stdout
+
+
 def test_the_overview_loads_no_planner():
     """What is slow to load waits for a command that needs it."""
-    code = (
-        "import sys; from push_recovery.eval.cli.main import main; main(['--help'])\n"
-        "print([name for name in ('numba', 'scipy', 'mujoco', 'matplotlib') if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout.endswith("[]\n")
+    assert slow_ones_after("main.main(['--help'])").endswith("[]\n")
     assert tuple(SUITES) == SUITE_NAMES
 
 
-def test_failures_inside_are_exit_1_without_traceback(monkeypatch, capsys):
-    def fail(options):
-        raise RuntimeError("broken\nin two lines")
-
-    monkeypatch.setattr(Names, "run", fail)
-    assert main(["list"]) == 1
-    assert capsys.readouterr().err == "push-recovery: error: RuntimeError: broken in two lines\n"
+def test_options_are_read_before_anything_slow_is_loaded():
+    """`--help` and a wrong word are answered at once; what a command needs is loaded when it runs."""
+    own = [module for module, *_ in COMMANDS.values() if module.count(".") == 1]  # training is an extra
+    code = "".join(f"importlib.import_module({name!r}, 'push_recovery.eval.cli')\n" for name in own)
+    assert slow_ones_after(code) == "[]\n"
 
 
-def test_an_error_says_what_a_file_holds_without_moving_the_cursor(monkeypatch, capsys):
-    def fail(options):
-        raise InvalidValueError("made for \x1b[2J\x1b]0;title\x07 and \ud800, not ψ")
-
-    monkeypatch.setattr(Names, "run", fail)
-    assert main(["list"]) == 2
-    assert capsys.readouterr().err == (
-        "push-recovery: error: made for \\x1b[2J\\x1b]0;title\\x07 and \\ud800, not ψ\n"
-    )
-
-
-def test_play_writes_a_contact_sheet(policy, tmp_path, capsys):
-    out = tmp_path / "push.png"
-    argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20", "--out", str(out)]
-    assert main(argv) == 0
-    assert out.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert "recovered" in capsys.readouterr().out
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (RuntimeError("broken\nin two lines"), 1, "RuntimeError: broken in two lines"),
+        # what a file holds moves no cursor
+        (InvalidValueError("for \x1b[2J\x1b]0;t\x07 and \ud800, not ψ"), 2,
+         "for \\x1b[2J\\x1b]0;t\\x07 and \\ud800, not ψ"),
+    ],
+)  # fmt: skip
+def test_an_error_inside_is_one_line_without_traceback(monkeypatch, capsys, error, code, line):
+    monkeypatch.setattr(Names, "run", Mock(side_effect=error))
+    assert main(["list"]) == code
+    assert capsys.readouterr().err == f"push-recovery: error: {line}\n"
 
 
 def start(*argv):
@@ -347,27 +338,14 @@ sys.argv = ["push-recovery", "list"]
     assert "interrupted" in done.stderr
 
 
-def said(capsys):
-    """Lines on standard error, without the one that tells of a compilation."""
-    return [line for line in capsys.readouterr().err.splitlines() if "compiling kernels" not in line]
-
-
-def test_evaluate_says_first_what_it_does_and_where_its_output_goes(suite, policy, tmp_path, capsys):
-    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", policy, "--suite", suite, "--workers", "1"]
-    argv += ["--out", str(tmp_path / "out"), "--json"]
-    what = f"head: 6 episodes of {policy}"
+def test_play_says_first_what_it_writes_and_writes_a_contact_sheet(policy, tmp_path, capsys):
+    out = tmp_path / "push.png"
+    argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20", "--out", str(out)]
     assert main(argv) == 0
-    first, *_, last = said(capsys)
-    assert first == f"{what}: a few seconds; output in {tmp_path / 'out'}"
-    assert last.startswith("6/6 in 0:")
-    assert main(argv) == 0
-    assert said(capsys)[0] == f"{what}: nothing is left to run; output in {tmp_path / 'out'}"
-
-
-def test_play_says_first_what_it_writes(policy, tmp_path, capsys):
-    argv = ["play", "--env", toy.ENV_ID, "--policy", policy, "--force", "20"]
-    assert main([*argv, "--out", str(tmp_path / "push.png")]) == 0
-    assert said(capsys)[0] == f"one episode of {policy}: about 20 seconds"
+    assert out.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    told = capsys.readouterr()
+    assert "recovered" in told.out
+    assert lines_of(told.err)[0] == f"one episode of {policy}: about 20 seconds"
 
 
 TOY = ("--env", toy.ENV_ID, "--suite", "SUITE", "--workers", "1")
@@ -415,18 +393,3 @@ def test_the_command_takes_it_with_trust_alone(tmp_path, capsys):
     assert len(json.loads(first)["policy_sha256"]) == 64
     other = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     assert main(["compare", str(path), other, *words, "--trust", "--out", str(tmp_path / "two")]) == 0
-
-
-def test_options_are_read_before_anything_slow_is_loaded():
-    """`--help` and a wrong word are answered at once; what a command needs is loaded when it runs."""
-    code = (
-        "import sys\n"
-        "from importlib import import_module\n"
-        "from push_recovery.eval.cli.main import COMMANDS\n"
-        "for module, *_ in COMMANDS.values():\n"
-        "    if module.count('.') == 1:  # training comes with an extra\n"
-        "        import_module(module, 'push_recovery.eval.cli')\n"
-        "print(sorted({'matplotlib', 'mujoco', 'numba', 'scipy'} & sys.modules.keys()))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout == "[]\n"

@@ -1,12 +1,14 @@
-"""Keys and mouse of the window, without a window."""
+"""Keys and mouse of the window without a window, and the keys of the panel in the browser."""
 
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import mujoco
 import numpy as np
 import pytest
 from push_recovery.envs.biped.view import set_posture
 from push_recovery.envs.rendering import RenderError
+from push_recovery.eval.play.browser import Panel
 from push_recovery.eval.play.desktop import Desktop, play_in_window
 from push_recovery.eval.play.session import Session
 
@@ -65,3 +67,11 @@ def test_without_a_display_nothing_is_made(monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RenderError, match="needs a display"):
         play_in_window(lambda: pytest.fail("a session was made"), (10.0, 0.0))
+
+
+def test_no_key_of_the_panel_moves_the_camera_as_well():
+    server = MagicMock()
+    Panel(server, MagicMock(), ["two-stage"], lambda action: None, (10.0, 90.0))
+    keys = [call.kwargs["hotkey"] for call in server.gui.add_command.call_args_list]
+    assert sorted(keys) == ["F", "N", "P", "R", "space"]
+    assert not set("WASDQE") & set(keys)  # viser's own

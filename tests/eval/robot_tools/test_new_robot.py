@@ -1,7 +1,4 @@
-"""What a robot's legs and motors let its steps be, by the inertias of the bodies themselves.
-
-A robot out of a model: heights and steps that its legs allow, files that an environment takes.
-"""
+"""A robot out of a model: what its legs and motors let its steps be, and files that an environment takes."""
 
 import json
 from dataclasses import replace
@@ -16,14 +13,8 @@ from push_recovery.envs.robots.biped import BIPED, ROBOT, biped, spec
 from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
 from push_recovery.envs.robots.description import RobotDescription, robot_description
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.robot_tools.new_robot import (
-    new_robot,
-    reachable_steps,
-    scale_of,
-    scaled_settings,
-    sole_acceleration,
-    standing_height,
-)
+from push_recovery.eval.robot_tools import new_robot as tools
+from push_recovery.eval.robot_tools.new_robot import new_robot, reachable_steps, scale_of, scaled_settings
 from push_recovery.eval.rollout.environments import EnvName, make_env, preset_digest
 
 ROLL, PITCH = 1, 2  # of the biped's hip, which turns first
@@ -60,7 +51,7 @@ def test_a_hip_swings_all_that_hangs_from_it():
             inertia += model.body_mass[part] * (arm @ arm - (arm @ axis) ** 2)
         height = anchor[2] - data.site_xpos[body.indices.soles[0], 2]
         found.append(body.motors[0, 2 + place] * height / inertia)
-    assert sole_acceleration(body) == pytest.approx(min(found), rel=1e-9)
+    assert tools.sole_acceleration(body) == pytest.approx(min(found), rel=1e-9)
 
 
 def test_weak_hips_make_the_shortest_step_longer_and_leave_the_nominal_one():
@@ -80,11 +71,7 @@ def test_very_weak_hips_leave_room_between_the_shortest_and_the_longest_step():
     assert limits["duration_max"] == pytest.approx(1.2 * limits["duration_min"], abs=1e-3)
 
 
-LEG_NEW_ROBOT, HIP, ANKLE = (
-    0.72,
-    0.69,
-    0.06,
-)  # of the biped: straight leg, hips and ankles over the floor where it walks [m]
+STRAIGHT, HIP, ANKLE = 0.72, 0.69, 0.06  # the biped's leg; hips and ankles over the floor as it walks [m]
 
 
 @pytest.fixture
@@ -95,14 +82,14 @@ def model(tmp_path):
 
 
 def test_the_biped_stands_as_high_as_it_walks():
-    assert standing_height(ROBOT) == pytest.approx(BIPED.com_height, abs=0.006)
+    assert tools.standing_height(ROBOT) == pytest.approx(BIPED.com_height, abs=0.006)
 
 
 def test_steps_end_where_the_legs_do():
     """Half a step is a side of the triangle of hip and ankle, whose long side is at most a straight leg."""
     steps = reachable_steps(ROBOT, 0.8)
     low = HIP - ANKLE - 0.24 * 0.8
-    longest = 2.0 * (LEG_NEW_ROBOT**2 - low**2) ** 0.5
+    longest = 2.0 * (STRAIGHT**2 - low**2) ** 0.5
     assert 0.7 * longest < steps["length_max"] <= longest + 0.05
     assert steps["length_min"] < -0.5
     assert steps["width_max"] > 0.6
@@ -145,6 +132,8 @@ def test_the_command_writes_what_an_environment_takes(model, tmp_path, capsys):
 
 
 def test_the_command_tells_what_it_guessed_for_review(model, tmp_path, capsys):
+    assert main(["robot", "new", str(model), "--name", "../x"]) == 2
+    assert "letters, digits" in capsys.readouterr().err
     assert main(["robot", "new", str(model), "--out", str(tmp_path), "--name", "mine"]) == 0
     told = capsys.readouterr().out
     assert "left_hip_yaw, left_hip_roll, left_hip_pitch, left_knee, left_ankle_pitch, left_ankle_roll" in told
@@ -158,12 +147,6 @@ def test_joints_without_a_torque_are_told(tmp_path):
         model.delete(actuator)
     path = tmp_path / "weak.xml"
     path.write_text(model.to_xml(), encoding="utf-8")
-    with pytest.raises(
-        InvalidValueError, match=r"does not tell the largest torque of waist_pitch, waist_roll, left"
-    ):
+    message = r"does not tell the largest torque of waist_pitch, waist_roll, left"
+    with pytest.raises(InvalidValueError, match=message):
         new_robot(str(path), "weak")
-
-
-def test_a_name_that_is_no_file_name_is_refused(model, capsys):
-    assert main(["robot", "new", str(model), "--name", "../x"]) == 2
-    assert "letters, digits" in capsys.readouterr().err

@@ -41,9 +41,8 @@ def test_it_starts_at_its_own_preset():
 def test_bounds_and_units_are_as_much_larger_as_its_own_values(both):
     t1, biped = both
     apex = load_preset("t1").robot()["gait"]["apex"] / load_preset("biped").robot()["gait"]["apex"]
-    assert t1["gait.apex"].low == pytest.approx(apex * 0.02, rel=1e-6)
-    assert t1["gait.apex"].high == pytest.approx(apex * 0.12, rel=1e-6)
-    assert t1["gait.apex"].unit == pytest.approx(apex * 0.006, rel=1e-6)
+    found = [getattr(t1["gait.apex"], name) for name in ("low", "high", "unit")]
+    assert found == pytest.approx([apex * 0.02, apex * 0.12, apex * 0.006], rel=1e-6)
     shortest = [load_preset(name).robot()["limits"]["length_min"] for name in ("t1", "biped")]
     assert t1["limits.length_min"].low == pytest.approx(shortest[0] / shortest[1] * -0.55, rel=1e-6)
     assert t1["gains.swing_kp"].unit == biped["gains.swing_kp"].unit == 1.2  # a factor
@@ -74,10 +73,9 @@ def test_what_is_found_is_its_own_on_pushes_of_its_size(tmp_path):
     names = [suite["name"] for suite in config["suites"]]
     assert names == ["tuning-varied@t1", "tuning-varied-held-out@t1"]
     gym.make(f"push_recovery:{T1}", preset=str(found.path)).close()
-    with pytest.raises(InvalidValueError, match=r"mass 31.61 there and 60 here"):
-        gym.make("push_recovery:PushRecovery/Biped-v0", preset=str(found.path))
-    with pytest.raises(InvalidValueError, match=r"mass 31.61 there and 60 here"):
-        gym.make("push_recovery:PushRecovery/Biped-v0", preset=str(found.studies["stage-1"].path))
+    for path in (found.path, found.studies["stage-1"].path):
+        with pytest.raises(InvalidValueError, match=r"mass 31.61 there and 60 here"):
+            gym.make("push_recovery:PushRecovery/Biped-v0", preset=str(path))
     again = TuningSettings(T1, "stage-1", preset=str(found.path), scenarios=8)
     assert preset_of(again, {}).made_for == load_preset("t1").made_for
 
@@ -91,10 +89,9 @@ def test_pushes_go_with_mass_and_times_with_the_root_of_the_height():
 
 
 def test_forms_without_a_planner_of_their_own_and_presets_in_the_name_are_refused():
-    with pytest.raises(UnknownNameError, match="environment to tune 'PushRecovery/T1Residual-v0'"):
-        check_env("PushRecovery/T1Residual-v0")
-    with pytest.raises(UnknownNameError, match="environment to tune 'PushRecovery/BipedJoint-v0'"):
-        check_env("PushRecovery/BipedJoint-v0")
+    for env_id in ("PushRecovery/T1Residual-v0", "PushRecovery/BipedJoint-v0"):
+        with pytest.raises(UnknownNameError, match=f"environment to tune '{env_id}'"):
+            check_env(env_id)
     with pytest.raises(InvalidValueError, match=r"^a study starts at a preset of its own: say --preset t1$"):
         check_env(f"{T1}@t1")
 

@@ -19,17 +19,8 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
-from push_recovery.eval.tuning.pushes import (
-    SEEDS,
-    SHARE,
-    SUITE_SIZE,
-    TUNING,
-    VARIED,
-    excerpt,
-    held_out_of,
-    punched_suite,
-    tuning_suite,
-)
+from push_recovery.eval.tuning import pushes
+from push_recovery.eval.tuning.pushes import SEEDS, TUNING, VARIED, excerpt, punched_suite, tuning_suite
 
 needs_robots = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"
@@ -100,33 +91,22 @@ def test_suites_share_no_run_with_each_other_and_with_the_protocol():
     assert min(runs[0] | runs[1]) >= 1000
 
 
-def test_every_second_robot_has_the_errors():
-    plain = punched_suite("tuning-punches", 8, biped())
-    spoilt = punched_suite("tuning-punches", 8, biped(), ModelErrors(mass=0.1))
-    assert [s.errors.mass for s in spoilt.scenarios] == [0.0, 0.1, 0.0, -0.1] * 2
-    assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
-
-
 def test_an_unknown_suite_is_refused():
     message = r"^unknown tuning suite 'tuning'.* \(valid: tuning-punches, tuning-punches-held-out\)$"
     with pytest.raises(UnknownNameError, match=message):
         punched_suite("tuning", 8, biped())
 
 
-HELD_OUT = held_out_of(TUNING)
+HELD_OUT = pushes.held_out_of(TUNING)
 SCORED = ("standard", "hard", "varied", "varied-sealed")
 SUITES = {
     **{name: get_suite(name) for name in SCORED},
-    **{name: tuning_suite(name, SUITE_SIZE) for name in SEEDS},
+    **{name: tuning_suite(name, pushes.SUITE_SIZE) for name in SEEDS},
 }
 
 
 @pytest.mark.parametrize(
-    ("a", "b"),
-    [
-        *((tuned, scored) for tuned in SEEDS for scored in SCORED),
-        *combinations(SEEDS, 2),
-    ],
+    ("a", "b"), [*((tuned, scored) for tuned in SEEDS for scored in SCORED), *combinations(SEEDS, 2)]
 )
 def test_suites_are_disjoint(a, b):
     """No scenario of one is in the other, whatever its name: ids, pushes and noise differ."""
@@ -144,32 +124,31 @@ def test_forces_are_shares_of_the_limit_spread_evenly():
             psi = push.direction if push.start.side == "left" else -push.direction
             shares.append(math.hypot(*push.force) / max_recoverable_force(RobotModel(), psi))
             directions.append(push.direction)
-        for values, (low, high) in ((shares, SHARE), (directions, (-math.pi, math.pi))):
+        for values, (low, high) in ((shares, pushes.SHARE), (directions, (-math.pi, math.pi))):
             cells = np.floor((np.array(values) - low) / (high - low) * 16 + 1e-9)
             assert np.bincount(cells.astype(int), minlength=16).tolist() == [16] * 16
 
 
-def test_fewer_scenarios_are_the_first_ones():
+def test_content_is_fixed_and_fewer_scenarios_are_the_first_ones():
+    assert [SUITES[name].sha256[:12] for name in (TUNING, HELD_OUT)] == ["1bde50da0ed5", "5e4511fe9a59"]
     assert tuning_suite(TUNING, 32).scenarios == SUITES[TUNING].scenarios[:32]
 
 
-def test_content_is_fixed():
-    hashes = [SUITES[name].sha256[:12] for name in (TUNING, HELD_OUT)]
-    assert hashes == ["1bde50da0ed5", "5e4511fe9a59"]
-
-
 def test_errors_spoil_every_second_robot_and_half_of_them_with_less_mass():
-    errors = ModelErrors(mass=0.1, delay=0.01)
-    plain, spoilt = tuning_suite(TUNING, 16), tuning_suite(TUNING, 16, errors)
-    assert spoilt.name == "tuning-half-mass-delay"
-    assert [s.errors.mass for s in spoilt.scenarios[:4]] == [0.0, 0.1, 0.0, -0.1]
-    assert [s.errors.delay for s in spoilt.scenarios[:4]] == [0.0, 0.01, 0.0, 0.01]
-    assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
+    errors, body = ModelErrors(mass=0.1, delay=0.01), biped()
+    for plain, spoilt in (
+        (tuning_suite(TUNING, 8), tuning_suite(TUNING, 8, errors)),
+        (punched_suite("tuning-punches", 8, body), punched_suite("tuning-punches", 8, body, errors)),
+    ):
+        assert spoilt.name == f"{plain.name}-half-mass-delay"
+        assert [s.errors.mass for s in spoilt.scenarios] == [0.0, 0.1, 0.0, -0.1] * 2
+        assert [s.errors.delay for s in spoilt.scenarios] == [0.0, 0.01] * 4
+        assert [s.pushes for s in spoilt.scenarios] == [s.pushes for s in plain.scenarios]
 
 
 def test_half_the_robots_are_of_the_profile_hardware_and_a_quarter_in_finer_physics_with_every_kind_of_push():
     finer = PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
-    for name in (VARIED, held_out_of(VARIED)):
+    for name in (VARIED, pushes.held_out_of(VARIED)):
         scenarios = SUITES[name].scenarios
         exact, fine, real = scenarios[::4], scenarios[2::4], scenarios[1::2]
         assert {s.errors for s in (*exact, *fine)} == {EXACT_MODEL}
@@ -186,7 +165,7 @@ def test_half_the_robots_are_of_the_profile_hardware_and_a_quarter_in_finer_phys
 def test_pushes_of_every_kind_are_fixed():
     """The profile may change, the pushes may not."""
     found = []
-    for name in (VARIED, held_out_of(VARIED)):
+    for name in (VARIED, pushes.held_out_of(VARIED)):
         drawn = [repr((s.pushes, s.command, s.noise_seed)) for s in SUITES[name].scenarios]
         found.append(hashlib.sha256("\n".join(drawn).encode()).hexdigest()[:12])
     assert found == ["cb6461f7f840", "8ffecf6c93aa"]

@@ -9,24 +9,13 @@ from push_recovery.envs.biped.core import SECTIONS, BipedSettings
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.tuning.space import (
-    ROBOT,
-    TRUNK,
-    UPRIGHT,
-    VARIANTS,
-    Dimension,
-    Space,
-    planner_dimensions,
-    select,
-)
+from push_recovery.eval.tuning import space
+from push_recovery.eval.tuning.space import ROBOT, VARIANTS, Dimension, Space, planner_dimensions, select
 
 LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
 SPACE = Space((LINEAR, LOG), (0.5, 10.0))
-START = {
-    "planner": asdict(preset_config("biped")),
-    **BipedSettings().to_dict(),
-}
+START = {"planner": asdict(preset_config("biped")), **BipedSettings().to_dict()}
 PLANNER = {d.name: d for arm in VARIANTS for d in planner_dimensions(arm)}
 
 
@@ -103,10 +92,8 @@ def test_an_arm_is_tuned_in_all_that_it_uses_and_in_nothing_else(arm, observatio
 
 
 def test_arms_without_gains_are_refused():
-    assert set(TRUNK) <= set(planner_dimensions("two-stage"))
-    assert set(UPRIGHT) <= set(planner_dimensions("stage-1"))
-    with pytest.raises(
-        UnknownNameError,
-        match=r"unknown policy to tune 'passive' \(valid: raibert, herdt, fixed-time, stage-1, stage-1\+cop",
-    ):
+    assert set(space.TRUNK) <= set(planner_dimensions("two-stage"))
+    assert set(space.UPRIGHT) <= set(planner_dimensions("stage-1"))
+    message = r"unknown policy to tune 'passive' \(valid: raibert, herdt, fixed-time, stage-1, stage-1\+cop"
+    with pytest.raises(UnknownNameError, match=message):
         planner_dimensions("passive")

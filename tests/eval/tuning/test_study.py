@@ -1,40 +1,24 @@
-"""A point's settings as a preset, and the space that a preset starts.
-
-Which trial counts as the best one.
-
-What a preset file says of its search, from rows written by hand.
-"""
+"""Presets of points, searches of a function, races of trials, and whole studies with what their files say."""
 
 import json
 import sys
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile, load_preset, named_preset
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.tuning import study as tuning
 from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
-from push_recovery.eval.tuning.scorer import Scorer, preset_episodes, preset_policy, worth
+from push_recovery.eval.tuning.scorer import Scorer, check_env, preset_episodes, worth
 from push_recovery.eval.tuning.space import Dimension, Space
-from push_recovery.eval.tuning.study import (
-    CANDIDATE,
-    Search,
-    TuningSettings,
-    Z,
-    best_of,
-    clearly_worse,
-    comparison,
-    estimate,
-    findings,
-    preset_of,
-    race,
-    rungs,
-    space_of,
-    tune,
-)
+from push_recovery.eval.tuning.study import CANDIDATE, Search, TuningSettings, best_of, preset_of, race, tune
 from push_recovery.eval.tuning.variants import tune_variants
 
 SETTINGS = TuningSettings("PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8)
@@ -65,9 +49,7 @@ def test_the_planner_holds_its_plan_when_the_gait_machine_commits_the_foot():
 def test_what_the_start_says_of_an_arm_stays_beside_what_is_tuned(tmp_path):
     first = preset_of(SETTINGS, {"planner": {"beta_dcm": 123.0, "beta_trunk": 5.0}, "gait": {"apex": 0.05}})
     first.save(tmp_path / "first.json")
-    settings = TuningSettings(
-        "PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8, preset=str(tmp_path / "first.json")
-    )
+    settings = replace(SETTINGS, preset=str(tmp_path / "first.json"))
     again = preset_of(settings, {"planner": {"beta_dcm": 7.0}, "gait": {"early": 0.01}})
     robot = {"gait": {"apex": 0.05, "early": 0.01}}
     assert again.arms == {"two-stage": {"beta_dcm": 7.0, "beta_trunk": 5.0, "biped": robot}}
@@ -76,10 +58,9 @@ def test_what_the_start_says_of_an_arm_stays_beside_what_is_tuned(tmp_path):
 def test_a_search_starts_where_the_arm_is(tmp_path):
     own = {"touchdown_delay": 0.009, "biped": {"gait": {"apex": 0.05}}}
     PresetFile("biped", arms={"two-stage": own}).save(tmp_path / "own.json")
-    start = {"space": "both", "scenarios": 8, "preset": str(tmp_path / "own.json")}
     found = {}
     for name in ("two-stage", "stage-1"):
-        space = space_of(TuningSettings("PushRecovery/Biped-v0", name, **start))
+        space = tuning.space_of(replace(SETTINGS, policy=name, preset=str(tmp_path / "own.json")))
         found[name] = space.settings([0.0] * len(space.start))
     assert found["two-stage"]["gait"]["apex"] == 0.05
     assert found["two-stage"]["planner"]["touchdown_delay"] == 0.009
@@ -110,12 +91,9 @@ def test_proposals_are_a_function_of_seed_and_scores():
     assert (np.abs(first) <= 4.0).all()
 
 
-def test_search_needs_two_fields():
+def test_search_needs_two_fields_and_its_package(monkeypatch):
     with pytest.raises(InvalidValueError, match=r"^a search needs at least 2 fields, got 1$"):
         Search(Space(BOX.dimensions[:1], (0.0,)), 0)
-
-
-def test_missing_package_names_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(MissingExtraError, match=r"^cmaes is not installed.*'push-recovery\[tune\]'$"):
         Search(BOX, 0)
@@ -123,8 +101,8 @@ def test_missing_package_names_its_extra(monkeypatch):
 
 def test_estimate_is_exact_for_a_constant_difference():
     best = np.linspace(0.0, 0.9, 64)
-    assert estimate(best[:16] - 0.1, best) == pytest.approx(best.mean() - 0.1)
-    assert estimate(best, ()) == pytest.approx(best.mean())
+    assert tuning.estimate(best[:16] - 0.1, best) == pytest.approx(best.mean() - 0.1)
+    assert tuning.estimate(best, ()) == pytest.approx(best.mean())
 
 
 def test_clearly_worse_is_the_one_sided_bound_of_the_paired_difference():
@@ -134,13 +112,13 @@ def test_clearly_worse_is_the_one_sided_bound_of_the_paired_difference():
         values = np.ones(n)
         values[:losses] = 0.0
         p = losses / n
-        bound = -p + Z * np.sqrt(p * (1 - p) / (n - 1))
-        assert clearly_worse(values, best) == (bound < 0.0), losses
-    assert not clearly_worse(np.zeros(128), best)  # nothing is left to save
+        bound = -p + tuning.Z * np.sqrt(p * (1 - p) / (n - 1))
+        assert tuning.clearly_worse(values, best) == (bound < 0.0), losses
+    assert not tuning.clearly_worse(np.zeros(128), best)  # nothing is left to save
 
 
 def test_race_stops_at_the_rung_where_a_trial_is_clearly_worse():
-    assert rungs(256) == [64, 128, 256]
+    assert tuning.rungs(256) == [64, 128, 256]
     best = [1.0] * 256
     assert len(race(lambda a, b: [0.0] * (b - a), 256, best)) == 64
     assert len(race(lambda a, b: [1.0] * (b - a), 256, best)) == 256
@@ -150,21 +128,17 @@ def test_race_stops_at_the_rung_where_a_trial_is_clearly_worse():
     assert asked == [(0, 64), (64, 128), (128, 256)]
 
 
-def trial(number, score, stopped=False):
-    return {"trial": number, "score": score, "stopped": stopped}
-
-
-def test_the_best_has_met_every_scenario_and_of_equal_ones_came_first():
-    rows = [trial(0, 0.4), trial(1, 0.6), trial(2, 0.9, stopped=True), trial(3, 0.6), trial(4, 0.5)]
-    assert best_of(rows)["trial"] == 1
-    assert best_of(rows[2:])["trial"] == 3
-
-
 def row(number, values, stopped=False):
     return {
         "trial": number, "values": values, "score": sum(values) / len(values), "stopped": stopped,
         "scenarios": len(values),
     }  # fmt: skip
+
+
+def test_the_best_has_met_every_scenario_and_of_equal_ones_came_first():
+    rows = [row(0, [0.4]), row(1, [0.6]), row(2, [0.9], stopped=True), row(3, [0.6]), row(4, [0.5])]
+    assert best_of(rows)["trial"] == 1
+    assert best_of(rows[2:])["trial"] == 3
 
 
 # recovered by both, by the best alone (three times), by the start alone, by neither (0.5 stands unsettled)
@@ -173,7 +147,7 @@ BEST = row(2, [1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.0])
 
 
 def test_recoveries_are_paired_and_scores_are_not_recoveries():
-    found = comparison(START, BEST)
+    found = tuning.comparison(START, BEST)
     assert found["start"] == {"score": 3.0 / 8.0, "recovered": 2}
     assert found["best"] == {"score": 5.5 / 8.0, "recovered": 4}
     assert (found["scenarios"], found["only_best"], found["only_start"]) == (8, 3, 1)
@@ -186,23 +160,17 @@ def test_recoveries_are_paired_and_scores_are_not_recoveries():
 def test_held_out_compares_start_with_best_and_episodes_are_added_up():
     rows = [START, row(1, [0.0, 0.0], stopped=True), BEST]
     config = {"tune": {"seed": 3}, "suites": [], "code": "c", "space": {}}
-    found = findings(config, 6, rows, {0: row(0, [1.0, 0.0]), 2: row(2, [0.0, 0.0])})
+    found = tuning.findings(config, 6, rows, {0: row(0, [1.0, 0.0]), 2: row(2, [0.0, 0.0])})
     assert (found["trials"], found["stopped_early"], found["episodes"], found["trial"]) == (2, 1, 22, 2)
-    assert found["tuning"] == comparison(START, BEST)
+    assert found["tuning"] == tuning.comparison(START, BEST)
     assert (found["held_out"]["start"]["recovered"], found["held_out"]["best"]["recovered"]) == (1, 0)
     assert (found["tune"], found["code"]) == ({"seed": 3}, "c")
     assert ", 6 trials a generation" in found["by"]
 
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
-SETTINGS_STUDY = TuningSettings(
-    PENDULUM,
-    "stage-1+cop",
-    seed=3,
-    scenarios=8,
-    held_out=9,
-    only=("planner.alpha_offset", "planner.beta_dcm"),
-)
+FIELDS = ("planner.alpha_offset", "planner.beta_dcm")
+SETTINGS_STUDY = TuningSettings(PENDULUM, "stage-1+cop", seed=3, scenarios=8, held_out=9, only=FIELDS)
 TRIALS = 8  # more than a generation
 
 
@@ -219,7 +187,7 @@ def test_the_same_seed_gives_the_same_study(study, tmp_path):
     again = tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
     assert rows(tmp_path) == rows(study.directory)
     assert again.path.read_bytes() == study.path.read_bytes()
-    other = tune(TuningSettings(**{**vars(SETTINGS_STUDY), "seed": 4}), 1, directory=tmp_path / "other")
+    other = tune(replace(SETTINGS_STUDY, seed=4), 1, directory=tmp_path / "other")
     assert other.trials[1]["point"] != study.trials[1]["point"]
 
 
@@ -248,7 +216,7 @@ def test_the_preset_file_scores_what_the_study_says(study):
     scenarios = tuning_suite(TUNING, 8).scenarios
     for trial, path in ((study.best, str(study.path)), (study.start, "default")):
         episodes = preset_episodes(PENDULUM, 3, path, SETTINGS_STUDY.policy)
-        policy = preset_policy(SETTINGS_STUDY.policy, episodes, path)
+        policy = make_policy(SETTINGS_STUDY.policy, episodes.robot, episodes.limits, path)
         found = {o.scenario_id: worth(o) for o in rollout_batch(episodes, policy, scenarios, "p")}
         assert [found[s.id] for s in scenarios] == trial["values"]
     preset = load_preset(str(study.path))
@@ -270,24 +238,19 @@ def test_the_file_says_how_it_was_found(study):
 def test_workers_change_nothing(study):
     """Scenarios shared out among three and put together again, whichever of them is done first."""
 
-    class LastFirst:
-        """Stands for the processes."""
-
-        def run(self, task, jobs):
-            return reversed([(number, task(None, job)) for number, job in enumerate(jobs)])
+    def last_first(task, jobs):
+        return reversed([(number, task(None, job)) for number, job in enumerate(jobs)])
 
     scorer = Scorer(PENDULUM, SETTINGS_STUDY.policy, 3)
-    scorer._pool = LastFirst()  # type: ignore[assignment]
+    scorer._pool = SimpleNamespace(run=last_first)  # type: ignore[assignment]
     scenarios = tuning_suite(TUNING, 8).scenarios
     assert scorer.values(study.path, scenarios) == study.best["values"]
 
 
 def test_a_directory_of_another_study_is_refused(study):
-    other = TuningSettings(**{**vars(SETTINGS_STUDY), "seed": 4})
-    with pytest.raises(
-        InvalidValueError, match=r"holds results of another configuration \(differs in: tune\)"
-    ):
-        tune(other, 1, directory=study.directory)
+    message = r"holds results of another configuration \(differs in: tune\)"
+    with pytest.raises(InvalidValueError, match=message):
+        tune(replace(SETTINGS_STUDY, seed=4), 1, directory=study.directory)
 
 
 def test_a_trial_at_another_point_is_refused(study, tmp_path):
@@ -297,6 +260,19 @@ def test_a_trial_at_another_point_is_refused(study, tmp_path):
     (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
     with pytest.raises(InvalidValueError, match="has trial 1 at another point than this search asks for"):
         tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("recovered", "survived", "expected"), [(True, True, 1.0), (False, True, 0.5), (False, False, 0.0)]
+)
+def test_standing_unsettled_is_worth_half(recovered, survived, expected):
+    assert worth(SimpleNamespace(recovered=recovered, survived=survived)) == expected  # type: ignore[arg-type]
+
+
+def test_environments_are_named_with_and_without_their_module():
+    assert check_env(f"push_recovery:{PENDULUM}") == PENDULUM
+    with pytest.raises(UnknownNameError, match=r"PushRecovery/Biped-v0"):
+        check_env("PushRecovery/G2-v0")
 
 
 SUITES = "tuning", "tuning-varied", "tuning-punches"
@@ -318,7 +294,7 @@ SUITES = "tuning", "tuning-varied", "tuning-punches"
 )  # fmt: skip
 def test_bad_settings_are_refused(changes, message):
     with pytest.raises((InvalidValueError, UnknownNameError), match=message):
-        TuningSettings(**{**vars(SETTINGS_STUDY), **changes})
+        replace(SETTINGS_STUDY, **changes)
 
 
 def test_pushes_are_of_every_kind_where_the_robot_takes_them():

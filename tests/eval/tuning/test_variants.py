@@ -1,8 +1,6 @@
-"""Several arms searched one after the other: one budget, directories of their own, one record.
+"""Several arms searched one after the other: directories of their own, one record, and its tables."""
 
-The tables of a study on numbers written by hand.
-"""
-
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -22,7 +20,7 @@ def found(tmp_path_factory):
 
 
 def test_every_arm_has_the_search_that_it_would_have_alone(found, tmp_path):
-    alone = tune(TuningSettings(**{**vars(SETTINGS), "policy": "fixed-time"}), 2, directory=tmp_path)
+    alone = tune(replace(SETTINGS, policy="fixed-time"), 2, directory=tmp_path)
     assert list(found.studies) == ARMS
     assert found.studies["fixed-time"].trials == alone.trials
     assert found.studies["fixed-time"].path.read_bytes() == alone.path.read_bytes()
