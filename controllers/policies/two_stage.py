@@ -182,11 +182,7 @@ class TwoStagePolicy:
         return tuple(STATUS_NAMES[int(index)] for index in rows[:, STATUS].tolist())
 
     def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged.
 
@@ -249,11 +245,7 @@ class RandomPolicy:
         self.name, self.observation_size, self.action_size = name, observation_size, action_size
 
     def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """Actions (action_size,) or (n, action_size), float32 in [-1, 1], and the state, unchanged."""
         batch, single = as_batch(observation, self.observation_size)
@@ -270,10 +262,7 @@ POLICY_NAMES = (*ARMS, "random")
 
 
 def make_policy(
-    name: str,
-    robot: RobotModel | None = None,
-    limits: GaitLimits | None = None,
-    preset: str = "default",
+    name: str, robot: RobotModel | None = None, limits: GaitLimits | None = None, preset: str = "default"
 ) -> TwoStagePolicy | RandomPolicy:
     """Build an analytic policy by name.
 

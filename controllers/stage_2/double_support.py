@@ -61,11 +61,7 @@ class JointProblem:
 
     @classmethod
     def of(
-        cls,
-        x: ExplicitProblem,
-        y: ExplicitProblem,
-        double: int,
-        band: tuple[float, float, float],
+        cls, x: ExplicitProblem, y: ExplicitProblem, double: int, band: tuple[float, float, float]
     ) -> JointProblem:
         """Both programs side by side, with |n . z_k| <= half width for the CoPs in double support."""
         n, m = x.qp.f.size, x.qp.lower.size

@@ -135,8 +135,7 @@ def test_fixed_time_and_free_time_without_a_preference():
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"gain": (math.nan, 0.0)}, {"step_low": (0.6, 0.1)}, {"tau_low": -1.0}, {"alpha_step": -1.0}],
+    "change", [{"gain": (math.nan, 0.0)}, {"step_low": (0.6, 0.1)}, {"tau_low": -1.0}, {"alpha_step": -1.0}]
 )
 def test_bad_problems_are_refused(change):
     with pytest.raises(InvalidValueError):

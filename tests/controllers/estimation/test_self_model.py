@@ -103,12 +103,7 @@ def test_the_least_squares_are_those_of_scipys_filter_and_numpys_solution(fricti
 
 @pytest.mark.parametrize(
     ("friction", "rotor", "believed"),
-    [
-        (0.15, 0.004, (0.0, 0.0)),
-        (-1.0, -0.05, (0.0, 0.0)),
-        (7.0, 0.0, (5.0, 0.0)),
-        (0.0, 0.4, (0.0, 0.2)),
-    ],
+    [(0.15, 0.004, (0.0, 0.0)), (-1.0, -0.05, (0.0, 0.0)), (7.0, 0.0, (5.0, 0.0)), (0.0, 0.4, (0.0, 0.2))],
 )
 def test_too_little_and_less_than_nothing_count_as_none_and_too_much_as_the_most(friction, rotor, believed):
     rate, acceleration = motion()

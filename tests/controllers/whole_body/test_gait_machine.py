@@ -204,15 +204,7 @@ def test_at_touchdown_neither_the_com_nor_a_yaw_jumps(landed, stance):
     """Heights count from the sole that has landed, yaws from the heading that it has."""
     core, old, new = landed(stance)
     core.gait.height[0] = [0.8, 0.1, -0.2, old[2]]
-    core.gait.yaw[0] = [
-        TURNED,
-        0.3,
-        0.1,
-        0.12,
-        0.4,
-        0.2,
-        TURNED,
-    ]
+    core.gait.yaw[0] = [TURNED, 0.3, 0.1, 0.12, 0.4, 0.2, TURNED]
     touch_down(core.physics, core.gait, 0)
     assert (core.gait.stance[0], core.gait.elapsed[0]) == (1 - stance, 0.0)
     assert core.gait.height[0, 0] + new[2] == pytest.approx(0.8 + old[2], abs=1e-12)

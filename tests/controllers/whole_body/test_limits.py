@@ -149,16 +149,8 @@ CASES = [
     ("cop backward", lambda k: {"cop": (-k * S.cop_x_max, 0.0)}, SOLE_EDGE),
     ("cop left", lambda k: {"cop": (0.0, k * S.cop_y_max)}, SOLE_EDGE),
     ("cop right", lambda k: {"cop": (0.0, -k * S.cop_y_max)}, SOLE_EDGE),
-    (
-        "yaw",
-        lambda k: {"yaw": k * YAW, "cop": (0.03, 0.02), "force": (50.0, 90.0)},
-        CONTACT,
-    ),
-    (
-        "yaw back",
-        lambda k: {"yaw": -k * YAW, "cop": (0.0, 0.03), "force": (90.0, 0.0)},
-        CONTACT,
-    ),
+    ("yaw", lambda k: {"yaw": k * YAW, "cop": (0.03, 0.02), "force": (50.0, 90.0)}, CONTACT),
+    ("yaw back", lambda k: {"yaw": -k * YAW, "cop": (0.0, 0.03), "force": (90.0, 0.0)}, CONTACT),
     ("friction", lambda k: {"force": (0.6 * k * S.friction * LOAD, -0.8 * k * S.friction * LOAD)}, CONTACT),
     ("load", lambda k: {"load": (2.0 - k) * S.force_min}, CONTACT),
 ]
