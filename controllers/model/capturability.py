@@ -34,10 +34,7 @@ from .gait_box import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from .robot import RobotModel
 
-# Columns of the bounds of the DCM offset; of a pair (x, y) the first one
-LOW = 0  # pair [m]
-HIGH = 2  # pair [m]
-BOUNDS = 4
+LOW, HIGH, BOUNDS = 0, 2, 4  # columns of the bounds of the DCM offset, pairs (x, y) [m], and their number
 
 
 @dataclass(frozen=True)
@@ -251,14 +248,9 @@ def max_recoverable_impulse(
 
 
 def _max_recoverable_shift(
-    robot: RobotModel,
-    psi: float,
-    foot: bool,
-    flywheel: bool,
-    limits: GaitLimits | None,
-    gait: NominalGait | None,
-    reaction: float,
-) -> float:
+    robot: RobotModel, psi: float, foot: bool, flywheel: bool, limits: GaitLimits | None,
+    gait: NominalGait | None, reaction: float,
+) -> float:  # fmt: skip
     """How far a push along psi may shift the DCM at the start of a left stance [m].
 
     Inputs that are nominal for r let the offset grow by exp(omega r), so the bounds at r hold for it then.

@@ -105,12 +105,8 @@ def write_policy(
 ) -> Path:
     """Write a policy; returns the path of its weights.
 
-    Args:
-        network: normalised observation -> action mean.
-        normalisation: of the observation.
-        about: robot and environment that the policy was made for.
-        path: either file of the pair, or their common stem.
-        training: steps, seed and so on, kept as a note.
+    `path` is either file of the pair, or their common stem; `training` (steps, seed and so on) is kept as a
+    note.
     """
     from safetensors.numpy import save
 
@@ -166,12 +162,12 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
         )
         residual = about["residual"]
         description = PolicyDescription(
-            env_id=about["env_id"],
-            robot=_record(RobotModel, about["robot"], "robot"),
-            limits=_record(GaitLimits, about["limits"], "limits"),
-            residual=None if residual is None else read_residual(residual),
-            hold=about["hold"],
-            inputs=tuple(about["inputs"]),
+            about["env_id"],
+            _record(RobotModel, about["robot"], "robot"),
+            _record(GaitLimits, about["limits"], "limits"),
+            None if residual is None else read_residual(residual),
+            about["hold"],
+            tuple(about["inputs"]),
         )
     except (InvalidValueError, TypeError, ValueError) as error:
         raise InvalidValueError(f"policy description {description_path}: {error}") from error
@@ -226,13 +222,9 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
     if found != expected or any(tensor.dtype != np.float32 for tensor in tensors.values()):
         raise InvalidValueError(f"the policy weights {path} must be float32 {expected}, got {found}")
     layers = range(len(sizes) - 1)
+    weights, biases = (tuple(tensors[f"layers.{i}.{part}"] for i in layers) for part in ("weight", "bias"))
     try:
-        return Mlp(
-            tuple(tensors[f"layers.{i}.weight"] for i in layers),
-            tuple(tensors[f"layers.{i}.bias"] for i in layers),
-            about["activation"],
-            about["output"],
-        )
+        return Mlp(weights, biases, about["activation"], about["output"])
     except ValueError as error:
         raise InvalidValueError(f"the policy weights {path}: {error}") from error
 
@@ -331,13 +323,14 @@ class LearnedPolicy(ABC):
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
+        about = self.description
         for name, mine, theirs in (
-            ("another robot", self.description.robot, robot),
-            ("other limits", self.description.limits, limits),
+            ("another robot", about.robot, robot),
+            ("other limits", about.limits, limits),
         ):
             if mine != theirs:
                 raise InvalidValueError(
-                    f"the policy was made for {name} than the environment's ({self.description.env_id}): "
+                    f"the policy was made for {name} than the environment's ({about.env_id}): "
                     f"{differences(asdict(mine), asdict(theirs))}"
                 )
 
@@ -355,11 +348,7 @@ class LearnedPolicy(ABC):
         return rows, None if self.rule is None else self.rule.below(rows), values.ndim == 1
 
     def _held(
-        self,
-        rows: NDArray[np.float64],
-        below: Below | None,
-        state: PolicyState,
-        episode_start: ArrayLike | None,
+        self, rows: NDArray, below: Below | None, state: PolicyState, episode_start: ArrayLike | None
     ) -> tuple[NDArray[np.float32], PolicyState]:
         """Learned actions (n, actions), renewed where due, and the state (periods since, actions)."""
         if self.description.hold == 1:
@@ -383,14 +372,7 @@ class LearnedPolicy(ABC):
 
 
 class NetworkPolicy(LearnedPolicy):
-    """A learned policy whose network numpy runs.
-
-    Args:
-        network: normalised observation -> action mean.
-        normalisation: of the observation.
-        description: robot and environment that the policy was made for.
-        base: the policy that a residual corrects; by default made from the description.
-    """
+    """A learned policy whose network, normalised observation -> action mean, numpy runs."""
 
     batchable = True
 

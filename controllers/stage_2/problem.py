@@ -119,11 +119,7 @@ class CopPlan:
 
 
 def input_row(times: tuple[float, ...], *vectors: ArrayLike) -> Floats:
-    """Times [s] and vectors of two numbers, one after the other, as a batch of one row.
-
-    Raises:
-        InvalidValueError: an argument is no number, or no vector of two.
-    """
+    """Times [s] and vectors of two numbers as a batch of one row; InvalidValueError for anything else."""
     try:
         pairs = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
         return np.concatenate([np.array(times, dtype=np.float64), pairs.ravel()])[None]
@@ -140,11 +136,7 @@ def as_rows(rows: Floats, columns: int) -> Floats:
 
 
 def cop_bounds(limits: GaitLimits, config: PlannerConfig) -> tuple[float, float]:
-    """Largest |CoP| along x and y that a plan may use: half a sole less its margin [m].
-
-    Raises:
-        InvalidValueError: a margin leaves none.
-    """
+    """Largest |CoP| along x and y that a plan may use: half a sole less its margin, which leaves some [m]."""
     bounds = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
     if min(bounds) <= 0:
         raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
@@ -188,8 +180,7 @@ def pack_constants(
 ) -> Floats:
     """`Constants` as an array, with the largest trunk accelerations in pitch and roll [rad/s^2].
 
-    Raises:
-        InvalidValueError: the margins leave no CoP, or a weight is zero without which no optimum is unique.
+    Margins that leave no CoP, and a zero where no optimum is unique without a weight, are refused.
     """
     bounds = cop_bounds(limits, config)
     own = "beta_dcm_acceleration" if config.form == "jerk" else "beta_cop"
@@ -326,14 +317,9 @@ def grid(config: PlannerConfig, remaining: float) -> Floats:
 
 
 def explicit_problem(
-    robot: RobotModel,
-    config: PlannerConfig,
-    until: Floats,
-    partial: int,
-    state: Floats,
-    cop: Floats,
+    robot: RobotModel, config: PlannerConfig, until: Floats, partial: int, state: Floats, cop: Floats,
     accelerations: tuple[float, float],
-) -> ExplicitProblem:
+) -> ExplicitProblem:  # fmt: skip
     """Build the problem of one axis on any grid by unrolling the model, with no use of its structure.
 
     Args:

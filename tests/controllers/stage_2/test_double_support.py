@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import strip, transfer_mean
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.qp import solve_qp
 from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner
 from push_recovery.controllers.stage_2.problem import SOLVED
@@ -35,14 +35,13 @@ def rows(n: int, seed: int = 0, spread: float = 0.04) -> np.ndarray:
 
 
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
-def test_plan_is_the_optimum_of_the_dense_problem(arm):
+def test_plan_is_the_optimum_of_the_dense_problem(arm, kkt_residual):
     planner = DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
     tight = 0
     for row, out in zip(rows(40), planner.plan_batch(rows(40)), strict=True):
         problem = planner.program(row)
         solution = solve_qp(problem.qp)
-        residual = kkt_residual(problem.qp, solution)
-        assert max(residual.stationarity, residual.feasibility, residual.complementarity) < 1e-3
+        assert max(kkt_residual(problem.qp, solution)) < 1e-3
         assert out[6] == 0
         for i, (axis, x) in enumerate(zip(problem.axes, np.split(solution.x, 2), strict=True)):
             cop, acceleration = axis.first(x)

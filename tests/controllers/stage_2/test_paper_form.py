@@ -6,7 +6,7 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.qp import solve_qp
 from push_recovery.controllers.settings import PlannerConfig
 from push_recovery.controllers.stage_2.paper_form import JerkCopPlanner
 from push_recovery.controllers.stage_2.problem import CopPlan, grid
@@ -83,7 +83,7 @@ def test_program_is_the_papers_cost_and_constraints(name):
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
 @pytest.mark.parametrize("name", PLANNERS)
-def test_plan_is_the_optimum_of_the_program(name, solver):
+def test_plan_is_the_optimum_of_the_program(name, solver, kkt_residual):
     planner = JerkCopPlanner(ROBOT, LIMITS, replace(PLANNERS[name].config, solver=solver))
     for remaining, state in states(20, seed=2, scale=0.5):
         plan = planner.plan(remaining, *state)
@@ -91,8 +91,7 @@ def test_plan_is_the_optimum_of_the_program(name, solver):
         for axis in range(2):
             qp = planner.program(remaining, axis, state[:, axis])
             solution = solve_qp(qp)
-            residual = kkt_residual(qp, solution)
-            assert max(residual.stationarity, residual.feasibility, residual.complementarity) < 1e-3
+            assert max(kkt_residual(qp, solution)) < 1e-3
             U = solution.x.reshape(2, -1).T
             trace = paper_cost(planner.config, remaining, state[:, axis], U)[1]
             assert plan.dcm_end[axis] == pytest.approx(trace[-1][0], abs=1e-6)

@@ -8,7 +8,7 @@ from push_recovery.controllers.array_table import dense_part_of
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.qp import kkt_residual, solve_qp
+from push_recovery.controllers.qp import solve_qp
 from push_recovery.controllers.settings import PlannerConfig
 from push_recovery.controllers.stage_2.problem import (
     RESULT_SIZE,
@@ -39,7 +39,7 @@ def call(planner: CopPlanner, row: np.ndarray) -> CopPlan:
 
 
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
-def test_plan_is_the_optimum_of_the_dense_problem(arm):
+def test_plan_is_the_optimum_of_the_dense_problem(arm, kkt_residual):
     planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
     for row in rows(60):
         plan = call(planner, row)
@@ -47,9 +47,8 @@ def test_plan_is_the_optimum_of_the_dense_problem(arm):
         for axis in range(2):
             problem = planner.program(row, axis)
             solution = solve_qp(problem.qp)
-            residual = kkt_residual(problem.qp, solution)
             # Multipliers reach beta_dcm x 1 m
-            assert max(residual.stationarity, residual.feasibility, residual.complementarity) < 1e-3
+            assert max(kkt_residual(problem.qp, solution)) < 1e-3
             cop, acceleration = problem.first(solution.x)
             assert plan.cop[axis] == pytest.approx(cop, abs=1e-6)
             assert plan.trunk_acceleration[axis] == pytest.approx(acceleration, abs=1e-5)

@@ -10,13 +10,8 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body import kinematics
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
-from push_recovery.controllers.whole_body.kinematics import (
-    NU,
-    base_angular_velocity,
-    sole_motion,
-    sole_position,
-)
 from push_recovery.controllers.whole_body.limits import (
     CONTACT,
     FULL_TORQUE_SHARE,
@@ -128,9 +123,9 @@ def wrench_at(cop=(0.0, 0.0), force=(0.0, 0.0), yaw=0.0, load=LOAD) -> np.ndarra
 
 
 def judged(wrench, torque=None) -> tuple[bool, int]:
-    bounds, _memory = make_bounds(S, np.full((2, NU), 1.0))
-    bounds.torque_range[:] = [[-50.0] * NU, [80.0] * NU]
-    torque = np.zeros(NU) if torque is None else torque
+    bounds, _memory = make_bounds(S, np.full((2, kinematics.NU), 1.0))
+    bounds.torque_range[:] = [[-50.0] * kinematics.NU, [80.0] * kinematics.NU]
+    torque = np.zeros(kinematics.NU) if torque is None else torque
     x, y = centre_of_pressure(wrench, AXIS)
     cop = turned(np.clip(x, -S.cop_x_max, S.cop_x_max), np.clip(y, -S.cop_y_max, S.cop_y_max))
     return within_bounds(wrench, torque, AXIS, bounds), limits_met(
@@ -165,10 +160,10 @@ def test_each_bound_of_the_wrench_ends_where_it_says(case, meets):
     assert not met & JOINT_TORQUE
 
 
-@pytest.mark.parametrize("motor", [0, NU - 1])
+@pytest.mark.parametrize("motor", [0, kinematics.NU - 1])
 @pytest.mark.parametrize(("edge", "out"), [(-50.0, -1.0), (80.0, 1.0)])
 def test_each_motor_has_a_least_and_a_largest_torque(motor, edge, out):
-    torque = np.zeros(NU)
+    torque = np.zeros(kinematics.NU)
     torque[motor] = edge - 0.5 * out
     assert judged(wrench_at(), torque) == (True, 0)
     torque[motor] = edge + 0.5 * out
@@ -180,7 +175,7 @@ FAR = 1.0  # [m], more than any CoP may move
 SETTINGS = BIPED_BOUNDS._replace(
     cop_x_max=EDGE, cop_y_max=1.0, yaw_friction=1e6, friction=10.0, force_min=-1e9
 )
-BOUNDS, _MEMORY = make_bounds(SETTINGS, np.full((2, NU), 1e9))
+BOUNDS, _MEMORY = make_bounds(SETTINGS, np.full((2, kinematics.NU), 1e9))
 
 
 @pytest.mark.parametrize(("dcm", "goal", "cmp", "time"), [(0.3, 0.4, 0.1, 0.2), (-0.2, 0.1, -0.3, 0.4)])
@@ -224,14 +219,14 @@ def test_the_share_ends_at_the_circle():
 
 def asked_of_the_sole(core, cop, missing, swing):
     """Wrench (6,) for a swing sole accelerating forward [m/s^2], the CoM resting."""
-    foot = sole_motion(core.physics, 0, 1, base_angular_velocity(core.physics, 0))
+    foot = kinematics.sole_motion(core.physics, 0, 1, kinematics.base_angular_velocity(core.physics, 0))
     reference = np.array([*foot.position, *foot.velocity, swing, 0.0, 0.0])
-    height = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, 0)[2]
+    height = core.physics.com[0, 0, 2] - kinematics.sole_position(core.physics, 0, 0)[2]
     task = Task(
         0, (0.0, 0.0), (height, 0.0, 0.0), (1.0, 0.0), reference, (0.0, 0.0), cop=cop, missing=missing
     )
     wrench, gains = np.empty(6), BIPED_GAINS._replace(damping=0.0)
-    whole_body_torque(core.physics, 0, task, 0.0, gains, BOUNDS, wrench, np.empty(NU))
+    whole_body_torque(core.physics, 0, task, 0.0, gains, BOUNDS, wrench, np.empty(kinematics.NU))
     return wrench, height
 
 
@@ -253,7 +248,7 @@ def test_what_a_braking_leg_adds_brakes_the_com(biped_core, begin):
 
 def test_it_does_not_ask_for_more_friction_than_it_counts_on():
     wrench = np.array([-200.0, 0.0, 600.0, 0.0, 30.0, 0.0])
-    bounds, _memory = make_bounds(SETTINGS._replace(friction=0.5), np.full((2, NU), 1e9))
+    bounds, _memory = make_bounds(SETTINGS._replace(friction=0.5), np.full((2, kinematics.NU), 1e9))
     fx, fy = full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)
     assert (wrench[0] + fx, fy) == pytest.approx((-SHARE_OF_GRIP * 0.5 * 600.0, 0.0))
     bounds.grip[0] = 0.4

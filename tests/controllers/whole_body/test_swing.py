@@ -7,15 +7,8 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import COMMAND
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body import swing
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
-from push_recovery.controllers.whole_body.swing import (
-    SIZE,
-    exchange_soles,
-    given_yaw,
-    swing_update,
-    turn_references,
-    turned_command,
-)
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import GaitMonitor, record_touchdown
@@ -32,7 +25,7 @@ def fly(duration=lambda t: 0.5, target=lambda t: (0.3, 0.2), end=0.5, dt=DT):
     trace = [state.copy()]
     for k in range(round(end / dt)):
         t = k * dt
-        swing_update(state, *target(t), t, duration(t), dt, APEX, DESCENT)
+        swing.swing_update(state, *target(t), t, duration(t), dt, APEX, DESCENT)
         trace.append(state.copy())
     return np.array(trace)
 
@@ -87,7 +80,7 @@ def test_a_foot_with_too_little_time_comes_down_at_two_metres_a_second_and_is_la
     state, dt = np.zeros(9), 0.001
     state[2], heights, speeds = 0.08, [0.08], [0.0]
     for i in range(200):
-        swing_update(state, 0.0, 0.0, 0.38 + i * dt, 0.4, dt, 0.06, 0.3)
+        swing.swing_update(state, 0.0, 0.0, 0.38 + i * dt, 0.4, dt, 0.06, 0.3)
         heights.append(state[2])
         speeds.append(state[5])
     assert -2.0 < min(speeds) < -0.5
@@ -110,7 +103,7 @@ RATE, DURATION, FINAL, DT_TURNING = 0.4, 0.5, 0.055, 0.002
 
 def follow(yaw: np.ndarray, rate: float, begin: float, end: float, given: float = 0.0) -> None:
     for i in range(round(begin / DT_TURNING), round(end / DT_TURNING)):
-        turn_references(yaw, rate, DURATION, DURATION - i * DT_TURNING, FINAL, given, DT_TURNING)
+        swing.turn_references(yaw, rate, DURATION, DURATION - i * DT_TURNING, FINAL, given, DT_TURNING)
 
 
 def walk(command: Command, seconds: float, changes: tuple[CommandChange, ...] = ()):
@@ -132,19 +125,19 @@ def yaw_of(episodes: BipedEpisodes, body: int) -> float:
 
 
 def test_the_sole_lands_at_rest_and_the_pelvis_half_way_at_the_commanded_rate():
-    yaw = np.zeros(SIZE)
+    yaw = np.zeros(swing.SIZE)
     for _ in range(4):
         follow(yaw, RATE, 0.0, DURATION)
         assert yaw[0] == pytest.approx(RATE * DURATION, abs=1e-5)
         assert yaw[1] == pytest.approx(0.0, abs=1e-3)
         assert yaw[3] == pytest.approx(0.5 * RATE * DURATION, abs=1e-4)
         assert yaw[4] == pytest.approx(RATE, abs=1e-2)
-        exchange_soles(yaw)
+        swing.exchange_soles(yaw)
 
 
 def test_a_sole_lands_turned_for_a_pelvis_that_is_twisted():
     """What is given comes on top of the command, and the pelvis ends half-way."""
-    yaw = np.zeros(SIZE)
+    yaw = np.zeros(swing.SIZE)
     follow(yaw, RATE, 0.0, DURATION, given=-0.5)
     assert yaw[0] == pytest.approx(RATE * DURATION - 0.5, abs=1e-5)
     assert yaw[3] == pytest.approx(0.5 * (RATE * DURATION - 0.5), abs=1e-4)
@@ -156,7 +149,7 @@ def test_a_sole_lands_turned_for_a_pelvis_that_is_twisted():
      (-2.0, 0.1, -0.8), (3.1, np.pi, 0.0)],
 )  # fmt: skip
 def test_what_is_given_by_hand(twist, most, given):
-    assert given_yaw(twist, most) == pytest.approx(given, abs=1e-15)
+    assert swing.given_yaw(twist, most) == pytest.approx(given, abs=1e-15)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -183,10 +176,10 @@ def test_a_robot_that_gives_way_turns_with_a_twist_instead_of_against_it(side, t
 
 
 def test_no_reference_jumps_where_the_feet_change_roles():
-    yaw, heading = np.zeros(SIZE), 0.3
+    yaw, heading = np.zeros(swing.SIZE), 0.3
     follow(yaw, RATE, 0.0, 0.7 * DURATION)  # lands early
     sole, pelvis = heading + yaw[0], heading + yaw[3:6]
-    turned = exchange_soles(yaw)
+    turned = swing.exchange_soles(yaw)
     assert heading + turned == pytest.approx(sole)  # new stance sole
     assert heading + turned + yaw[0] == pytest.approx(heading)  # new swing sole
     np.testing.assert_allclose(heading + turned + yaw[3], pelvis[0])
@@ -194,7 +187,7 @@ def test_no_reference_jumps_where_the_feet_change_roles():
 
 
 def test_the_yaw_at_landing_is_final_shortly_before():
-    yaw = np.zeros(SIZE)
+    yaw = np.zeros(swing.SIZE)
     follow(yaw, RATE, 0.0, DURATION - FINAL + DT_TURNING)
     follow(yaw, -RATE, DURATION - FINAL + DT_TURNING, DURATION)
     assert yaw[0] == pytest.approx(RATE * DURATION, abs=1e-5)
@@ -209,7 +202,7 @@ def test_a_planner_of_straight_steps_told_the_turned_command_turns_at_the_comman
     """
     velocity, period, omega = 0.4 + 0.1j, 0.37, BIPED.omega
     theta, growth = rate * period, np.exp(omega * period)
-    told = complex(*turned_command(velocity.real, velocity.imag, rate, period, omega))
+    told = complex(*swing.turned_command(velocity.real, velocity.imag, rate, period, omega))
     offset = told * period / (growth - 1.0)
     step = growth * np.exp(-1j * theta) * offset - offset
     assert step == pytest.approx(velocity * period * np.exp(0.5j * theta), abs=1e-12)
