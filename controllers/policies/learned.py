@@ -96,53 +96,8 @@ def policy_paths(path: str | Path) -> tuple[Path, Path]:
     return stem.with_name(stem.name + ".safetensors"), stem.with_name(stem.name + ".json")
 
 
-def write_policy(
-    network: Mlp,
-    normalisation: Normalisation,
-    about: PolicyDescription,
-    path: str | Path,
-    training: dict[str, Any] | None = None,
-) -> Path:
-    """Write a policy; returns the path of its weights.
-
-    `path` is either file of the pair, or their common stem; `training` (steps, seed and so on) is kept as a
-    note.
-    """
-    from safetensors.numpy import save
-
-    weights_path, description_path = policy_paths(path)
-    tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
-    tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
-    weights = save(tensors)
-    description = {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "env_id": about.env_id,
-        "inputs": list(about.inputs),
-        "observation_size": network.sizes[0] - input_size(about.inputs, 0),
-        "action_size": network.sizes[-1],
-        "hidden_sizes": list(network.sizes[1:-1]),
-        "activation": network.activation,
-        "output": network.output,
-        "observation_mean": normalisation.mean.tolist(),
-        "observation_variance": normalisation.variance.tolist(),
-        "observation_clip": normalisation.clip,
-        "observation_epsilon": normalisation.epsilon,
-        "hold": about.hold,
-        "residual": None if about.residual is None else asdict(about.residual),
-        "robot": asdict(about.robot),
-        "limits": asdict(about.limits),
-        "weights_sha256": hashlib.sha256(weights).hexdigest(),
-        "training": training or {},
-    }
-    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
-    write_atomically(weights_path, weights)
-    write_atomically(description_path, text)
-    return weights_path
-
-
 def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription]:
-    """Read the files of `write_policy`.
+    """Read the files of `NetworkPolicy.save`.
 
     Args:
         path: either file of the pair, or their common stem.
@@ -265,6 +220,9 @@ class LearnedPolicy(ABC):
         base: the policy that a residual corrects; by default made from the description.
     """
 
+    observation_size: int  # set by a subclass before it calls `__init__`, like the other
+    action_size: int
+
     def __init__(self, description: PolicyDescription, base: Policy | None = None):
         residual = description.residual
         if residual is not None and self.action_size != GAIT_SIZE:
@@ -276,16 +234,6 @@ class LearnedPolicy(ABC):
             base = residual.make(*made_for) if base is None else base
             scale = np.asarray(residual.scale, dtype=np.float32)
             self.rule = ResidualRule(base, *made_for, scale, residual.gate)
-
-    @property
-    @abstractmethod
-    def observation_size(self) -> int:
-        """Length of the observation."""
-
-    @property
-    @abstractmethod
-    def action_size(self) -> int:
-        """Length of the action."""
 
     @abstractmethod
     def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
@@ -388,18 +336,10 @@ class NetworkPolicy(LearnedPolicy):
                 f"the network takes {network.sizes[0]} inputs, the normalisation {normalisation.mean.size}"
             )
         self.network, self.normalisation = network, normalisation
+        self.observation_size = network.sizes[0] - input_size(description.inputs, 0)
+        self.action_size = network.sizes[-1]
         super().__init__(description, base)
         self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
-
-    @property
-    def observation_size(self) -> int:
-        """Length of the observation."""
-        return self.network.sizes[0] - input_size(self.description.inputs, 0)
-
-    @property
-    def action_size(self) -> int:
-        """Length of the action."""
-        return self.network.sizes[-1]
 
     def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
         """The network's view of one observation or a batch, (n, inputs), before the normalisation."""
@@ -408,7 +348,38 @@ class NetworkPolicy(LearnedPolicy):
 
     def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
         """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""
-        return write_policy(self.network, self.normalisation, self.description, path, training)
+        from safetensors.numpy import save
+
+        network, normalisation, about = self.network, self.normalisation, self.description
+        weights_path, description_path = policy_paths(path)
+        tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
+        tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
+        weights = save(tensors)
+        description = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "env_id": about.env_id,
+            "inputs": list(about.inputs),
+            "observation_size": self.observation_size,
+            "action_size": self.action_size,
+            "hidden_sizes": list(network.sizes[1:-1]),
+            "activation": network.activation,
+            "output": network.output,
+            "observation_mean": normalisation.mean.tolist(),
+            "observation_variance": normalisation.variance.tolist(),
+            "observation_clip": normalisation.clip,
+            "observation_epsilon": normalisation.epsilon,
+            "hold": about.hold,
+            "residual": None if about.residual is None else asdict(about.residual),
+            "robot": asdict(about.robot),
+            "limits": asdict(about.limits),
+            "weights_sha256": hashlib.sha256(weights).hexdigest(),
+            "training": training or {},
+        }
+        text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
+        write_atomically(weights_path, weights)
+        write_atomically(description_path, text)
+        return weights_path
 
     @classmethod
     def load(cls, path: str | Path, base: Policy | None = None) -> NetworkPolicy:

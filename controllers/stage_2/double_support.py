@@ -368,7 +368,7 @@ class DoubleSupportPlanner(problem.Form):
 
         Args:
             rows: (n, 12): time to touchdown and since the step began [s], where the other foot stands (2),
-                measured dcm (2), trunk angle (2), trunk rate (2), dcm target (2); see `CopPlanner.plan`.
+                measured dcm (2), trunk angle (2), trunk rate (2), dcm target (2), as of `CopPlanner`.
 
         Returns:
             (n, 7): cop (2), trunk acceleration (2), predicted dcm at touchdown (2), index into `STATUS`.

@@ -20,6 +20,7 @@ its inputs are weighted by their share of an interval.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -219,7 +220,7 @@ class JerkCopPlanner(problem.Form):
         for obs, row in zip(observations, rows, strict=True):
             dcm, target = row[DCM_AHEAD : DCM_AHEAD + 2], row[TARGET : TARGET + 2]
             state = dcm, obs[TRUNK_ANGLE], obs[TRUNK_RATE], target, (0.0, 0.0), *self._previous(obs)
-            row[RESULT:] = self._plan(float(row[REMAINING]), *state)
+            row[RESULT:] = self.plan(float(row[REMAINING]), state)
         self.apply(observations, rows)
 
     def _previous(self, obs: Floats) -> tuple[Floats, Floats]:
@@ -232,31 +233,17 @@ class JerkCopPlanner(problem.Form):
             return np.zeros(2), np.array([gait[TRUNK], -gait[TRUNK + 1]])
         return gait[COP : COP + 2], gait[TRUNK : TRUNK + 2]
 
-    def plan(
-        self,
-        remaining: float,
-        dcm: ArrayLike,
-        trunk_angle: ArrayLike,
-        trunk_rate: ArrayLike,
-        dcm_target: ArrayLike,
-        cop_reference: ArrayLike = (0.0, 0.0),
-        previous_cop: ArrayLike = (0.0, 0.0),
-        previous_trunk_acceleration: ArrayLike = (0.0, 0.0),
-    ) -> problem.CopPlan:
-        """Plan from the present state to touchdown; see `CopPlanner.plan`.
+    def plan(self, remaining: float, state: Floats | Sequence[ArrayLike]) -> Floats:
+        """Plan from the present state to touchdown in `remaining` [s]; the result is (RESULT_SIZE,).
 
-        The result is the CoP and the trunk acceleration at the end of the coming control period (which is
-        `first_interval_min`): the `previous_cop` and `previous_trunk_acceleration` of the next call.
+        Its CoP and trunk acceleration are those at the end of the control period, `first_interval_min`.
+        The state (7, 2) is that of `CopPlanner.plan_batch` from the DCM on, then the CoP now, of this stance
+        foot [m], with which xi' = omega (xi - CMP) (eq. 6b), and theta'' now [rad/s^2].
 
-        With the `previous_cop` (2,) [m], of this stance foot, xi' = omega (xi - CMP) (eq. 6b); the
-        `previous_trunk_acceleration` (2,) is theta'' now [rad/s^2].
+        Raises:
+            InvalidValueError: a state that is not finite, or `remaining` is too long.
         """
-        now = previous_cop, previous_trunk_acceleration
-        plan = self._plan(remaining, dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, *now)
-        return problem.CopPlan.of(plan)
-
-    def _plan(self, remaining: float, *vectors: ArrayLike) -> Floats:
-        state = problem.input_row((), *vectors).reshape(-1, 2)
+        state = np.array(state, dtype=np.float64)
         if not (np.all(np.isfinite(state)) and remaining <= self.longest):
             raise InvalidValueError(
                 f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {remaining} s,"
@@ -272,7 +259,7 @@ class JerkCopPlanner(problem.Form):
     def program(
         self, remaining: float, axis: int, state: Floats, soft: bool | None = None
     ) -> QuadraticProgram:
-        """The program of one axis, its state (7,) as the arguments of `plan` from `dcm` on.
+        """The program of one axis, its state (7,) a column of that of `plan`.
 
         `soft` says whether theta may leave its bounds; by default as in the configured cost.
         """

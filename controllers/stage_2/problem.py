@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..array_table import tuple_reader
 from ..errors import InvalidValueError
@@ -98,33 +98,6 @@ class OneAxisTrunk:
         self._with.regulate(observations, rows, worker)
         self._without.regulate(observations, other, worker)
         rows[:, self._columns] = other[:, self._columns]
-
-
-@dataclass(frozen=True)
-class CopPlan:
-    """CoP and trunk acceleration of now, canonical frame, relative to the stance sole's centre."""
-
-    cop: Floats  # (2,) [m]
-    trunk_acceleration: Floats  # (2,) towards +x, +y [rad/s^2]
-    dcm_end: Floats  # (2,) predicted DCM at touchdown [m]
-    status: str  # one of STATUS
-
-    @classmethod
-    def of(cls, result: Floats) -> CopPlan:
-        """The plan of a result (RESULT_SIZE,), which is read-only from here on."""
-        result.flags.writeable = False
-        cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
-        end, status = result[RESULT_DCM_END : RESULT_DCM_END + 2], STATUS[int(result[RESULT_STATUS])]
-        return cls(cop, trunk, end, status)
-
-
-def input_row(times: tuple[float, ...], *vectors: ArrayLike) -> Floats:
-    """Times [s] and vectors of two numbers as a batch of one row; InvalidValueError for anything else."""
-    try:
-        pairs = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
-        return np.concatenate([np.array(times, dtype=np.float64), pairs.ravel()])[None]
-    except (ValueError, TypeError) as error:
-        raise InvalidValueError(f"stage 2 takes times and vectors of 2 numbers: {error}") from None
 
 
 def as_rows(rows: Floats, columns: int) -> Floats:

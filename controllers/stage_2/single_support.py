@@ -33,7 +33,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..array_table import Floats1, Floats2, Floats3, Ints1, Ints2, dense_part_of, parts_table
 from ..errors import InvalidValueError
@@ -428,7 +428,7 @@ class CopPlanner(problem.Form):
             robot: physical constants.
             limits: half sizes of the sole and bound of the trunk acceleration.
             config: weights and margins.
-            workers: parts of `packed`; `plan` and `plan_batch` use the first, OSQP's the only one.
+            workers: parts of `packed`; `plan_batch` uses the first, OSQP's the only one.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
@@ -479,37 +479,13 @@ class CopPlanner(problem.Form):
         rows[:, RESULT:] = self.plan_batch(inputs)
         self.apply(observations, rows)
 
-    def plan(
-        self,
-        remaining: float,
-        dcm: ArrayLike,
-        trunk_angle: ArrayLike,
-        trunk_rate: ArrayLike,
-        dcm_target: ArrayLike,
-        cop_reference: ArrayLike = (0.0, 0.0),
-    ) -> problem.CopPlan:
-        """Plan from the present state to touchdown.
-
-        Args:
-            remaining: time to touchdown [s]; at most `longest`, and planned as `SHORTEST` where it is less.
-            dcm: (2,) measured DCM [m].
-            trunk_angle: (2,) lean towards +x, +y [rad].
-            trunk_rate: (2,) [rad/s].
-            dcm_target: (2,) DCM wanted at touchdown, u_T + b_nom (eq. 7) [m].
-            cop_reference: (2,) [m].
-
-        Raises:
-            InvalidValueError: an argument is not finite or has the wrong shape, or `remaining` is too long.
-        """
-        row = problem.input_row((remaining,), dcm, trunk_angle, trunk_rate, dcm_target, cop_reference)
-        return problem.CopPlan.of(self.plan_batch(row)[0])
-
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Plan n robots by DAQP in one compiled loop, and once more by OSQP where that is the solver.
 
         Args:
-            rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),
-                cop reference (2), as for `plan`.
+            rows: (n, 11): time to touchdown, at most `longest`, planned as `SHORTEST` where it is less [s];
+                measured DCM (2) [m], lean towards +x and +y (2) [rad] and its rate (2) [rad/s], DCM wanted at
+                touchdown, u_T + b_nom (eq. 7), (2) [m], CoP reference (2) [m].
 
         Returns:
             (n, 7): cop (2), trunk acceleration (2), predicted dcm at touchdown (2), index into `STATUS`.

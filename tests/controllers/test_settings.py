@@ -92,7 +92,9 @@ def test_unreadable_files_and_unknown_names_are_refused(tmp_path):
 
 def test_the_named_presets_hold_the_paper_and_what_was_tuned():
     paper = settings.preset_config("paper")
-    assert (paper.form, paper.alpha_offset, paper.beta_dcm, paper.beta_trunk) == ("jerk", 1000.0, 1e5, 1.0)
+    assert (paper.form, paper.alpha_step, paper.alpha_duration, paper.alpha_offset) == ("jerk", 1.0, 1.0, 1e3)
+    betas = [f"beta_{name}" for name in ("cop", "dcm_acceleration", "trunk", "trunk_rate", "dcm")]
+    assert [getattr(paper, name) for name in betas] == [1.0, 1.0, 1.0, 1.0, 1e5]  # Table II
     assert settings.preset_config("double-support") == settings.preset_config("default").replace(
         double_support=0.1, beta_trunk_angle=10.0
     )

@@ -59,16 +59,6 @@ def policy(hold=1, residual=True, sizes=(36, 16, 16, 7)):
 OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 36))
 
 
-def test_forward_is_the_tanh_network_in_double_precision():
-    net = network((36, 128, 128, 7))
-    inputs = OBSERVATIONS.astype(np.float32)
-    x = inputs.astype(np.float64)
-    for i, (w, b) in enumerate(zip(net.weights, net.biases, strict=True)):
-        x = x @ w.T.astype(np.float64) + b
-        x = np.tanh(x) if i < 2 else x
-    np.testing.assert_allclose(net.forward(inputs), x, atol=3e-6)
-
-
 def test_batch_and_single_have_equal_bits():
     p = policy()
     batch, _ = p.predict(OBSERVATIONS)

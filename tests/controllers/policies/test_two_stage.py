@@ -244,13 +244,6 @@ def test_unknown_names():
         make_policy("two-stage", preset="bipedal")
 
 
-def test_paper_preset_is_table_2():
-    config = preset_config("paper")
-    assert (config.alpha_step, config.alpha_duration, config.alpha_offset) == (1.0, 1.0, 1000.0)
-    assert (config.beta_cop, config.beta_dcm_acceleration, config.beta_trunk) == (1.0, 1.0, 1.0)
-    assert (config.beta_trunk_rate, config.beta_dcm, config.form) == (1.0, 1e5, "jerk")
-
-
 def test_swing_time_is_that_of_the_quintic_from_rest_and_half_of_it_half_way():
     """Rest to rest in t: peak acceleration 10 d / (sqrt(3) t^2), half-way at speed 15 d / (8 t)."""
     distance, bound = 0.6, 100.0
