@@ -212,7 +212,7 @@ class TwoStagePolicy:
             self._stage_2.regulate(seen, own, worker)
             scale_actions(own, seen, *self._bounds, actions[first:end])
 
-        if self._stage_2.workers < self._threads.threads:
+        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
             act(0, 0, n)
         else:
             self._threads.run(act, n, ROWS_A_THREAD)
