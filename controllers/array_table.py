@@ -8,7 +8,7 @@ Parts, NamedTuples of arrays, lie in a table one after the other. Where each beg
 dimension its arrays are, follows from the annotations of their fields (`Floats2`: two-dimensional float64):
 `part_of` gives a part to compiled code by its name. Rows are written by value: `parts_table` refuses a part
 in which annotation and value disagree, since it would be read wrongly, and every later one from another's
-memory.
+memory. Constants, NamedTuples of floats, go as one array, which `tuple_reader` gives by name.
 
 An annotation may also say that an array, or a whole part, is not the state of single robots, as
 `Annotated[Floats1, COMMON]`. Without that it is: an array that is added cannot be forgotten in a snapshot.
@@ -16,7 +16,7 @@ An annotation may also say that an array, or a whole part, is not the state of s
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -26,6 +26,7 @@ from numba.core.cgutils import get_item_pointer
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import carray, from_dtype
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 from .jit import njit
@@ -34,7 +35,6 @@ from .jit import njit
 # pyright: reportCallIssue=false
 
 DIMENSIONS = 3
-ITEM = 8  # bytes of an entry
 
 
 class Kind(NamedTuple):
@@ -60,12 +60,8 @@ SENSED = "a row for each robot that acts on its own sensors"
 def parts_table(parts: Iterable[Any]) -> NDArray[np.int64]:
     """(address, shape (3), strides (3)) of all arrays of parts, in their order, (count, 7).
 
-    Args:
-        parts: NamedTuples whose arrays are annotated as `Floats1` and its like; they must stay alive as long
-            as the table is in use. Fields that are no arrays are left out.
-
-    Raises:
-        TypeError: if a field holds another array than its annotation says, or only one of them is an array.
+    The arrays must stay alive as long as the table is in use. Fields that are no arrays are left out; one
+    that holds another array than its annotation says raises TypeError.
     """
     rows = []
     for part in parts:
@@ -96,6 +92,17 @@ def first_rows(parts: type) -> dict[str, int]:
         rows[name] = row
         row += len(array_fields(part))
     return rows
+
+
+def tuple_reader(kind: type) -> Callable[[Any], Any]:
+    """A compiled function that gives an array (n,) as a NamedTuple `kind` of n floats."""
+    count = len(kind._fields)
+
+    @njit(cache=True)
+    def read(packed: Any) -> Any:
+        return kind(*to_fixed_tuple(packed, count))
+
+    return read
 
 
 @intrinsic
@@ -136,7 +143,6 @@ def only_part_of(typingctx, table, part):
 
 
 def _part_of(table: Any, parts: Any, name: Any, layout: str) -> Any:
-    """Signature and code of an intrinsic that rebuilds the arrays of a named part."""
     if not isinstance(name, types.StringLiteral):
         return None
     part, row = (of(parts.instance_class)[name.literal_value] for of in (get_type_hints, first_rows))
@@ -170,5 +176,5 @@ def _view(context: Any, builder: Any, kind: Any, table: Any, row: int, view: Any
     data = builder.inttoptr(entry(0), context.get_data_type(view.dtype).as_pointer())
     shape = [entry(1 + axis) for axis in range(view.ndim)]
     strides = [entry(1 + DIMENSIONS + axis) for axis in range(view.ndim)]
-    populate_array(array, data, shape, strides, itemsize=place(ITEM), meminfo=None)
+    populate_array(array, data, shape, strides, itemsize=place(8), meminfo=None)
     return array._getvalue()

@@ -10,7 +10,6 @@ compilation, which takes long, is announced on standard error, once for a comman
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
 import pickle
@@ -30,7 +29,9 @@ from types import FunctionType
 from typing import Any
 from zlib import crc32
 
+import llvmlite
 import numba
+import numpy as np
 from numba.core import event as events
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.compiler_lock import global_compiler_lock
@@ -53,11 +54,8 @@ def source_digest(module: str) -> str:
     package's data files where it names any, and the versions of the outside packages that it imports. Modules
     import in no circle, so neither has this recursion.
 
-    Args:
-        module: full name of a module of this project that is imported, or far enough to define a kernel.
-
-    Raises:
-        OSError: if a source cannot be read.
+    The module, by its full name, is imported, or far enough to define a kernel. A source that cannot be read
+    raises OSError.
     """
     text = source_of(module)
     digest, inside, outside = hashlib.sha256(text), set(), set()
@@ -76,16 +74,11 @@ def source_digest(module: str) -> str:
 
 
 def source_of(module: str) -> bytes:
-    """Text of an imported module.
-
-    Raises:
-        FileNotFoundError: if it has no file.
-    """
+    """Text of an imported module; one without a file raises FileNotFoundError."""
     path = getattr(sys.modules[module], "__file__", None)
     if path is None:
         raise FileNotFoundError(f"module {module} has no source file")
-    with open(path, "rb") as file:
-        return file.read()
+    return Path(path).read_bytes()
 
 
 def imported_modules(module: str, dots: int, base: str, names: str) -> set[str]:
@@ -100,13 +93,10 @@ def imported_modules(module: str, dots: int, base: str, names: str) -> set[str]:
 @cache
 def data_digest(package: str) -> str:
     """Digest of all data files of an imported package."""
-    files = []
-    for folder, _, names in os.walk(sys.modules[package].__path__[0]):
-        files += [os.path.join(folder, name) for name in names if name.endswith((".json", ".xml"))]
     digest = hashlib.sha256()
-    for path in sorted(files):
-        with open(path, "rb") as file:
-            digest.update(os.path.basename(path).encode() + file.read())
+    for path in sorted(Path(sys.modules[package].__path__[0]).rglob("*")):
+        if path.suffix in (".json", ".xml"):
+            digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
 
@@ -155,12 +145,7 @@ def own_temporary_directory() -> Path:
 
 
 def module_directory(module: str, digest: str) -> Path:
-    """Directory of one version of a module's kernels, not made yet; it counts as used now.
-
-    Args:
-        module: its name, as `push_recovery.controllers.model.gait_box`.
-        digest: of everything that its kernels depend on.
-    """
+    """Directory of one version of a module's kernels by its digest, not made yet; it counts as used now."""
     path = cache_root() / f"{module.removeprefix('push_recovery.')}-{digest}"
     with suppress(OSError):  # not there yet, or another's
         os.utime(path)
@@ -181,16 +166,6 @@ def make_room(path: Path) -> None:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def platform_versions() -> str:
-    """Versions that decide, besides the sources, compiled code or how it is kept."""
-    import llvmlite
-    import numba
-    import numpy as np
-
-    python = f"{sys.implementation.cache_tag}{getattr(sys, 'abiflags', '')}"
-    return f"{python} numba {numba.__version__} llvmlite {llvmlite.__version__} numpy {np.__version__}"
-
-
 try:
     import fcntl
 except ImportError:  # not on Windows: there processes may compile the same kernel twice
@@ -198,12 +173,7 @@ except ImportError:  # not on Windows: there processes may compile the same kern
 
 
 def njit(*, cache: bool, **options: Any) -> Callable[[Callable], Any]:
-    """`numba.njit` whose compiled code is kept by this module.
-
-    Args:
-        cache: whether compiled code is kept on disk.
-        options: those of `numba.njit`.
-    """
+    """`numba.njit` with its options; where `cache` says so, this module keeps the compiled code on disk."""
 
     def compiled(function: Callable) -> Any:
         kernel = numba.njit(**options)(function)
@@ -230,11 +200,12 @@ def _keep(kernel: Any, function: Callable) -> None:
     kernel.compile = compile_once
 
 
-@functools.cache
+@cache
 def module_key(module: str) -> str:
-    """Digest under which a module's kernels are kept."""
-    text = f"{platform_versions()} {source_digest(module)}"
-    return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
+    """Digest under which a module's kernels are kept: of its sources, Python and what compiles."""
+    python = f"{sys.implementation.cache_tag}{getattr(sys, 'abiflags', '')}"
+    versions = f"{python} numba {numba.__version__} llvmlite {llvmlite.__version__} numpy {np.__version__}"
+    return hashlib.sha256(f"{versions} {source_digest(module)}".encode()).hexdigest()[:LENGTH]
 
 
 def _identity(value: Any) -> Any:
@@ -313,21 +284,19 @@ def _only_process(name: str) -> Iterator[None]:
     One byte of a common file is locked for each name. Kernels wait for their callees only, which form no
     circle; a file system without locks costs a second compilation.
     """
-    file, held = _lock_file(), False
+    file, byte, held = _lock_file(), crc32(name.encode()), False
     if file is not None and fcntl is not None:
-        try:
-            fcntl.lockf(file, fcntl.LOCK_EX, 1, crc32(name.encode()))
+        with suppress(OSError):
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, byte)
             held = True
-        except OSError:
-            pass
     try:
         yield
     finally:
         if held and file is not None and fcntl is not None:
-            fcntl.lockf(file, fcntl.LOCK_UN, 1, crc32(name.encode()))
+            fcntl.lockf(file, fcntl.LOCK_UN, 1, byte)
 
 
-@functools.cache
+@cache
 def _lock_file() -> Any:
     """The file whose bytes are locked, open as long as the process lives; None where none can be made."""
     if fcntl is None:
@@ -345,16 +314,11 @@ Job = Callable[[int, int, int], object]  # (worker, first, end)
 class RangeThreads:
     """Splits 0..n-1 into one range for each thread, of which the calling thread is the first.
 
-    Worth it for compiled jobs that release the interpreter lock. The threads start at first use and anew in a
-    forked process, which has none of its parent's.
+    Worth it for compiled jobs that release the interpreter lock. The threads, 1 to MOST_THREADS of them,
+    start at first use and anew in a forked process, which has none of its parent's.
     """
 
     def __init__(self, threads: int = 1):
-        """Start nothing yet.
-
-        Raises:
-            InvalidValueError: for less than one thread or more than MOST_THREADS.
-        """
         if not (is_integer(threads) and 1 <= threads <= MOST_THREADS):
             raise InvalidValueError(
                 f"threads must be a whole number from 1 to {MOST_THREADS}, got {shown(threads)}"
@@ -369,12 +333,8 @@ class RangeThreads:
     def run(self, job: Job, n: int, least: int = 1) -> None:
         """Call job(worker, first, end) for ranges that cover 0..n-1, and wait for all of them.
 
-        No two calls of one `run` have the same worker, 0..threads-1.
-
-        Args:
-            job: what to do.
-            n: number of problems.
-            least: the smallest range worth a thread of its own.
+        No two calls of one `run` have the same worker, 0..threads-1. `least` is the smallest range worth a
+        thread of its own.
         """
         count = min(self.threads, n // least)
         if count <= 1:
@@ -407,8 +367,7 @@ LATELY = 600.0  # for which one word of a group of processes is enough [s]
 class _Announcement(events.Listener):
     """Prints `MESSAGE` at the first compilation of a function of this package; loading from disk is none."""
 
-    def __init__(self) -> None:
-        self.made = False
+    made = False
 
     def on_start(self, event: events.Event) -> None:
         dispatcher = (event.data or {}).get("dispatcher")
@@ -436,12 +395,7 @@ def _first_to_say() -> bool:
     return True
 
 
-_announcement: _Announcement | None = None
-
-
+@cache
 def announce_compilation() -> None:
     """Have the first compilation of this process announced; to be called by what will need compiled code."""
-    global _announcement
-    if _announcement is None:
-        _announcement = _Announcement()
-        events.register("numba:compile", _announcement)
+    events.register("numba:compile", _Announcement())

@@ -117,9 +117,7 @@ class Joints(NamedTuple):
     reach: Annotated[Floats1, COMMON]  # (14,) of an action of 1: of a target [rad], of a residual [N m]
     stiffness: Annotated[Floats1, COMMON]  # (14,) k [N m/rad]
     damping: Annotated[Floats1, COMMON]  # (14,) d [N m s/rad]
-    largest: Annotated[
-        Floats1, COMMON
-    ]  # (14,) torque of each motor [N m]; 0 for a joint that the robot does not have
+    largest: Annotated[Floats1, COMMON]  # (14,) torque of each motor [N m]; 0 where the robot has no joint
     gait: Annotated[Floats1, COMMON]  # (10,) of the nominal gait, see `NominalConstants`
 
 
@@ -261,10 +259,7 @@ JOINT_OBSERVATION_NAMES = (
 def write_base(
     phys: Physics, gait: Gait, k: int, noise: tuple[float, float], command: Array, o: Array
 ) -> None:
-    """Motion of the base of robot k, gravity and the command.
-
-    `noise` is added to the velocity, canonical frame [m/s].
-    """
+    """Motion of the base of robot k, its velocity with noise (canonical frame), gravity and the command."""
     frame = canonical_frame(gait.heading[k], gait.stance[k])
     noise_x, noise_y = in_world(frame, noise[0], noise[1])
     velocity = add(vector_in(phys.qvel, k, 0), (noise_x, noise_y, 0.0))
@@ -284,17 +279,10 @@ def observe_joints(
     phys: Physics, gait: Gait, k: int, s: GaitSettings, joints: Joints, command: Array,
     noise: tuple[float, float], o: Array,
 ) -> None:  # fmt: skip
-    """Write the observation (JOINT_OBSERVATION_SIZE,) of robot k.
+    """Write the observation (JOINT_OBSERVATION_SIZE,) of robot k, as control knows it, into `o`.
 
-    Args:
-        phys: of all robots, as control knows them.
-        gait: their gait machines.
-        k: the robot.
-        s: constants.
-        joints: what they are asked, and their standing posture.
-        command: in force (3,), its velocity in the heading frame [m/s], turn [rad/s].
-        noise: of the velocity, canonical frame [m/s].
-        o: written.
+    `command` (3,) is in force, its velocity in the heading frame [m/s], turn [rad/s]; `noise` is that of the
+    velocity, canonical frame [m/s].
     """
     stance = gait.stance[k]
     write_base(phys, gait, k, noise, command, o)

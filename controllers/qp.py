@@ -53,50 +53,22 @@ class QpSolution:
     iterations: int
 
 
-@dataclass(frozen=True)
-class KktResidual:
-    """Largest violation of each optimality condition, in the units of the problem."""
-
-    stationarity: float
-    feasibility: float  # of the hard rows, and of the soft rows after their slack -dual/w
-    complementarity: float
-
-
 def solve_qp(problem: QuadraticProgram, solver: SolverName = "daqp") -> QpSolution:
-    """Solve one problem from a cold start.
+    """Solve one problem from a cold start; its arrays are not changed.
 
     Args:
-        problem: the problem; its arrays are not changed.
-        solver: "daqp" (dual active set, exact) or "osqp" (first order, tight tolerances).
+        problem: the problem.
+        solver: one of `SOLVERS`: "daqp" (dual active set, exact) or "osqp" (first order, tight tolerances).
 
     Returns:
         The solution; `x` is NaN unless the status is "solved".
-
-    Raises:
-        UnknownNameError: the solver's name is not one of `SOLVERS`.
     """
     if solver not in SOLVERS:
         raise UnknownNameError("QP solver", solver, SOLVERS)
     return SOLVERS[solver](problem)
 
 
-def kkt_residual(problem: QuadraticProgram, solution: QpSolution) -> KktResidual:
-    """Optimality residuals of a solution (all zero at the optimum)."""
-    x, dual, weight = solution.x, solution.dual, problem.soft_weight
-    slack = np.where(weight > 0, -dual / np.where(weight > 0, weight, 1.0), 0.0)
-    rows = problem.A @ x + slack
-    above, below = problem.upper - rows, rows - problem.lower
-    gap = np.where(dual > 0, np.abs(dual) * np.abs(above), np.abs(dual) * np.abs(below))
-    return KktResidual(
-        stationarity=float(np.max(np.abs(problem.H @ x + problem.f + problem.A.T @ dual))),
-        feasibility=float(np.max(np.maximum(np.maximum(-above, -below), 0.0), initial=0.0)),
-        complementarity=float(np.max(np.where(dual == 0, 0.0, gap), initial=0.0)),
-    )
-
-
-def _with_slacks(
-    problem: QuadraticProgram,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _with_slacks(problem: QuadraticProgram) -> tuple[NDArray, NDArray, NDArray]:
     """H, f and A of the same problem with the slacks as further variables."""
     soft = np.flatnonzero(problem.soft_weight > 0)
     n, m, k = problem.f.size, problem.lower.size, soft.size
@@ -239,17 +211,14 @@ class LeastDistance:
         min 0.5 |v|^2   s.t.   lower_i <= (M v)_i + s_i <= upper_i,   soft rows at the cost 0.5 w_i s_i^2
 
     The arrays are kept: every solve reads `M`, `lower` and `upper` anew and writes `x`. The C structures are
-    laid out as in daqp 0.11; that is checked here, and another layout is refused.
+    laid out as in daqp 0.11; that is checked here, and another layout raises PushRecoveryError.
 
     Args:
         M: (m, n), C-contiguous.
         soft_weight: (m,), zero marks a hard row.
-        lower: (m,), allocated if not given; so are the other two.
+        lower: (m,), allocated if not given; so are `upper` and the solution `x` (n,).
         upper: (m,).
         x: (n,), the solution v.
-
-    Raises:
-        PushRecoveryError: the installed daqp does not have the expected layout.
     """
 
     def __init__(

@@ -14,6 +14,7 @@ named presets are files, too, in the folder `presets/` beside this module: all t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
@@ -121,15 +122,19 @@ class PlannerConfig:
             UnknownNameError: a field that does not exist; names the nearest one.
             InvalidValueError: an impossible value.
         """
-        valid = [field.name for field in fields(self)]
-        for name in changes:
-            if name not in valid:
-                raise UnknownNameError("field of PlannerConfig", name, valid)
+        _check_fields("field of PlannerConfig", changes)
         return replace(self, **changes)
 
     def numbers(self, names: Iterable[str]) -> dict[str, float]:
         """Settings among the names, as floats for compiled code; switches are 1 or 0."""
         return {name: float(getattr(self, name)) for name in names if hasattr(self, name)}
+
+
+def _check_fields(kind: str, names: Iterable[str]) -> None:
+    valid = [field.name for field in fields(PlannerConfig)]
+    for name in names:
+        if name not in valid:
+            raise UnknownNameError(kind, name, valid)
 
 
 class Stages(NamedTuple):
@@ -190,16 +195,11 @@ class PresetFile:
         valid = (*preset_names(), NEUTRAL)
         if self.base not in valid:
             raise UnknownNameError("base of a preset file", self.base, valid)
-        sections = {"planner": self.planner, "arms": self.arms, "biped": self.biped, "found": self.found}
-        groups = {f"arms.{name}": part for name, part in _items(self.arms)}
-        robots = {"biped": self.biped}
-        for name, part in groups.items():
-            robots[f"{name}.biped"] = dict(_items(part)).get("biped", {})
-        for name, robot in robots.items():
-            groups |= {name: robot, **{f"{name}.{section}": part for section, part in _items(robot)}}
-        for name, section in {**sections, **groups}.items():
-            if not isinstance(section, Mapping):
-                raise InvalidValueError(f"{name} of a preset file must be an object, got {section!r}")
+        _check_objects("planner", self.planner)
+        _check_objects("found", self.found)
+        _check_objects("biped", self.biped, depth=1)
+        for arm, part in _check_objects("arms", self.arms, depth=1).items():
+            _check_objects(f"arms.{arm}.biped", part.get("biped", {}), depth=1)
         for arm in self.arms:
             if arm not in ARMS:
                 raise UnknownNameError("arm of a preset file", arm, ARMS)
@@ -215,10 +215,7 @@ class PresetFile:
         """
         own = {name: value for name, value in self.arms.get(arm, {}).items() if name != "biped"}
         values = {**self.planner, **own}
-        valid = [entry.name for entry in fields(PlannerConfig)]
-        for name in values:
-            if name not in valid:
-                raise UnknownNameError("planner field of a preset file", name, valid)
+        _check_fields("planner field of a preset file", values)
         base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(arm)
         return base.replace(**values)
 
@@ -321,8 +318,13 @@ def preset_config(preset: str, arm: str = "") -> PlannerConfig:
     return load_preset(preset).config(arm) if is_preset_file(preset) else named_preset(preset).config(arm)
 
 
-def _items(section: Any) -> list[tuple[str, Any]]:
-    return list(section.items()) if isinstance(section, Mapping) else []
+def _check_objects(name: str, section: Any, depth: int = 0) -> Values:
+    """A section of a preset file, an object, and so are its entries to a depth."""
+    if not isinstance(section, Mapping):
+        raise InvalidValueError(f"{name} of a preset file must be an object, got {section!r}")
+    for own, part in section.items() if depth else ():
+        _check_objects(f"{name}.{own}", part, depth - 1)
+    return section
 
 
 Unit = tuple[tuple[str, float], ...]
@@ -332,59 +334,59 @@ FOOT_LENGTH, FOOT_WIDTH = (("foot_length", 1.0),), (("foot_width", 1.0),)
 SWING, SWING_TIME = (("swing", 1.0),), (("length", 0.5), ("swing", -0.5))
 PER_AREA, STIFFNESS, DAMPING = (("length", -2.0),), (("time", -2.0),), (("time", -1.0),)
 
-# Unit of each number as powers of the ratios in `Scale`; what is not here is a pure number or a switch
-UNITS: Mapping[str, Mapping[str, Unit]] = {
+# Numbers of each section by their unit, a product of powers of the ratios in `Scale`; what is not here is a
+# pure number or a switch
+_BY_UNIT: Mapping[str, Mapping[Unit, str]] = {
     "planner": {
-        **dict.fromkeys(("alpha_step", "alpha_offset", "beta_cop", "beta_dcm"), PER_AREA),
-        **dict.fromkeys(
-            ("duration_margin", "freeze", "touchdown_delay", "double_support", "push_carry", "sampling_time",
-             "tail_sampling_time", "mpc_step"), TIME),
-        "push_threshold": LENGTH,
-        "swing_acceleration": SWING,
-        "beta_dcm_acceleration": (("length", -2.0), ("time", 4.0)),
-        "beta_trunk": (("trunk_acceleration", -2.0),),
-        "beta_trunk_rate": (("trunk_acceleration", -1.0), ("trunk_angle", -1.0)),
-        "beta_trunk_angle": (("trunk_angle", -2.0),),
-        "beta_trunk_limit": (("trunk_angle", -2.0),),
-        "trunk_gravity": (("mass", 1.0), ("length", 1.0)),
-        "cop_margin_x": FOOT_LENGTH,
-        "cop_margin_y": FOOT_WIDTH,
-        "mpc_velocity": (("time", 2.0),),
-        "mpc_jerk": (("time", 6.0),),
-        "upright_stiffness": STIFFNESS,
-        "upright_damping": DAMPING,
+        PER_AREA: "alpha_step alpha_offset beta_cop beta_dcm",
+        TIME: "duration_margin freeze touchdown_delay double_support push_carry sampling_time "
+        "tail_sampling_time mpc_step",
+        LENGTH: "push_threshold",
+        SWING: "swing_acceleration",
+        (("length", -2.0), ("time", 4.0)): "beta_dcm_acceleration",
+        (("trunk_acceleration", -2.0),): "beta_trunk",
+        (("trunk_acceleration", -1.0), ("trunk_angle", -1.0)): "beta_trunk_rate",
+        (("trunk_angle", -2.0),): "beta_trunk_angle beta_trunk_limit",
+        (("mass", 1.0), ("length", 1.0)): "trunk_gravity",
+        FOOT_LENGTH: "cop_margin_x",
+        FOOT_WIDTH: "cop_margin_y",
+        (("time", 2.0),): "mpc_velocity",
+        (("time", 6.0),): "mpc_jerk",
+        STIFFNESS: "upright_stiffness",
+        DAMPING: "upright_damping",
     },
     "limits": {
-        **dict.fromkeys(("length_min", "length_max", "width_max"), LENGTH),
-        **dict.fromkeys(("duration_min", "duration_max"), SWING_TIME),
-        "width_min": FOOT_WIDTH,
-        "cop_x_max": FOOT_LENGTH,
-        "cop_y_max": FOOT_WIDTH,
-        "trunk_acceleration_max": (("trunk_acceleration", 1.0),),
+        LENGTH: "length_min length_max width_max",
+        SWING_TIME: "duration_min duration_max",
+        FOOT_LENGTH: "cop_x_max",
+        FOOT_WIDTH: "width_min cop_y_max",
+        (("trunk_acceleration", 1.0),): "trunk_acceleration_max",
     },
     "gait": {
-        **dict.fromkeys(("apex", "height_drop"), LENGTH),
-        **dict.fromkeys(("landing_delay", "commit", "early", "settled", "height_lead", "height_time"), TIME),
-        **dict.fromkeys(("early_load", "forced_load"), MASS),
-        "descent": (("length", 1.0), ("time", -1.0)),
-        "reach": (("leg", 1.0),),
+        LENGTH: "apex height_drop",
+        TIME: "landing_delay commit early settled height_lead height_time",
+        MASS: "early_load forced_load",
+        (("length", 1.0), ("time", -1.0)): "descent",
+        (("leg", 1.0),): "reach",
     },
     "gains": {
-        "swing_max": SWING,
-        **dict.fromkeys(("stance_kp", "swing_kp", "swing_turn_kp", "pelvis_kp", "heading_kp", "height_kp"),
-                        STIFFNESS),
-        **dict.fromkeys(("stance_kd", "swing_kd", "swing_turn_kd", "pelvis_kd", "heading_kd", "height_kd"),
-                        DAMPING),
+        SWING: "swing_max",
+        STIFFNESS: "stance_kp swing_kp swing_turn_kp pelvis_kp heading_kp height_kp",
+        DAMPING: "stance_kd swing_kd swing_turn_kd pelvis_kd heading_kd height_kd",
     },
     "bounds": {
-        **dict.fromkeys(("cop_x_max", "yaw_friction"), FOOT_LENGTH),
-        "cop_y_max": FOOT_WIDTH,
-        "force_min": MASS,
-        "waist_price": (("waist", 2.0),),
-        "pelvis_price": (("lean", 2.0),),
-        **dict.fromkeys(("heading_price", "swing_turn_price"), (("time", 4.0),)),
+        FOOT_LENGTH: "cop_x_max yaw_friction",
+        FOOT_WIDTH: "cop_y_max",
+        MASS: "force_min",
+        (("waist", 2.0),): "waist_price",
+        (("lean", 2.0),): "pelvis_price",
+        (("time", 4.0),): "heading_price swing_turn_price",
     },
-}  # fmt: skip
+}
+UNITS: Mapping[str, Mapping[str, Unit]] = {
+    section: {name: unit for unit, names in units.items() for name in names.split()}
+    for section, units in _BY_UNIT.items()
+}
 
 
 @dataclass(frozen=True)
@@ -417,10 +419,7 @@ class Scale:
 
     def factor(self, unit: Unit) -> float:
         """The factor of a number of a unit."""
-        factor = 1.0
-        for name, power in unit:
-            factor *= getattr(self, name) ** power
-        return factor
+        return math.prod(getattr(self, name) ** power for name, power in unit)
 
 
 def scaled_preset(preset: PresetFile, scale: Scale, own: Mapping[str, Mapping[str, Any]]) -> PresetFile:
@@ -435,18 +434,15 @@ def scaled_preset(preset: PresetFile, scale: Scale, own: Mapping[str, Mapping[st
     values = {field.name: getattr(config, field.name) for field in fields(PlannerConfig)}
     planner = {**_scaled(values, "planner", scale), **own.get("planner", {})}
     plain = {name: value for name, value in planner.items() if value != getattr(PlannerConfig(), name)}
-    arms = {arm: _scaled_arm(values, scale) for arm, values in preset.arms.items()}
+    arms = {}
+    for arm, changed in preset.arms.items():
+        parts = {name: _scaled(part, name, scale) for name, part in changed.get("biped", {}).items()}
+        planner_own = {name: value for name, value in changed.items() if name != "biped"}
+        arms[arm] = _scaled(planner_own, "planner", scale) | ({"biped": parts} if parts else {})
     robot = {
         name: {**_scaled(part, name, scale), **own.get(name, {})} for name, part in preset.robot().items()
     }
     return PresetFile(NEUTRAL, plain, arms, robot)
-
-
-def _scaled_arm(values: Mapping[str, Any], scale: Scale) -> dict[str, Any]:
-    """A variant's own values, its robot's part included."""
-    planner = {name: value for name, value in values.items() if name != "biped"}
-    robot = {name: _scaled(part, name, scale) for name, part in values.get("biped", {}).items()}
-    return {**_scaled(planner, "planner", scale), **({"biped": robot} if robot else {})}
 
 
 def _scaled(values: Mapping[str, Any], section: str, scale: Scale) -> dict[str, Any]:

@@ -23,31 +23,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+from .array_table import tuple_reader
 from .errors import InvalidValueError
 from .jit import njit
-from .model import observation
+from .model import nominal_gait, observation
 from .model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits, unscaled
-from .model.nominal_gait import (
-    NOMINAL_DURATION,
-    NOMINAL_STEP,
-    check_double_support,
-    check_pelvis,
-    nominal_gait_kernel,
-    transfer_mean,
-    transfer_weight,
-)  # fmt: skip
+from .model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, transfer_mean, transfer_weight
 from .model.robot import RobotModel
 from .qp import QuadraticProgram
 from .settings import PlannerConfig
-
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 Floats = NDArray[np.float64]
 
@@ -268,13 +257,7 @@ class StepConstants(NamedTuple):
     upright_damping: float
 
 
-CONSTANTS = len(StepConstants._fields)
-
-
-@njit(cache=True)
-def constants_of(packed: Any) -> StepConstants:
-    """The constants of a `StepPlanner` by name."""
-    return StepConstants(*to_fixed_tuple(packed, CONSTANTS))
+constants_of = tuple_reader(StepConstants)
 
 
 class StepPlanner:
@@ -293,8 +276,8 @@ class StepPlanner:
             InvalidValueError: a pelvis wider than the step box, or a double support longer than the shortest
                 step.
         """
-        check_pelvis(robot, limits)
-        check_double_support(config.double_support, limits)
+        nominal_gait.check_pelvis(robot, limits)
+        nominal_gait.check_double_support(config.double_support, limits)
         constants = StepConstants(
             omega=robot.omega,
             pelvis_width=robot.pelvis_width,
@@ -461,7 +444,7 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
         row[SHIFT + axis] = shift * obs[_SWING + axis] if shift > 0.0 else 0.0
         row[COP + axis] = share * obs[_SWING + axis] if shift > 0.0 else 0.0
     nominal = row[NOMINAL : NOMINAL_OFFSET + 2]
-    nominal_gait_kernel(
+    nominal_gait.nominal_gait_kernel(
         obs[_COMMAND], obs[_COMMAND + 1], c.pelvis_width, low, high, c.omega, c.touchdown_delay, nominal,
         c.double_support,
     )  # fmt: skip

@@ -81,11 +81,7 @@ def require_keys(kind: str, data: object, required: set[str], optional: set[str]
 
 
 def parse_json(what: str, text: str | bytes) -> Any:
-    """The content of a JSON text that a user has handed in.
-
-    Args:
-        what: name of the text for the error: "scenario", "suite file 'x.json'".
-        text: JSON; bytes are UTF-8.
+    """The content of a JSON text that a user has handed in; `what` names it in the error.
 
     Raises:
         InvalidValueError: no JSON, no UTF-8, an integer of more digits than Python reads, or lists

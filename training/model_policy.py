@@ -139,18 +139,8 @@ class ModelPolicy(LearnedPolicy):
 
     def __init__(self, trained: Trained, description: PolicyDescription):
         self._model, self._statistics = trained.model, trained.statistics
-        self._sizes = (*trained.seen.shape, *trained.action.shape)  # type: ignore[misc]
+        self.observation_size, self.action_size = *trained.seen.shape, *trained.action.shape  # type: ignore[misc]
         super().__init__(description)
-
-    @property
-    def observation_size(self) -> int:
-        """Length of the observation."""
-        return self._sizes[0]
-
-    @property
-    def action_size(self) -> int:
-        """Length of the action."""
-        return self._sizes[1]
 
     def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
         seen = rows if self._statistics is None else self._statistics.normalize_obs(rows)

@@ -31,21 +31,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import math3
 from ..array_table import Floats1, Floats2, Floats3
 from ..jit import njit
-from ..math3 import (
-    Vector,
-    add,
-    conjugate,
-    normalised,
-    of_rotation,
-    product,
-    rotated,
-    scaled,
-    subtract,
-    vector_at,
-    vector_in,
-)
+from ..math3 import Vector, add, normalised, of_rotation, product, rotated, subtract, vector_in
 from ..model.robot import GRAVITY
 from ..whole_body.kinematics import PELVIS, Physics, base_angular_velocity, sole_motion
 
@@ -148,13 +137,8 @@ def deviations(estimate: BaseEstimate) -> Deviations:
 def predict_level(level: Array, s: float, dt: float, tilt: float, bias: float, velocity: float) -> None:
     """P <- F P F' + Q with F = [[1, -dt, 0], [0, 1, 0], [s, 0, 1]] of one robot, (6,).
 
-    Args:
-        level: covariance, written.
-        s: vertical specific force times dt [m/s].
-        dt: [s].
-        tilt: variance that the tilt gains [rad^2]; `bias` [rad^2/s^2] and `velocity` [m^2/s^2] likewise.
-        bias: of the gyro.
-        velocity: of the base.
+    `s` is the vertical specific force times dt [m/s]; `tilt` [rad^2], `bias` of the gyro [rad^2/s^2] and
+    `velocity` [m^2/s^2] are the variances that these gain.
     """
     t, b, v = level[TT] - dt * level[TB], level[TB] - dt * level[BB], level[TV] - dt * level[BV]
     level[VV] += s * (s * level[TT] + 2.0 * level[TV]) + velocity
@@ -213,7 +197,7 @@ def navigate(estimate: BaseEstimate, k: int, inertial: Inertial, dt: float) -> V
     """
     rate = subtract(inertial.rate, vector_in(estimate.gyro_bias, k, 0))
     old = estimate.attitude[k]
-    q = normalised(product((old[0], old[1], old[2], old[3]), of_rotation(scaled(rate, dt))))
+    q = normalised(product((old[0], old[1], old[2], old[3]), of_rotation(math3.scaled(rate, dt))))
     for i in range(4):
         old[i] = q[i]
     change = rotated(q, inertial.change)
@@ -275,7 +259,7 @@ def listen_to_soles(estimate: BaseEstimate, k: int, phys: Physics, dt: float) ->
         rest = add(sole.velocity, subtract(now, moved))  # what the other sole has corrected is known
         if _rests(estimate, k, rest, _noise(sole.omega, ROLL)):
             _correct(estimate, k, rest, sole.omega, _noise(sole.omega, TURNING))
-            _hold_place(estimate, k, leg, subtract(sole.position, vector_at(phys.xpos, k, PELVIS)), dt)
+            _hold_place(estimate, k, leg, subtract(sole.position, math3.vector_at(phys.xpos, k, PELVIS)), dt)
             stands = True
         else:
             estimate.level[k, VV] += UNLOADED_VARIANCE * dt
@@ -318,7 +302,7 @@ def _correct(estimate: BaseEstimate, k: int, rest: Vector, omega: Vector, noise:
     estimate.lift_bias[k] -= lift * rest[2]
     old = estimate.attitude[k]
     q = old[0], old[1], old[2], old[3]
-    shift = rotated(conjugate(q), (bias * rest[1], -bias * rest[0], turn * omega[2]))
+    shift = rotated(math3.conjugate(q), (bias * rest[1], -bias * rest[0], turn * omega[2]))
     q = normalised(product(of_rotation((tilt * rest[1], -tilt * rest[0], 0.0)), q))
     for i in range(4):
         old[i] = q[i]

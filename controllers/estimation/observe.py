@@ -8,54 +8,21 @@ from typing import NamedTuple
 from ..array_table import Floats1, Floats2
 from ..jit import njit
 from ..math3 import Vector, add, scaled, subtract, vector_at
+from ..model import observation
 from ..model.capturability import capture_margin_kernel
 from ..model.gait_box import COP, DURATION, TRUNK
-from ..model.observation import (
-    COM,
-    COM_HEIGHT_ERROR,
-    COM_VELOCITY,
-    COM_VERTICAL_VELOCITY,
-    COMMAND,
-    DCM,
-    ELAPSED,
-    HEADING_ERROR,
-    PELVIS_ANGLE,
-    PREVIOUS_ACTION,
-    PUSH_ESTIMATE,
-    STANCE_CONTACT,
-    SWING_CONTACT,
-    SWING_POSITION,
-    SWING_VELOCITY,
-    TRUNK_ANGLE,
-    TRUNK_RATE,
-    WORLD_CMP,
-    WORLD_COP,
-    WORLD_DCM,
-    YAW_RATE,
-    Frame,
-    canonical,
-    canonical_frame,
-    in_world,
-)
+from ..model.observation import WORLD_CMP, WORLD_COP, WORLD_DCM, Frame, canonical, canonical_frame, in_world
+from ..whole_body import kinematics
 from ..whole_body.gait_machine import FLOOR, MOMENT, Gait, GaitSettings, Point
-from ..whole_body.kinematics import (
-    PELVIS,
-    WAIST_DOF,
-    WAIST_JOINT,
-    Array,
-    Physics,
-    base_angular_velocity,
-    com_velocity,
-    sole_motion,
-    sole_position,
-)
-from ..whole_body.kinematics import TRUNK as TRUNK_BODY
+from ..whole_body.kinematics import PELVIS, Array, Physics, sole_position
 from ..whole_body.swing import TURN, turned_command
 
-_DCM, _COM, _VELOCITY, _COMMAND = DCM.start, COM.start, COM_VELOCITY.start, COMMAND.start
-_SWING, _SWING_VELOCITY, _PUSH = SWING_POSITION.start, SWING_VELOCITY.start, PUSH_ESTIMATE.start
-_ANGLE, _RATE, _PELVIS = TRUNK_ANGLE.start, TRUNK_RATE.start, PELVIS_ANGLE.start
-_PREVIOUS = PREVIOUS_ACTION.start
+# Columns of the observation; of a pair (x, y) the first one
+_DCM, _COM, _VELOCITY = observation.DCM.start, observation.COM.start, observation.COM_VELOCITY.start
+_SWING, _SWING_VELOCITY = observation.SWING_POSITION.start, observation.SWING_VELOCITY.start
+_ANGLE, _RATE = observation.TRUNK_ANGLE.start, observation.TRUNK_RATE.start
+_PELVIS, _COMMAND = observation.PELVIS_ANGLE.start, observation.COMMAND.start
+_PREVIOUS, _PUSH = observation.PREVIOUS_ACTION.start, observation.PUSH_ESTIMATE.start
 CMP_OFF = 0.05  # of the CMP that acted from the planned one, from which the DCM counts as off its plan [m]
 
 
@@ -75,9 +42,8 @@ def count_contacts(contacts: Contacts, k: int, dt: float) -> None:
     The rows of the free joint's translation hold the sum of all external contacts in world axes, which force
     sensors in the feet would measure: joint limits and contacts between two legs cancel in it.
     """
-    contacts.impulse[k, 0] += dt * contacts.force[k, 0]
-    contacts.impulse[k, 1] += dt * contacts.force[k, 1]
-    contacts.impulse[k, 2] += dt * contacts.force[k, 2]
+    for i in range(3):
+        contacts.impulse[k, i] += dt * contacts.force[k, i]
     contacts.time[k] += dt
 
 
@@ -113,24 +79,19 @@ def write_push_estimate(
 
 @njit(cache=True, forceinline=True)
 def write_motion(
-    phys: Physics,
-    gait: Gait,
-    k: int,
-    s: GaitSettings,
-    frame: Frame,
-    velocity: Vector,
-    omega: Vector,
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, frame: Frame, velocity: Vector, omega: Vector,
     o: Array,
-) -> None:
+) -> None:  # fmt: skip
     """DCM, CoM and swing sole of one robot, canonical frame."""
     stance = gait.stance[k]
-    sole, foot = sole_position(phys, k, stance), sole_motion(phys, k, 1 - stance, omega)
+    sole, foot = sole_position(phys, k, stance), kinematics.sole_motion(phys, k, 1 - stance, omega)
     com = subtract(vector_at(phys.com, k, 0), sole)
     o[_COM], o[_COM + 1] = canonical(frame, com[0], com[1])
     o[_VELOCITY], o[_VELOCITY + 1] = canonical(frame, velocity[0], velocity[1])
     for axis in range(2):
         o[_DCM + axis] = o[_COM + axis] + o[_VELOCITY + axis] / s.omega
-    o[COM_HEIGHT_ERROR], o[COM_VERTICAL_VELOCITY] = com[2] - s.com_height, velocity[2]
+    o[observation.COM_HEIGHT_ERROR] = com[2] - s.com_height
+    o[observation.COM_VERTICAL_VELOCITY] = velocity[2]
     place = subtract(foot.position, sole)
     o[_SWING], o[_SWING + 1] = canonical(frame, place[0], place[1])
     o[_SWING_VELOCITY], o[_SWING_VELOCITY + 1] = canonical(frame, foot.velocity[0], foot.velocity[1])
@@ -148,19 +109,19 @@ def lean(phys: Physics, k: int, body: int, frame: Frame) -> tuple[float, float]:
 @njit(cache=True, forceinline=True)
 def write_posture(phys: Physics, gait: Gait, k: int, frame: Frame, omega: Vector, o: Array) -> None:
     """Lean of trunk and pelvis, heading and contacts of one robot, canonical frame."""
-    o[_ANGLE], o[_ANGLE + 1] = lean(phys, k, TRUNK_BODY, frame)
+    o[_ANGLE], o[_ANGLE + 1] = lean(phys, k, kinematics.TRUNK, frame)
     trunk_omega = omega
     for j in range(2):
-        axis, rate = vector_at(phys.xaxis, k, WAIST_JOINT + j), phys.qvel[k, WAIST_DOF + j]
-        trunk_omega = add(trunk_omega, scaled(axis, rate))
+        axis = vector_at(phys.xaxis, k, kinematics.WAIST_JOINT + j)
+        trunk_omega = add(trunk_omega, scaled(axis, phys.qvel[k, kinematics.WAIST_DOF + j]))
     # of the top, 1 m up: omega x z
     o[_RATE], o[_RATE + 1] = canonical(frame, trunk_omega[1], -trunk_omega[0])
     o[_PELVIS], o[_PELVIS + 1] = lean(phys, k, PELVIS, frame)
     x, y = canonical(frame, phys.xmat[k, PELVIS, 0], phys.xmat[k, PELVIS, 3])
-    o[HEADING_ERROR], o[YAW_RATE] = math.atan2(y, x), frame.sign * omega[2]
+    o[observation.HEADING_ERROR], o[observation.YAW_RATE] = math.atan2(y, x), frame.sign * omega[2]
     stance = gait.stance[k]
-    o[STANCE_CONTACT] = 1.0 if phys.load[k, stance] > 1.0 else 0.0
-    o[SWING_CONTACT] = 1.0 if phys.load[k, 1 - stance] > 1.0 else 0.0
+    o[observation.STANCE_CONTACT] = 1.0 if phys.load[k, stance] > 1.0 else 0.0
+    o[observation.SWING_CONTACT] = 1.0 if phys.load[k, 1 - stance] > 1.0 else 0.0
 
 
 @njit(cache=True, forceinline=True)
@@ -186,16 +147,8 @@ def tracks_plan(
 
     xi' = cmp + growth (xi - cmp) + (growth - 1) push, growth = exp(omega span). What is missing, over
     (growth - 1), is how far the CMP that acted was from the planned one; at most CMP_OFF of it is allowed.
-
-    Args:
-        phys: of all robots, and so the gait machines.
-        gait: their state, with the plan that was held.
-        k: the robot.
-        span: of the period [s].
-        s: constants.
-        before: DCM at the beginning of the period, world [m].
-        o: observation (36,), of which the push estimate.
-        world: points (6,) at the end, of which the DCM [m].
+    `before` is the DCM at the beginning of the period in the world [m]; of the observation `o` (36,) and the
+    points `world` (6,) at the end, push estimate and DCM count.
     """
     if span <= 0.0 or gait.elapsed[k] < span - 1e-9:
         return True
@@ -217,8 +170,8 @@ def observe(
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
     frame = canonical_frame(gait.heading[k], gait.stance[k])
-    omega, velocity = base_angular_velocity(phys, k), com_velocity(phys, k)
-    o[ELAPSED] = gait.elapsed[k]
+    omega, velocity = kinematics.base_angular_velocity(phys, k), kinematics.com_velocity(phys, k)
+    o[observation.ELAPSED] = gait.elapsed[k]
     write_motion(phys, gait, k, s, frame, velocity, omega, o)
     write_posture(phys, gait, k, frame, omega, o)
     o[_COMMAND], o[_COMMAND + 1] = command[0], frame.sign * command[1]
@@ -231,4 +184,4 @@ def observe(
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
-    return capture_margin_kernel(o[ELAPSED], dcm, angle, rate, capture)
+    return capture_margin_kernel(gait.elapsed[k], dcm, angle, rate, capture)

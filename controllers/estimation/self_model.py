@@ -49,19 +49,9 @@ from ..jit import njit
 from ..math3 import stack_floats, subtract, vector_of
 from ..model.observation import COM, DCM, PUSH_ESTIMATE, canonical, heading_frame, side_sign
 from ..model.robot import GRAVITY
+from ..whole_body import kinematics
 from ..whole_body.gait_machine import Gait, GaitSettings
-from ..whole_body.kinematics import (
-    BASE,
-    DIAGONAL,
-    LEG_DOF,
-    NU,
-    NV,
-    ROW,
-    Array,
-    Physics,
-    com_velocity,
-    sole_position,
-)
+from ..whole_body.kinematics import BASE, LEG_DOF, NU, NV, Array, Physics
 from .observe import Contacts, external_force
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -164,7 +154,7 @@ def feel_swing(joints: Floats3, before: Floats2, phys: Physics, k: int, leg: int
 def keep_leg(before: Floats2, phys: Physics, k: int, leg: int) -> None:
     """Keep the rows of a leg's joints, and all rates, for the physics step to come."""
     for i in range(BIAS):
-        before[k, i] = phys.mass_matrix[k, ROW[LEG_DOF[leg]] + i]
+        before[k, i] = phys.mass_matrix[k, kinematics.ROW[LEG_DOF[leg]] + i]
     for i in range(6):
         before[k, BIAS + i] = phys.bias[k, LEG_DOF[leg] + i]
     for i in range(NV):
@@ -175,13 +165,8 @@ def keep_leg(before: Floats2, phys: Physics, k: int, leg: int) -> None:
 def feel_joints(joints: Floats3, before: Floats2, phys: Physics, gait: Gait, k: int, dt: float) -> None:
     """Take in the physics step of robot k that has just ended; a leg that has just landed concludes.
 
-    Args:
-        joints: (n, 14, LOSS_SIZE), written.
-        before: (n, BEFORE) the swing leg's rows and all rates at the beginning of the step, written.
-        phys: of all robots after the step, M and h of the model, torques as the drives gave them.
-        gait: of all robots.
-        k: the robot.
-        dt: of the step [s].
+    M and h in `phys` are the model's, torques as the drives gave them. `before` (n, BEFORE) holds what it was
+    when the step began, and then what it is now.
     """
     stance = gait.stance[k]
     if gait.elapsed[k] <= 1.5 * dt:  # has just touched down
@@ -197,7 +182,7 @@ def add_losses(joints: Floats3, phys: Physics, k: int) -> None:
     """Add what the joints of robot k lose to its mass matrix and bias, just computed from its model."""
     for j in range(LEG_DOF[0], NV):
         joint = joints[k, j - BASE]
-        phys.mass_matrix[k, DIAGONAL[j]] += joint[ROTOR]
+        phys.mass_matrix[k, kinematics.DIAGONAL[j]] += joint[ROTOR]
         phys.bias[k, j] += joint[FRICTION] * direction(phys.qvel[k, j])
 
 
@@ -229,11 +214,6 @@ STOOD_SIZE = 14
 
 
 @njit(cache=True, forceinline=True)
-def _keep_place(stood: Array, first: int, x: float, y: float) -> None:
-    stood[first], stood[first + 1] = x, y
-
-
-@njit(cache=True, forceinline=True)
 def _count_noise(stood: Array, x: float, y: float) -> None:
     """Take how the displacement (x, y) of a period differs from that of the one before it."""
     squared = ((x - stood[MOVED]) ** 2 + (y - stood[MOVED + 1]) ** 2) / 12.0
@@ -246,7 +226,7 @@ def _count_noise(stood: Array, x: float, y: float) -> None:
 @njit(cache=True, forceinline=True)
 def _restart(stood: Array, x: float, y: float) -> None:
     """A slide may begin here."""
-    _keep_place(stood, START, x, y)
+    stood[START], stood[START + 1] = x, y
     stood[TIME] = stood[PERIODS] = stood[SHARE] = 0.0
 
 
@@ -273,20 +253,14 @@ def feel_grip(
     is tried again: while the sole rests although that share is as large as the belief, there is more
     friction, and the belief rises at a steady rate, up to that of the beginning.
 
-    Args:
-        stood: row (STOOD_SIZE,) of the robot, written.
-        grip: friction believed in until now.
-        x: place of the stance sole [m].
-        y: place of the stance sole [m].
-        step: its number.
-        landed: whether the sole no longer slides from its landing.
-        share: of the floor's force that is horizontal over the vertical one; negative: there is no force.
-        span: of the period [s].
+    `stood` (STOOD_SIZE,) is written. The sole of a numbered `step` is at (x, y) [m] after a `span` [s]; once
+    it has `landed`, it no longer slides from its landing. `share` is the floor's horizontal force over its
+    vertical one, negative where there is none.
     """
     stands = landed and stood[ITS_STEP] == step
     moved_x, moved_y = x - stood[PLACE], y - stood[PLACE + 1]
     stood[ITS_STEP] = step
-    _keep_place(stood, PLACE, x, y)
+    stood[PLACE], stood[PLACE + 1] = x, y
     if not stands or share < 0.0:
         stood[STANDS_FOR] = 0.0
         _restart(stood, x, y)
@@ -294,7 +268,7 @@ def feel_grip(
     if stood[STANDS_FOR] > 0.0:
         _count_noise(stood, moved_x, moved_y)
     stood[STANDS_FOR] += 1.0
-    _keep_place(stood, MOVED, moved_x, moved_y)
+    stood[MOVED], stood[MOVED + 1] = moved_x, moved_y
     stood[TIME] += span
     noisy, doubt = stood[NOISE] > NO_NOISE, SLIDE_DOUBT * math.sqrt(2.0 * stood[NOISE])
     far = math.hypot(x - stood[START], y - stood[START + 1]) - SLIDES * stood[TIME]
@@ -322,7 +296,6 @@ NOISE_KNOWN = 0.03  # less counts as none [m]
 NOISE_SHARE = 2.0  # of the noise that a push must rise above
 
 STANDING = 0.03  # a sole that has stood for less may still slide from its landing [s]
-
 # Columns of `SelfModel.step`; of a pair (x, y) the first one
 DRIFT = 0  # pair, sum of the drift
 WEIGHT = 2  # sum of its weights
@@ -366,13 +339,10 @@ def forget(known: SelfModel, k: int, s: GaitSettings, friction: float) -> None:
     """Let robot k begin anew with its model, which counts for MEMORY seconds of weighing."""
     known.mass[k] = 1.0
     known.weighed[k] = s.mass * GRAVITY * MASS_MEMORY
-    known.asked[k] = known.drift[k] = 0.0
-    known.step[k] = known.felt[k] = 0.0
+    for field in (known.asked, known.drift, known.step, known.felt, known.stood, known.joints, known.before):
+        field[k] = 0.0
     known.step[k, QUIET] = 1.0  # the first step counts
-    known.grip[k] = friction
-    known.stood[k] = 0.0
-    known.joints[k] = known.before[k] = 0.0
-    known.stood[k, GRIP_AT_FIRST] = friction
+    known.grip[k] = known.stood[k, GRIP_AT_FIRST] = friction
 
 
 @njit(cache=True, forceinline=True)
@@ -389,8 +359,8 @@ def scale_mass(known: SelfModel, k: int, phys: Physics) -> None:
 @njit(cache=True, forceinline=True)
 def count_asked(known: SelfModel, k: int, gait: Gait, dt: float) -> None:
     """Add the force that whole-body control expects of the floor in the physics step to come."""
-    known.asked[k, 0] += dt * gait.wrench[k, 0]
-    known.asked[k, 1] += dt * gait.wrench[k, 1]
+    for axis in range(2):
+        known.asked[k, axis] += dt * gait.wrench[k, axis]
 
 
 @njit(cache=True)
@@ -422,7 +392,7 @@ def end_step(known: SelfModel, k: int) -> None:
 @njit(cache=True)
 def learn_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contacts) -> None:
     """Take in what the floor has held of robot k, whose stance sole may slide from its landing at first."""
-    (x, y, _), impulse = sole_position(phys, k, gait.stance[k]), contacts.impulse[k]
+    (x, y, _), impulse = kinematics.sole_position(phys, k, gait.stance[k]), contacts.impulse[k]
     share = math.hypot(impulse[0], impulse[1]) / impulse[2] if impulse[2] > 0.0 else -1.0
     landed, step, span = gait.elapsed[k] > STANDING, gait.steps[k], contacts.time[k]
     known.grip[k] = feel_grip(known.stood[k], known.grip[k], x, y, step, landed, share, span)
@@ -435,7 +405,7 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
     if span <= 0.0:
         return
     learn_grip(known, k, phys, gait, contacts)
-    velocity = com_velocity(phys, k)
+    velocity = kinematics.com_velocity(phys, k)
     x, y, z = subtract(velocity, vector_of(contacts.velocity[k], 0))
     step, mass = known.step[k], s.mass * known.mass[k]
     if step[NUMBER] != gait.steps[k]:

@@ -22,26 +22,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import ArrayLike, NDArray
 
+from ..array_table import tuple_reader
 from ..errors import InvalidValueError
 from ..jit import njit
 from .gait_box import GaitLimits
 from .nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from .robot import RobotModel
 
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
-
-
-# Columns of the bounds of the DCM offset; of a pair (x, y) the first one
-LOW = 0  # pair [m]
-HIGH = 2  # pair [m]
-BOUNDS = 4
+LOW, HIGH, BOUNDS = 0, 2, 4  # columns of the bounds of the DCM offset, pairs (x, y) [m], and their number
 
 
 @dataclass(frozen=True)
@@ -70,40 +63,30 @@ class CaptureConstants(NamedTuple):
     trunk_angle_max: float  # [rad]
 
 
-CONSTANTS = len(CaptureConstants._fields)
+constants_of = tuple_reader(CaptureConstants)
 
 
 def capture_constants(
     robot: RobotModel, limits: GaitLimits, foot: bool = True, flywheel: bool = True
 ) -> NDArray[np.float64]:
-    """`CaptureConstants` as an array (CONSTANTS,).
+    """`CaptureConstants` as an array.
 
     A point foot has no sole, no flywheel no torque, neither about an axis that the waist lacks.
     """
     torque_limit = robot.trunk_torque_max / robot.trunk_inertia
-    return np.array(
-        CaptureConstants(
-            omega=robot.omega,
-            length_min=limits.length_min,
-            length_max=limits.length_max,
-            width_min=limits.width_min,
-            width_max=limits.width_max,
-            duration_min=limits.duration_min,
-            duration_max=limits.duration_max,
-            cop_x_max=limits.cop_x_max * foot,
-            cop_y_max=limits.cop_y_max * foot,
-            trunk_gain=robot.cmp_per_trunk_acceleration,
-            trunk_pitch_max=min(torque_limit, limits.trunk_accelerations[0]) * flywheel,
-            trunk_roll_max=min(torque_limit, limits.trunk_accelerations[1]) * flywheel,
-            trunk_angle_max=robot.trunk_angle_max,
-        )
+    pitch, roll = (min(torque_limit, most) * flywheel for most in limits.trunk_accelerations)
+    box = {name: getattr(limits, name) for name in CaptureConstants._fields[1:7]}
+    constants = CaptureConstants(
+        omega=robot.omega,
+        **box,
+        cop_x_max=limits.cop_x_max * foot,
+        cop_y_max=limits.cop_y_max * foot,
+        trunk_gain=robot.cmp_per_trunk_acceleration,
+        trunk_pitch_max=pitch,
+        trunk_roll_max=roll,
+        trunk_angle_max=robot.trunk_angle_max,
     )
-
-
-@njit(cache=True)
-def constants_of(packed: Any) -> CaptureConstants:
-    """The constants of `capture_constants` by name."""
-    return CaptureConstants(*to_fixed_tuple(packed, CONSTANTS))
+    return np.array(constants)
 
 
 @njit(cache=True)
@@ -265,14 +248,9 @@ def max_recoverable_impulse(
 
 
 def _max_recoverable_shift(
-    robot: RobotModel,
-    psi: float,
-    foot: bool,
-    flywheel: bool,
-    limits: GaitLimits | None,
-    gait: NominalGait | None,
-    reaction: float,
-) -> float:
+    robot: RobotModel, psi: float, foot: bool, flywheel: bool, limits: GaitLimits | None,
+    gait: NominalGait | None, reaction: float,
+) -> float:  # fmt: skip
     """How far a push along psi may shift the DCM at the start of a left stance [m].
 
     Inputs that are nominal for r let the offset grow by exp(omega r), so the bounds at r hold for it then.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -91,25 +90,23 @@ class GaitLimits:
         return bound if self.trunk_pitch else 0.0, bound if self.trunk_roll else 0.0
 
     @cached_property
+    def box(self) -> NDArray[np.float64]:
+        """Lower and upper bounds, (2, 7), in the units of GAIT_NAMES; read-only."""
+        both_ways = self.cop_x_max, self.cop_y_max, *self.trunk_accelerations
+        low = self.length_min, self.width_min, self.duration_min, *(-bound for bound in both_ways)
+        box = np.array([low, (self.length_max, self.width_max, self.duration_max, *both_ways)])
+        box.flags.writeable = False
+        return box
+
+    @cached_property
     def low(self) -> NDArray[np.float64]:
-        """Lower bounds, (7,), in the units of GAIT_NAMES; read-only."""
-        return _frozen(
-            [self.length_min, self.width_min, self.duration_min, -self.cop_x_max, -self.cop_y_max,
-             *(-bound for bound in self.trunk_accelerations)]
-        )  # fmt: skip
+        """Lower bounds, (7,); read-only."""
+        return self.box[0]
 
     @cached_property
     def high(self) -> NDArray[np.float64]:
         """Upper bounds, (7,); read-only."""
-        return _frozen(
-            [self.length_max, self.width_max, self.duration_max, self.cop_x_max, self.cop_y_max,
-             *self.trunk_accelerations]
-        )  # fmt: skip
-
-    @cached_property
-    def box(self) -> NDArray[np.float64]:
-        """Lower and upper bounds, (2, 7); read-only."""
-        return _frozen([self.low, self.high])
+        return self.box[1]
 
     def to_action(self, gait: ArrayLike) -> NDArray[np.float32]:
         """Gait variables (..., 7) -> actions in [-1, 1], clipped, float32; 0 for one without a range."""
@@ -143,9 +140,3 @@ def _scale(actions, low, high):  # pragma: no cover
             elif clipped > 1.0:
                 clipped = 1.0
             actions[i, j] = unscaled(clipped, low[j], high[j])
-
-
-def _frozen(values: Sequence[ArrayLike]) -> NDArray[np.float64]:
-    array = np.array(values)
-    array.flags.writeable = False
-    return array

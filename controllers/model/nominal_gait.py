@@ -218,7 +218,7 @@ def nominal_gait(
         command[0], command[1], robot.pelvis_width, limits.low, limits.high, robot.omega, touchdown_delay,
         out, double_support,
     )  # fmt: skip
-    return NominalGait(*(float(value) for value in out))
+    return NominalGait(*out.tolist())
 
 
 def check_pelvis(robot: RobotModel, limits: GaitLimits) -> None:
@@ -331,14 +331,7 @@ def _widen(observations: Any, actions: Any, low: Any, high: Any, double_support:
 def gaits_of_actions(
     limits: GaitLimits, observations: NDArray[np.float64], actions: NDArray[Any], double_support: float
 ) -> NDArray[np.float64]:
-    """Gait variables (n, 7) that actions (n, 7) mean at observations (n, 36): `from_action`, but for the CoP.
-
-    Args:
-        limits: of the action.
-        observations: at which the actions are taken.
-        actions: in [-1, 1], clipped.
-        double_support: d [s].
-    """
+    """Gait variables (n, 7) of actions (n, 7) at observations (n, 36): `from_action`, but for the CoP."""
     gaits = limits.from_action(actions)
     if double_support > 0.0:
         asked = np.asarray(actions, dtype=np.float64)

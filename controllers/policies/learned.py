@@ -96,57 +96,8 @@ def policy_paths(path: str | Path) -> tuple[Path, Path]:
     return stem.with_name(stem.name + ".safetensors"), stem.with_name(stem.name + ".json")
 
 
-def write_policy(
-    network: Mlp,
-    normalisation: Normalisation,
-    about: PolicyDescription,
-    path: str | Path,
-    training: dict[str, Any] | None = None,
-) -> Path:
-    """Write a policy; returns the path of its weights.
-
-    Args:
-        network: normalised observation -> action mean.
-        normalisation: of the observation.
-        about: robot and environment that the policy was made for.
-        path: either file of the pair, or their common stem.
-        training: steps, seed and so on, kept as a note.
-    """
-    from safetensors.numpy import save
-
-    weights_path, description_path = policy_paths(path)
-    tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
-    tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
-    weights = save(tensors)
-    description = {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "env_id": about.env_id,
-        "inputs": list(about.inputs),
-        "observation_size": network.sizes[0] - input_size(about.inputs, 0),
-        "action_size": network.sizes[-1],
-        "hidden_sizes": list(network.sizes[1:-1]),
-        "activation": network.activation,
-        "output": network.output,
-        "observation_mean": normalisation.mean.tolist(),
-        "observation_variance": normalisation.variance.tolist(),
-        "observation_clip": normalisation.clip,
-        "observation_epsilon": normalisation.epsilon,
-        "hold": about.hold,
-        "residual": None if about.residual is None else asdict(about.residual),
-        "robot": asdict(about.robot),
-        "limits": asdict(about.limits),
-        "weights_sha256": hashlib.sha256(weights).hexdigest(),
-        "training": training or {},
-    }
-    text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
-    write_atomically(weights_path, weights)
-    write_atomically(description_path, text)
-    return weights_path
-
-
 def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription]:
-    """Read the files of `write_policy`.
+    """Read the files of `NetworkPolicy.save`.
 
     Args:
         path: either file of the pair, or their common stem.
@@ -166,12 +117,12 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
         )
         residual = about["residual"]
         description = PolicyDescription(
-            env_id=about["env_id"],
-            robot=_record(RobotModel, about["robot"], "robot"),
-            limits=_record(GaitLimits, about["limits"], "limits"),
-            residual=None if residual is None else read_residual(residual),
-            hold=about["hold"],
-            inputs=tuple(about["inputs"]),
+            about["env_id"],
+            _record(RobotModel, about["robot"], "robot"),
+            _record(GaitLimits, about["limits"], "limits"),
+            None if residual is None else read_residual(residual),
+            about["hold"],
+            tuple(about["inputs"]),
         )
     except (InvalidValueError, TypeError, ValueError) as error:
         raise InvalidValueError(f"policy description {description_path}: {error}") from error
@@ -226,13 +177,9 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
     if found != expected or any(tensor.dtype != np.float32 for tensor in tensors.values()):
         raise InvalidValueError(f"the policy weights {path} must be float32 {expected}, got {found}")
     layers = range(len(sizes) - 1)
+    weights, biases = (tuple(tensors[f"layers.{i}.{part}"] for i in layers) for part in ("weight", "bias"))
     try:
-        return Mlp(
-            tuple(tensors[f"layers.{i}.weight"] for i in layers),
-            tuple(tensors[f"layers.{i}.bias"] for i in layers),
-            about["activation"],
-            about["output"],
-        )
+        return Mlp(weights, biases, about["activation"], about["output"])
     except ValueError as error:
         raise InvalidValueError(f"the policy weights {path}: {error}") from error
 
@@ -273,6 +220,9 @@ class LearnedPolicy(ABC):
         base: the policy that a residual corrects; by default made from the description.
     """
 
+    observation_size: int  # set by a subclass before it calls `__init__`, like the other
+    action_size: int
+
     def __init__(self, description: PolicyDescription, base: Policy | None = None):
         residual = description.residual
         if residual is not None and self.action_size != GAIT_SIZE:
@@ -284,16 +234,6 @@ class LearnedPolicy(ABC):
             base = residual.make(*made_for) if base is None else base
             scale = np.asarray(residual.scale, dtype=np.float32)
             self.rule = ResidualRule(base, *made_for, scale, residual.gate)
-
-    @property
-    @abstractmethod
-    def observation_size(self) -> int:
-        """Length of the observation."""
-
-    @property
-    @abstractmethod
-    def action_size(self) -> int:
-        """Length of the action."""
 
     @abstractmethod
     def _learned(self, rows: NDArray[np.float64], below: Below | None) -> NDArray[np.float32]:
@@ -331,13 +271,14 @@ class LearnedPolicy(ABC):
 
     def check_made_for(self, robot: RobotModel, limits: GaitLimits) -> None:
         """Raise InvalidValueError where an environment's robot or gait limits are not the training's."""
+        about = self.description
         for name, mine, theirs in (
-            ("another robot", self.description.robot, robot),
-            ("other limits", self.description.limits, limits),
+            ("another robot", about.robot, robot),
+            ("other limits", about.limits, limits),
         ):
             if mine != theirs:
                 raise InvalidValueError(
-                    f"the policy was made for {name} than the environment's ({self.description.env_id}): "
+                    f"the policy was made for {name} than the environment's ({about.env_id}): "
                     f"{differences(asdict(mine), asdict(theirs))}"
                 )
 
@@ -355,11 +296,7 @@ class LearnedPolicy(ABC):
         return rows, None if self.rule is None else self.rule.below(rows), values.ndim == 1
 
     def _held(
-        self,
-        rows: NDArray[np.float64],
-        below: Below | None,
-        state: PolicyState,
-        episode_start: ArrayLike | None,
+        self, rows: NDArray, below: Below | None, state: PolicyState, episode_start: ArrayLike | None
     ) -> tuple[NDArray[np.float32], PolicyState]:
         """Learned actions (n, actions), renewed where due, and the state (periods since, actions)."""
         if self.description.hold == 1:
@@ -383,14 +320,7 @@ class LearnedPolicy(ABC):
 
 
 class NetworkPolicy(LearnedPolicy):
-    """A learned policy whose network numpy runs.
-
-    Args:
-        network: normalised observation -> action mean.
-        normalisation: of the observation.
-        description: robot and environment that the policy was made for.
-        base: the policy that a residual corrects; by default made from the description.
-    """
+    """A learned policy whose network, normalised observation -> action mean, numpy runs."""
 
     batchable = True
 
@@ -406,18 +336,10 @@ class NetworkPolicy(LearnedPolicy):
                 f"the network takes {network.sizes[0]} inputs, the normalisation {normalisation.mean.size}"
             )
         self.network, self.normalisation = network, normalisation
+        self.observation_size = network.sizes[0] - input_size(description.inputs, 0)
+        self.action_size = network.sizes[-1]
         super().__init__(description, base)
         self._inputs = NetworkInputs(description.inputs, description.robot, description.limits)
-
-    @property
-    def observation_size(self) -> int:
-        """Length of the observation."""
-        return self.network.sizes[0] - input_size(self.description.inputs, 0)
-
-    @property
-    def action_size(self) -> int:
-        """Length of the action."""
-        return self.network.sizes[-1]
 
     def network_inputs(self, observation: ArrayLike) -> NDArray[np.float64]:
         """The network's view of one observation or a batch, (n, inputs), before the normalisation."""
@@ -426,7 +348,38 @@ class NetworkPolicy(LearnedPolicy):
 
     def save(self, path: str | Path, training: dict[str, Any] | None = None) -> Path:
         """Write PATH.safetensors and PATH.json; returns the first. `training` is kept as a note."""
-        return write_policy(self.network, self.normalisation, self.description, path, training)
+        from safetensors.numpy import save
+
+        network, normalisation, about = self.network, self.normalisation, self.description
+        weights_path, description_path = policy_paths(path)
+        tensors = {f"layers.{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
+        tensors |= {f"layers.{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
+        weights = save(tensors)
+        description = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "env_id": about.env_id,
+            "inputs": list(about.inputs),
+            "observation_size": self.observation_size,
+            "action_size": self.action_size,
+            "hidden_sizes": list(network.sizes[1:-1]),
+            "activation": network.activation,
+            "output": network.output,
+            "observation_mean": normalisation.mean.tolist(),
+            "observation_variance": normalisation.variance.tolist(),
+            "observation_clip": normalisation.clip,
+            "observation_epsilon": normalisation.epsilon,
+            "hold": about.hold,
+            "residual": None if about.residual is None else asdict(about.residual),
+            "robot": asdict(about.robot),
+            "limits": asdict(about.limits),
+            "weights_sha256": hashlib.sha256(weights).hexdigest(),
+            "training": training or {},
+        }
+        text = json.dumps(description, indent=1, allow_nan=False).encode() + b"\n"
+        write_atomically(weights_path, weights)
+        write_atomically(description_path, text)
+        return weights_path
 
     @classmethod
     def load(cls, path: str | Path, base: Policy | None = None) -> NetworkPolicy:

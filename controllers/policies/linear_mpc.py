@@ -55,15 +55,10 @@ COLUMNS = RATE + 1
 
 @njit(cache=True)
 def predict(remaining, period, omega, cop, rate, spans):  # pragma: no cover
-    """Predict the nodes of the horizon.
+    """Write the nodes of the horizon: `remaining` until the next touchdown, then steps of a period [s].
 
-    Args:
-        remaining: time until the next touchdown [s].
-        period: of the steps after it [s].
-        omega: natural frequency [1/s].
-        cop: CoP less the centre of the foot that it is in, written (NODES, COLUMNS) [m].
-        rate: v, written (NODES, COLUMNS) [m].
-        spans: time that each node stands for, half of the intervals beside it, written (NODES,) [s].
+    `cop` (NODES, COLUMNS) is the CoP less the centre of the foot that it is in and `rate` (NODES, COLUMNS) v
+    [m]; `spans` (NODES,) the time that each node stands for, half of the intervals beside it [s].
     """
     c, v, a, foot = np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS)
     c[POSITION], v[RATE] = 1.0, 1.0

@@ -167,11 +167,6 @@ class NetworkInputs:
     - `base` (7): what the policy below does.
     - `gate` (1): the opening g of the residual's gate, 1 without one.
     - `margin` (1): the capture margin of the observation, within MARGIN_RANGE [m].
-
-    Args:
-        names: of the blocks, see `check_inputs`.
-        robot: physical constants.
-        limits: gait box.
     """
 
     def __init__(self, names: Sequence[str], robot: RobotModel, limits: GaitLimits):

@@ -24,22 +24,14 @@ DEFAULT_GATE = (0.03, 0.10)  # [m] an undisturbed walk of the biped stays below 
 
 
 def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -> NDArray[np.float32]:
-    """Residual scale (7,) in action units: factor x PHYSICAL_SCALE x 2 / (high - low).
+    """Residual scale (7,) in action units: factor x PHYSICAL_SCALE x 2 / (high - low), of the gait box.
 
-    It is 0 for an entry without a range.
-
-    Args:
-        limits: The gait box onto which the actions in [-1, 1] are scaled.
-        factor: Multiplies every entry [-], >= 0.
-
-    Raises:
-        InvalidValueError: The factor is negative or not finite.
+    It is 0 for an entry without a range. A factor that is negative or not finite raises InvalidValueError.
     """
     if not (math.isfinite(factor) and factor >= 0):
         raise InvalidValueError(f"residual factor must be finite and >= 0, got {factor}")
-    physical = factor * np.asarray(PHYSICAL_SCALE)
     span = limits.high - limits.low
-    scale = physical * 2.0 / np.where(span > 0.0, span, np.inf)
+    scale = factor * np.asarray(PHYSICAL_SCALE) * 2.0 / np.where(span > 0.0, span, np.inf)
     return np.asarray(scale, dtype=np.float32)
 
 
@@ -70,13 +62,7 @@ def check_residual_scale(scale: ArrayLike) -> NDArray[np.float32]:
 def compose(
     base: NDArray[np.float32], residual: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Total action: clip(base + scale x residual, -1, 1), and the base's own bits where that residual is 0.
-
-    Args:
-        base: Actions of the wrapped policy, (..., 7).
-        residual: Learned actions in [-1, 1], (..., 7).
-        scale: Scale per entry in action units, (7,).
-    """
+    """Total action (..., 7): clip(base + scale x residual, -1, 1), the base's own bits where that adds 0."""
     shift = scale * residual
     total = np.clip(base + shift, np.float32(-1.0), np.float32(1.0))
     return np.where(shift == 0.0, base, total)

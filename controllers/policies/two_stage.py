@@ -161,14 +161,11 @@ class TwoStagePolicy:
                 of threads.
         """
         announce_compilation()
-        self.robot = RobotModel() if robot is None else require_kind("robot", robot, RobotModel)
-        self.limits = (
-            GaitLimits.of(self.robot) if limits is None else require_kind("limits", limits, GaitLimits)
-        )
-        self.config = (
-            preset_config("default") if config is None else require_kind("config", config, PlannerConfig)
-        )
-        self.name = name
+        robot = RobotModel() if robot is None else robot
+        self.robot, self.name = require_kind("robot", robot, RobotModel), name
+        self.limits = require_kind("limits", GaitLimits.of(robot) if limits is None else limits, GaitLimits)
+        config = preset_config("default") if config is None else config
+        self.config = require_kind("config", config, PlannerConfig)
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
         self._stage_2 = make_regulator(self.robot, self.limits, self.config, self._threads.threads)
@@ -182,19 +179,11 @@ class TwoStagePolicy:
         return tuple(STATUS_NAMES[int(index)] for index in rows[:, STATUS].tolist())
 
     def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
-        """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged.
+        """Action (7,) or (n, 7), float32 in [-1, 1], and the state, unchanged: the policy has no memory.
 
-        Args:
-            observation: (36,) or (n, 36), see `observation.py`.
-            state: passed through; the policy has no memory.
-            episode_start: ignored.
-            deterministic: ignored.
+        The observation is (36,) or (n, 36), see `model/observation`; the other arguments are ignored.
         """
         batch, single = as_batch(observation)
         actions = self._decide(batch)[0]
@@ -216,26 +205,19 @@ class TwoStagePolicy:
         """
         n = len(batch)
         actions, rows = np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE))
+
+        def act(worker: int, first: int, end: int) -> None:
+            seen, own = batch[first:end], rows[first:end]
+            self._stage_1.plan(seen, own)
+            self._stage_2.regulate(seen, own, worker)
+            scale_actions(own, seen, *self._bounds, actions[first:end])
+
         if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
-            self._act(batch, actions, rows, 0)
+            act(0, 0, n)
         else:
-            self._share(batch, actions, rows)
+            self._threads.run(act, n, ROWS_A_THREAD)
         self._rows = rows
         return actions, rows
-
-    def _share(self, batch: Floats, actions: Actions, rows: Floats) -> None:
-        """`_act`, the observations shared by threads."""
-
-        def job(worker: int, first: int, end: int) -> None:
-            self._act(batch[first:end], actions[first:end], rows[first:end], worker)
-
-        self._threads.run(job, len(batch), ROWS_A_THREAD)
-
-    def _act(self, batch: Floats, actions: Actions, rows: Floats, worker: int) -> None:
-        """Plan observations (n, 36) into rows (n, ROW_SIZE) and actions (n, 7)."""
-        self._stage_1.plan(batch, rows)
-        self._stage_2.regulate(batch, rows, worker)
-        scale_actions(rows, batch, *self._bounds, actions)
 
 
 class RandomPolicy:
@@ -249,11 +231,7 @@ class RandomPolicy:
         self.name, self.observation_size, self.action_size = name, observation_size, action_size
 
     def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """Actions (action_size,) or (n, action_size), float32 in [-1, 1], and the state, unchanged."""
         batch, single = as_batch(observation, self.observation_size)
@@ -270,10 +248,7 @@ POLICY_NAMES = (*ARMS, "random")
 
 
 def make_policy(
-    name: str,
-    robot: RobotModel | None = None,
-    limits: GaitLimits | None = None,
-    preset: str = "default",
+    name: str, robot: RobotModel | None = None, limits: GaitLimits | None = None, preset: str = "default"
 ) -> TwoStagePolicy | RandomPolicy:
     """Build an analytic policy by name.
 

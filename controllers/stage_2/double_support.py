@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InvalidValueError
 from ..jit import njit
@@ -33,7 +33,7 @@ from ..model.gait_box import GaitLimits
 from ..model.nominal_gait import INSTANT, box_around, nearest_in_hull, strip, transfer_mean
 from ..model.observation import ELAPSED, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
-from ..qp import LeastDistance, QuadraticProgram, solve_least_distance, solve_qp
+from ..qp import LeastDistance, QuadraticProgram, solve_least_distance
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, REMAINING, RESULT, TARGET
 from . import problem
@@ -61,11 +61,7 @@ class JointProblem:
 
     @classmethod
     def of(
-        cls,
-        x: ExplicitProblem,
-        y: ExplicitProblem,
-        double: int,
-        band: tuple[float, float, float],
+        cls, x: ExplicitProblem, y: ExplicitProblem, double: int, band: tuple[float, float, float]
     ) -> JointProblem:
         """Both programs side by side, with |n . z_k| <= half width for the CoPs in double support."""
         n, m = x.qp.f.size, x.qp.lower.size
@@ -81,11 +77,6 @@ class JointProblem:
         soft = np.concatenate([x.qp.soft_weight, y.qp.soft_weight, np.zeros(strips)])
         qp = QuadraticProgram(H, np.concatenate([x.qp.f, y.qp.f]), A, lower, upper, soft)
         return cls(qp, (x, y))
-
-    def split(self, x: Floats) -> tuple[Floats, Floats]:
-        """The inputs of each axis."""
-        n = self.axes[0].qp.f.size
-        return x[:n], x[n:]
 
 
 class Memory(NamedTuple):
@@ -230,12 +221,7 @@ def _factorise(g: Grid, c: Constants, w: Memory) -> None:
                 total += c.beta_trunk_angle * _lean(w, node, i) * _lean(w, node, j)
             total += c.beta_trunk_rate * (g.all - i) * w.durations[i] * w.durations[j]
             L[g.cops + i, g.cops + j] += total
-    for i in range(n):
-        for j in range(i + 1):
-            total = L[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            L[i, j] = math.sqrt(total) if i == j else total / L[j, j]
+    problem.factorise(L, n, L)
 
 
 @njit(cache=True)
@@ -266,14 +252,8 @@ def _optimum(axis: int, row: Any, g: Grid, c: Constants, w: Memory) -> bool:
             lean = angle + w.ends[node] * rate
             own = c.beta_trunk_angle * _lean(w, node, i) * lean
             y[g.cops + i] -= own + c.beta_trunk_rate * w.durations[i] * rate
-    for i in range(n):
-        for k in range(i):
-            y[i] -= L[i, k] * y[k]
-        y[i] /= L[i, i]
-    for i in range(n - 1, -1, -1):
-        y[i] /= L[i, i]
-        for k in range(i):
-            y[k] -= L[i, k] * y[i]
+    problem.solve_lower(L, y[:n])
+    problem.solve_upper(L, y[:n])
     for node in range(g.rows - n):
         y[n + node] = angle + w.ends[node] * rate
         for j in range(node + 1):
@@ -306,17 +286,12 @@ def _write_matrix(g: Grid, strips: int, normal_x: float, normal_y: float, c: Con
     for i in range(g.rows):
         first = i if i < n else g.cops
         m = B[i * n : (i + 1) * n]
-        for j in range(n):
-            m[j] = 0.0
-        for j in range(first, n):
-            total = 0.0
-            if i < n:
-                total = 1.0 if j == i else 0.0
-            elif j - g.cops <= i - n:
-                total = _lean(w, i - n, j - g.cops)
-            for k in range(first, j):
-                total -= L[j, k] * m[k]
-            m[j] = total / L[j, j]
+        m[:] = 0.0
+        if i < n:
+            m[i] = 1.0
+        for j in range(i - n + 1):
+            m[g.cops + j] = _lean(w, i - n, j)
+        problem.solve_lower(L[first:n, first:n], m[first:])
         for j in range(n):
             M[i * 2 * n + j], M[i * 2 * n + n + j] = m[j], 0.0
             M[(g.rows + i) * 2 * n + j], M[(g.rows + i) * 2 * n + n + j] = 0.0, m[j]
@@ -346,11 +321,8 @@ def _write_plan(row: Any, out: Any, g: Grid, c: Constants, w: Memory) -> None:
             out[problem.RESULT_DCM_END + axis] -= w.weights[i] * w.optimum[axis * g.rows + i]
 
 
-class DoubleSupportPlanner:
-    """Plans CoP and trunk acceleration in double support for one robot and configuration.
-
-    A planner owns scratch memory: use one per thread. Pickling builds it anew.
-    """
+class DoubleSupportPlanner(problem.Form):
+    """Plans CoP and trunk acceleration in double support; one per thread, as it owns scratch memory."""
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
         """Allocate the scratch memory; a solver is set up when a horizon length first occurs.
@@ -358,14 +330,10 @@ class DoubleSupportPlanner:
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
-        self.robot, self.limits, self.config = robot, limits, config
-        self.longest = limits.duration_max + problem.LONGEST_MARGIN
+        super().__init__(robot, limits, config)
         self._numbers = problem.pack_constants(robot, limits, config, limits.trunk_accelerations)
         self._solvers: dict[tuple[int, int], LeastDistance] = {}
         self.memory = self._allocate(math.ceil(self.longest / config.sampling_time) + 1)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return DoubleSupportPlanner, (self.robot, self.limits, self.config)
 
     def _allocate(self, single: int) -> Memory:
         """Scratch for at most `single` intervals in single support."""
@@ -395,26 +363,12 @@ class DoubleSupportPlanner:
         self._solvers[double, single] = solver
         w.handles[double - 1, single] = solver.handle
 
-    def plan(
-        self,
-        remaining: float,
-        elapsed: float,
-        other_foot: ArrayLike,
-        dcm: ArrayLike,
-        trunk_angle: ArrayLike,
-        trunk_rate: ArrayLike,
-        dcm_target: ArrayLike,
-    ) -> problem.CopPlan:
-        """Plan from the present state to touchdown; arguments are the columns of `plan_batch`."""
-        row = problem.input_row((remaining, elapsed), other_foot, dcm, trunk_angle, trunk_rate, dcm_target)
-        return problem.CopPlan.of(self.plan_batch(row)[0])
-
     def plan_batch(self, rows: Floats) -> Floats:
         """Plan n robots by DAQP in one compiled loop, and once more by OSQP where that is the solver.
 
         Args:
             rows: (n, 12): time to touchdown and since the step began [s], where the other foot stands (2),
-                measured dcm (2), trunk angle (2), trunk rate (2), dcm target (2); see `CopPlanner.plan`.
+                measured dcm (2), trunk angle (2), trunk rate (2), dcm target (2), as of `CopPlanner`.
 
         Returns:
             (n, 7): cop (2), trunk acceleration (2), predicted dcm at touchdown (2), index into `STATUS`.
@@ -422,9 +376,7 @@ class DoubleSupportPlanner:
         Raises:
             InvalidValueError: another shape, not finite, too long, or not in double support.
         """
-        rows = np.ascontiguousarray(rows, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != INPUTS:
-            raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
+        rows = problem.as_rows(rows, INPUTS)
         remaining, elapsed = rows[:, UNTIL], rows[:, SINCE]
         fine = np.isfinite(rows).all(axis=1) & (remaining <= self.longest) & (elapsed >= 0.0)
         fine &= self.config.double_support - elapsed > INSTANT
@@ -440,7 +392,8 @@ class DoubleSupportPlanner:
             plan_joint_rows(rows, out, self._numbers, self.memory)
         if self.config.solver == "osqp":
             for row, result in zip(rows, out, strict=True):
-                self._solve_again(row, result)
+                program = self.program(row)
+                problem.solve_again([(program.qp, program.axes)], result)
         return out
 
     def program(self, row: Floats) -> JointProblem:
@@ -471,18 +424,6 @@ class DoubleSupportPlanner:
         band = strip(row[OTHER_FOOT], row[OTHER_FOOT + 1], c.cop_x, c.cop_y)
         return JointProblem.of(axes[0], axes[1], len(double), band)
 
-    def _solve_again(self, row: Floats, out: Floats) -> None:
-        """The same plan by OSQP, a second opinion; DAQP's stays where OSQP gives up."""
-        program = self.program(row)
-        solution = solve_qp(program.qp, "osqp")
-        if solution.status != "solved":
-            out[problem.RESULT_STATUS] = problem.FROM_DAQP
-            return
-        for i, (axis, x) in enumerate(zip(program.axes, program.split(solution.x), strict=True)):
-            out[problem.RESULT_COP + i], out[problem.RESULT_TRUNK + i] = axis.first(x)
-            out[problem.RESULT_DCM_END + i] = axis.dcm_end(x)
-        out[problem.RESULT_STATUS] = problem.SOLVED
-
 
 class WithDoubleSupport:
     """Both axes at once while both feet stand for most of the coming period, then single support's plan."""
@@ -491,7 +432,6 @@ class WithDoubleSupport:
 
     def __init__(self, planner: DoubleSupportPlanner, single: problem.Regulator):
         self._planner, self._single, config = planner, single, planner.config
-        self._apply = planner.limits.box, config.use_cop, config.use_trunk
         self._last = config.double_support - 0.5 * config.first_interval_min
 
     def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
@@ -510,4 +450,4 @@ class WithDoubleSupport:
              observations[:, TRUNK_ANGLE], observations[:, TRUNK_RATE], rows[:, TARGET : TARGET + 2]]
         )  # fmt: skip
         rows[:, RESULT:] = self._planner.plan_batch(inputs)
-        problem.apply_results(observations, rows, *self._apply)
+        self._planner.apply(observations, rows)

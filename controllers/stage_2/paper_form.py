@@ -20,6 +20,7 @@ its inputs are weighted by their share of an interval.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -139,45 +140,15 @@ def build(durations: Any, state: Any, numbers: Any, w: Workspace) -> None:
     for i in range(n):
         for j in range(i):
             w.H[j, i] = w.H[i, j]
-    _whiten(w)
-
-
-@njit(cache=True)
-def _whiten(w: Workspace) -> None:
-    """H = L L', x = -H^-1 f, M = A L'^-1."""
-    n, L = w.f.shape[0], w.factor
-    for i in range(n):
-        for j in range(i + 1):
-            total = w.H[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            L[i, j] = math.sqrt(total) if i == j else total / L[j, j]
-    for i in range(n):
-        w.x[i] = -w.f[i]
-    _forward(L, w.x)
-    _backward(L, w.x)
+    # H = L L', x = -H^-1 f, M = A L'^-1
+    L = w.factor
+    problem.factorise(w.H, w.f.shape[0], L)
+    w.x[:] = -w.f
+    problem.solve_lower(L, w.x)
+    problem.solve_upper(L, w.x)
     for r in range(w.A.shape[0]):
         w.M[r, :] = w.A[r, :]
-        _forward(L, w.M[r])
-
-
-@njit(cache=True)
-def _forward(L: Any, b: Any) -> None:
-    """Solve L x = b in place of b."""
-    for i in range(b.shape[0]):
-        total = b[i]
-        for k in range(i):
-            total -= L[i, k] * b[k]
-        b[i] = total / L[i, i]
-
-
-@njit(cache=True)
-def _backward(L: Any, b: Any) -> None:
-    """Solve L' x = b in place of b."""
-    for i in range(b.shape[0] - 1, -1, -1):
-        b[i] /= L[i, i]
-        for k in range(i):
-            b[k] -= L[i, k] * b[i]
+        problem.solve_lower(L, w.M[r])
 
 
 @njit(cache=True)
@@ -213,7 +184,7 @@ def write_result(
     cop_max, most = (c.cop_x, c.pitch) if axis == 0 else (c.cop_y, c.roll)
     n = w.x.shape[0]
     if add:
-        _backward(w.factor, w.v)
+        problem.solve_upper(w.factor, w.v)
         for i in range(n):
             w.x[i] += w.v[i]
     input_dcm = w.x[0]
@@ -230,10 +201,8 @@ def write_result(
     result[problem.RESULT_DCM_END + axis] = end
 
 
-class JerkCopPlanner:
-    """Plans the CoP and the trunk acceleration with the paper's variables; see `Regulator`."""
-
-    workers, decides = 1, True
+class JerkCopPlanner(problem.Form):
+    """Plans the CoP and the trunk acceleration with the paper's variables."""
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
         """Prepare the planner; workspaces are set up when a horizon length first occurs.
@@ -241,26 +210,18 @@ class JerkCopPlanner:
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
-        self.robot, self.limits, self.config = robot, limits, config
-        self.longest = limits.duration_max + problem.LONGEST_MARGIN
+        super().__init__(robot, limits, config)
         most = limits.trunk_acceleration_max
         self._numbers = problem.pack_constants(robot, limits, config, (most, most))
         self._workspaces: dict[int, tuple[Workspace, LeastDistance, LeastDistance]] = {}
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return JerkCopPlanner, (self.robot, self.limits, self.config)
-
     def regulate(self, observations: Floats, rows: Floats, worker: int = 0) -> None:
         """See `Regulator`."""
         for obs, row in zip(observations, rows, strict=True):
-            pairs = (
-                row[DCM_AHEAD : DCM_AHEAD + 2],
-                obs[TRUNK_ANGLE],
-                obs[TRUNK_RATE],
-                row[TARGET : TARGET + 2],
-            )
-            row[RESULT:] = self._plan(float(row[REMAINING]), *pairs, (0.0, 0.0), *self._previous(obs))
-        problem.apply_results(observations, rows, self.limits.box, self.config.use_cop, self.config.use_trunk)
+            dcm, target = row[DCM_AHEAD : DCM_AHEAD + 2], row[TARGET : TARGET + 2]
+            state = dcm, obs[TRUNK_ANGLE], obs[TRUNK_RATE], target, (0.0, 0.0), *self._previous(obs)
+            row[RESULT:] = self.plan(float(row[REMAINING]), state)
+        self.apply(observations, rows)
 
     def _previous(self, obs: Floats) -> tuple[Floats, Floats]:
         """CoP [m] and trunk acceleration [rad/s^2] in force; a new stance foot begins at the sole's centre.
@@ -272,45 +233,17 @@ class JerkCopPlanner:
             return np.zeros(2), np.array([gait[TRUNK], -gait[TRUNK + 1]])
         return gait[COP : COP + 2], gait[TRUNK : TRUNK + 2]
 
-    def plan(
-        self,
-        remaining: float,
-        dcm: ArrayLike,
-        trunk_angle: ArrayLike,
-        trunk_rate: ArrayLike,
-        dcm_target: ArrayLike,
-        cop_reference: ArrayLike = (0.0, 0.0),
-        previous_cop: ArrayLike = (0.0, 0.0),
-        previous_trunk_acceleration: ArrayLike = (0.0, 0.0),
-    ) -> problem.CopPlan:
-        """Plan from the present state to touchdown; see `CopPlanner.plan`.
+    def plan(self, remaining: float, state: Floats | Sequence[ArrayLike]) -> Floats:
+        """Plan from the present state to touchdown in `remaining` [s]; the result is (RESULT_SIZE,).
 
-        The result is the CoP and the trunk acceleration at the end of the coming control period (which is
-        `first_interval_min`): the `previous_cop` and `previous_trunk_acceleration` of the next call.
-
-        Args:
-            remaining: time to touchdown [s].
-            dcm: (2,) [m].
-            trunk_angle: (2,) [rad].
-            trunk_rate: (2,) [rad/s].
-            dcm_target: (2,) [m].
-            cop_reference: (2,) [m].
-            previous_cop: (2,) CoP now, of this stance foot; with it xi' = omega (xi - CMP) (eq. 6b) [m].
-            previous_trunk_acceleration: (2,) theta'' now [rad/s^2].
+        Its CoP and trunk acceleration are those at the end of the control period, `first_interval_min`.
+        The state (7, 2) is that of `CopPlanner.plan_batch` from the DCM on, then the CoP now, of this stance
+        foot [m], with which xi' = omega (xi - CMP) (eq. 6b), and theta'' now [rad/s^2].
 
         Raises:
-            InvalidValueError: an argument has the wrong shape or is not finite, or `remaining` is too long.
+            InvalidValueError: a state that is not finite, or `remaining` is too long.
         """
-        return problem.CopPlan.of(
-            self._plan(
-                remaining, dcm, trunk_angle, trunk_rate, dcm_target, cop_reference, previous_cop,
-                previous_trunk_acceleration,
-            )
-        )  # fmt: skip
-
-    def _plan(self, remaining: float, *vectors: ArrayLike) -> Floats:
-        """The result (RESULT_SIZE,) of `plan`'s arguments."""
-        state = problem.input_row((), *vectors).reshape(-1, 2)
+        state = np.array(state, dtype=np.float64)
         if not (np.all(np.isfinite(state)) and remaining <= self.longest):
             raise InvalidValueError(
                 f"stage 2 needs finite states and at most {self.longest} s to touchdown, got {remaining} s,"
@@ -326,13 +259,9 @@ class JerkCopPlanner:
     def program(
         self, remaining: float, axis: int, state: Floats, soft: bool | None = None
     ) -> QuadraticProgram:
-        """The program of one axis.
+        """The program of one axis, its state (7,) a column of that of `plan`.
 
-        Args:
-            remaining: time to touchdown [s].
-            axis: 0 along x, 1 along y.
-            state: (7,) as the arguments of `plan` from `dcm` on.
-            soft: whether theta may leave its bounds; by default as in the configured cost.
+        `soft` says whether theta may leave its bounds; by default as in the configured cost.
         """
         durations = problem.grid(self.config, max(remaining, problem.SHORTEST))
         workspace = self._assemble(durations, axis, state)[0]
@@ -358,7 +287,6 @@ class JerkCopPlanner:
         return found
 
     def _plan_axis(self, remaining: float, axis: int, state: Floats, result: Floats) -> int:
-        """Write the axis' part of a result and return its status."""
         durations = problem.grid(self.config, max(remaining, problem.SHORTEST))
         workspace, hard, soft = self._assemble(durations, axis, state)
         status, add = problem.SOLVED, False

@@ -6,24 +6,22 @@ The dense program is what OSQP solves as a second opinion, and the oracle of the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from ..array_table import tuple_reader
 from ..errors import InvalidValueError
 from ..jit import njit
 from ..model.gait_box import COP, TRUNK, GaitLimits, unscaled
 from ..model.observation import PREVIOUS_ACTION
 from ..model.robot import RobotModel
-from ..qp import QuadraticProgram
+from ..qp import QuadraticProgram, solve_qp
 from ..settings import PlannerConfig
 from ..stage_1 import HELD, RESULT
-
-# to_fixed_tuple is an intrinsic: its arguments are those of its signature, less the typing context.
-# pyright: reportCallIssue=false
 
 Floats = NDArray[np.float64]
 
@@ -102,43 +100,16 @@ class OneAxisTrunk:
         rows[:, self._columns] = other[:, self._columns]
 
 
-@dataclass(frozen=True)
-class CopPlan:
-    """CoP and trunk acceleration of now, canonical frame, relative to the stance sole's centre."""
-
-    cop: Floats  # (2,) [m]
-    trunk_acceleration: Floats  # (2,) towards +x, +y [rad/s^2]
-    dcm_end: Floats  # (2,) predicted DCM at touchdown [m]
-    status: str  # one of STATUS
-
-    @classmethod
-    def of(cls, result: Floats) -> CopPlan:
-        """The plan of a result (RESULT_SIZE,), which is read-only from here on."""
-        result.flags.writeable = False
-        cop, trunk = result[RESULT_COP : RESULT_COP + 2], result[RESULT_TRUNK : RESULT_TRUNK + 2]
-        end, status = result[RESULT_DCM_END : RESULT_DCM_END + 2], STATUS[int(result[RESULT_STATUS])]
-        return cls(cop, trunk, end, status)
-
-
-def input_row(times: tuple[float, ...], *vectors: ArrayLike) -> Floats:
-    """Times [s] and vectors of two numbers, one after the other, as a batch of one row.
-
-    Raises:
-        InvalidValueError: an argument is no number, or no vector of two.
-    """
-    try:
-        pairs = np.array(vectors, dtype=np.float64).reshape(len(vectors), 2)
-        return np.concatenate([np.array(times, dtype=np.float64), pairs.ravel()])[None]
-    except (ValueError, TypeError) as error:
-        raise InvalidValueError(f"stage 2 takes times and vectors of 2 numbers: {error}") from None
+def as_rows(rows: Floats, columns: int) -> Floats:
+    """Input rows of a batch; InvalidValueError for another shape."""
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise InvalidValueError(f"rows must have shape (n, {columns}), got {rows.shape}")
+    return rows
 
 
 def cop_bounds(limits: GaitLimits, config: PlannerConfig) -> tuple[float, float]:
-    """Largest |CoP| along x and y that a plan may use: half a sole less its margin [m].
-
-    Raises:
-        InvalidValueError: a margin leaves none.
-    """
+    """Largest |CoP| along x and y that a plan may use: half a sole less its margin, which leaves some [m]."""
     bounds = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
     if min(bounds) <= 0:
         raise InvalidValueError(f"the CoP margins leave no sole: half sizes {bounds} m must be positive")
@@ -174,16 +145,15 @@ class Constants(NamedTuple):
     use_trunk: float
 
 
-CONSTANTS = len(Constants._fields)
+constants_of = tuple_reader(Constants)
 
 
 def pack_constants(
     robot: RobotModel, limits: GaitLimits, config: PlannerConfig, accelerations: tuple[float, float]
 ) -> Floats:
-    """`Constants` as an array (CONSTANTS,), with the largest trunk accelerations in pitch and roll [rad/s^2].
+    """`Constants` as an array, with the largest trunk accelerations in pitch and roll [rad/s^2].
 
-    Raises:
-        InvalidValueError: the margins leave no CoP, or a weight is zero without which no optimum is unique.
+    Margins that leave no CoP, and a zero where no optimum is unique without a weight, are refused.
     """
     bounds = cop_bounds(limits, config)
     own = "beta_dcm_acceleration" if config.form == "jerk" else "beta_cop"
@@ -200,10 +170,51 @@ def pack_constants(
     )  # fmt: skip
 
 
+class Form:
+    """What the forms of stage 2 have in common: one robot, step box and configuration; see `Regulator`."""
+
+    workers, decides = 1, True
+
+    def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig):
+        self.robot, self.limits, self.config = robot, limits, config
+        self.longest = limits.duration_max + LONGEST_MARGIN  # time to touchdown that it plans for [s]
+
+    def __reduce__(self) -> tuple[Any, ...]:  # with scratch memory of its own
+        return type(self), (self.robot, self.limits, self.config)
+
+    def apply(self, observations: Floats, rows: Floats) -> None:
+        """`apply_results` of this configuration."""
+        apply_results(observations, rows, self.limits.box, self.config.use_cop, self.config.use_trunk)
+
+
 @njit(cache=True)
-def constants_of(packed: Any) -> Constants:
-    """The constants of `pack_constants` by name."""
-    return Constants(*to_fixed_tuple(packed, CONSTANTS))
+def factorise(H: Any, n: int, L: Any) -> None:
+    """L of H = L L' from the lower triangle of H, n rows of each; both may be one array."""
+    for i in range(n):
+        for j in range(i + 1):
+            total = H[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            L[i, j] = math.sqrt(total) if i == j else total / L[j, j]
+
+
+@njit(cache=True)
+def solve_lower(L: Any, b: Any) -> None:
+    """Solve L x = b in place of b."""
+    for i in range(b.shape[0]):
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * b[k]
+        b[i] = total / L[i, i]
+
+
+@njit(cache=True)
+def solve_upper(L: Any, b: Any) -> None:
+    """Solve L' x = b in place of b."""
+    for i in range(b.shape[0] - 1, -1, -1):
+        b[i] /= L[i, i]
+        for k in range(i):
+            b[k] -= L[i, k] * b[i]
 
 
 @njit(cache=True)
@@ -257,6 +268,21 @@ class ExplicitProblem:
         return float(self.dcm_free - self.dcm_row @ x)
 
 
+def solve_again(programs: Sequence[tuple[QuadraticProgram, Sequence[ExplicitProblem]]], out: Floats) -> None:
+    """Replace a result by OSQP's of programs, each of one or more axes; DAQP's stays where it gives up."""
+    axes: list[tuple[ExplicitProblem, Floats]] = []
+    for qp, parts in programs:
+        solution = solve_qp(qp, "osqp")
+        if solution.status != "solved":
+            out[RESULT_STATUS] = FROM_DAQP
+            return
+        axes += zip(parts, np.split(solution.x, len(parts)), strict=True)
+    for i, (axis, x) in enumerate(axes):
+        out[RESULT_COP + i], out[RESULT_TRUNK + i] = axis.first(x)
+        out[RESULT_DCM_END + i] = axis.dcm_end(x)
+    out[RESULT_STATUS] = SOLVED
+
+
 def grid(config: PlannerConfig, remaining: float) -> Floats:
     """Durations of the intervals until touchdown: a first one, then whole ones [s]."""
     whole = max(math.floor((remaining - config.first_interval_min) / config.sampling_time + 1e-9), 0)
@@ -264,14 +290,9 @@ def grid(config: PlannerConfig, remaining: float) -> Floats:
 
 
 def explicit_problem(
-    robot: RobotModel,
-    config: PlannerConfig,
-    until: Floats,
-    partial: int,
-    state: Floats,
-    cop: Floats,
+    robot: RobotModel, config: PlannerConfig, until: Floats, partial: int, state: Floats, cop: Floats,
     accelerations: tuple[float, float],
-) -> ExplicitProblem:
+) -> ExplicitProblem:  # fmt: skip
     """Build the problem of one axis on any grid by unrolling the model, with no use of its structure.
 
     Args:

@@ -33,7 +33,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..array_table import Floats1, Floats2, Floats3, Ints1, Ints2, dense_part_of, parts_table
 from ..errors import InvalidValueError
@@ -41,7 +41,7 @@ from ..jit import njit
 from ..model.gait_box import GaitLimits
 from ..model.observation import TRUNK_ANGLE, TRUNK_RATE
 from ..model.robot import RobotModel
-from ..qp import LeastDistance, solve_least_distance, solve_qp
+from ..qp import LeastDistance, solve_least_distance
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, REMAINING, RESULT, TARGET
 from . import problem
@@ -154,14 +154,9 @@ def _residuals(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """G and the directions T, S, O, Z (rows, 4) of a horizon.
 
-    Rows: own weights of the inputs, terminal DCM, rates, angles. Columns of G: CoPs, accelerations.
-
-    Args:
-        config: weights.
-        weights: (n,) of the inputs in the terminal DCM.
-        rate: (nodes, accelerations) trunk rate that an acceleration leads to.
-        angle: (nodes, accelerations) trunk angle.
-        steps: (nodes,) time of a node [s].
+    Rows: own weights of the inputs, terminal DCM, rates, angles. Columns of G: CoPs, accelerations. `weights`
+    (n,) of the inputs in the terminal DCM; `rate` and `angle` (nodes, accelerations) of the trunk that an
+    acceleration leads to; `steps` (nodes,) time of a node [s].
     """
     nodes, accelerations = rate.shape
     cops = weights.size - accelerations
@@ -419,14 +414,12 @@ def _write_first_columns(e: int, first: FirstInterval, c: Constants, t: Tables) 
             M[i * n + n - 1] = (along - column * first.l12) / first.l22
 
 
-class CopPlanner:
-    """Plans the CoP and the trunk acceleration for one robot and configuration; see `Regulator`.
+class CopPlanner(problem.Form):
+    """Plans the CoP and the trunk acceleration for one robot and configuration.
 
     A planner owns scratch memory, `packed`, for each of its workers: of the caller's threads only one may
     use it, or one part of `packed`, at a time. Pickling builds it anew.
     """
-
-    decides = True
 
     def __init__(self, robot: RobotModel, limits: GaitLimits, config: PlannerConfig, workers: int = 1):
         """Build the tables of every horizon length.
@@ -435,15 +428,14 @@ class CopPlanner:
             robot: physical constants.
             limits: half sizes of the sole and bound of the trunk acceleration.
             config: weights and margins.
-            workers: parts of `packed`; `plan` and `plan_batch` use the first, OSQP's the only one.
+            workers: parts of `packed`; `plan_batch` uses the first, OSQP's the only one.
 
         Raises:
             InvalidValueError: a margin leaves no CoP, or a weight that must be positive is zero.
         """
-        self.robot, self.limits, self.config = robot, limits, config
+        super().__init__(robot, limits, config)
         self._second_opinion = config.solver == "osqp"
         self.workers = 1 if self._second_opinion else workers
-        self.longest = limits.duration_max + problem.LONGEST_MARGIN
         most = limits.trunk_acceleration_max
         numbers = problem.pack_constants(robot, limits, config, (most, most))
         self.constants = Constants(*numbers.tolist())
@@ -465,7 +457,6 @@ class CopPlanner:
         return tables._replace(**{name: getattr(tables, name).copy() for name in scratch})
 
     def _make_solvers(self, tables: Tables) -> list[LeastDistance]:
-        """The solvers of one worker; writes their handles."""
         first = int(self.config.use_cop) + int(self.config.use_trunk)
         solvers = []
         for e, (rest, k) in enumerate(zip(tables.rest.tolist(), tables.nodes.tolist(), strict=True)):
@@ -486,39 +477,15 @@ class CopPlanner:
         inputs = np.empty((len(rows), INPUTS))
         write_inputs(observations, rows, inputs)
         rows[:, RESULT:] = self.plan_batch(inputs)
-        problem.apply_results(observations, rows, self.limits.box, self.config.use_cop, self.config.use_trunk)
-
-    def plan(
-        self,
-        remaining: float,
-        dcm: ArrayLike,
-        trunk_angle: ArrayLike,
-        trunk_rate: ArrayLike,
-        dcm_target: ArrayLike,
-        cop_reference: ArrayLike = (0.0, 0.0),
-    ) -> problem.CopPlan:
-        """Plan from the present state to touchdown.
-
-        Args:
-            remaining: time to touchdown [s]; at most `longest`, and planned as `SHORTEST` where it is less.
-            dcm: (2,) measured DCM [m].
-            trunk_angle: (2,) lean towards +x, +y [rad].
-            trunk_rate: (2,) [rad/s].
-            dcm_target: (2,) DCM wanted at touchdown, u_T + b_nom (eq. 7) [m].
-            cop_reference: (2,) [m].
-
-        Raises:
-            InvalidValueError: an argument is not finite or has the wrong shape, or `remaining` is too long.
-        """
-        row = problem.input_row((remaining,), dcm, trunk_angle, trunk_rate, dcm_target, cop_reference)
-        return problem.CopPlan.of(self.plan_batch(row)[0])
+        self.apply(observations, rows)
 
     def plan_batch(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Plan n robots by DAQP in one compiled loop, and once more by OSQP where that is the solver.
 
         Args:
-            rows: (n, 11): remaining, dcm (2), trunk angle (2), trunk rate (2), dcm target (2),
-                cop reference (2), as for `plan`.
+            rows: (n, 11): time to touchdown, at most `longest`, planned as `SHORTEST` where it is less [s];
+                measured DCM (2) [m], lean towards +x and +y (2) [rad] and its rate (2) [rad/s], DCM wanted at
+                touchdown, u_T + b_nom (eq. 7), (2) [m], CoP reference (2) [m].
 
         Returns:
             (n, 7): cop (2), trunk acceleration (2), predicted dcm at touchdown (2), index into `STATUS`.
@@ -526,9 +493,7 @@ class CopPlanner:
         Raises:
             InvalidValueError: another shape, a row that is not finite, or one whose time is too long.
         """
-        rows = np.ascontiguousarray(rows, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != INPUTS:
-            raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
+        rows = problem.as_rows(rows, INPUTS)
         out = np.zeros((rows.shape[0], problem.RESULT_SIZE))
         if plan_rows(rows, out, self.packed[0]):
             first = rows[out[:, problem.RESULT_STATUS] == problem.INVALID][0]
@@ -538,7 +503,8 @@ class CopPlanner:
             )
         if self._second_opinion and (self.config.use_cop or self.config.use_trunk):
             for row, result in zip(rows, out, strict=True):
-                self._solve_again(row, result)
+                programs = [self.program(row, axis) for axis in range(2)]
+                problem.solve_again([(program.qp, [program]) for program in programs], result)
         return out
 
     def program(self, row: NDArray[np.float64], axis: int) -> ExplicitProblem:
@@ -553,16 +519,3 @@ class CopPlanner:
             np.repeat([[reference], [-cop_max], [cop_max]], until.size, axis=1),
             acceleration_interval(angle, c.gravity, c.torque, most),
         )  # fmt: skip
-
-    def _solve_again(self, row: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """The same plan by OSQP from the dense program, slowly; DAQP's stays where OSQP gives up."""
-        found = np.zeros(problem.RESULT_SIZE)
-        for axis in range(2):
-            program = self.program(row, axis)
-            solution = solve_qp(program.qp, "osqp")
-            if solution.status != "solved":
-                out[problem.RESULT_STATUS] = problem.FROM_DAQP
-                return
-            found[problem.RESULT_COP + axis], found[problem.RESULT_TRUNK + axis] = program.first(solution.x)
-            found[problem.RESULT_DCM_END + axis] = program.dcm_end(solution.x)
-        out[:] = found

@@ -10,31 +10,14 @@ import numpy as np
 from ..array_table import Floats1, Floats2, Ints1
 from ..jit import njit
 from ..math3 import Vector, vector_at, vector_of
+from ..model import observation
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
-from ..model.observation import (
-    Frame,
-    canonical,
-    canonical_frame,
-    heading_frame,
-    in_world,
-    point_in_world,
-    side_sign,
-)
+from ..model.observation import canonical, canonical_frame, point_in_world
+from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
-from .kinematics import (
-    LEG_JOINT,
-    PELVIS,
-    Array,
-    Heading,
-    Ints,
-    Physics,
-    com_velocity,
-    sole_position,
-    upright_error,
-)
-from .limits import LANDED_LATE, LANDED_OFF, LEG_REACH, TOUCHDOWN_ERROR, Bounds, clip_torque, missing_cmp
-from .swing import PELVIS_YAW, SWING, exchange_soles, given_yaw, quintic_step, swing_update, turn_references
-from .swing import SIZE as YAWS
+from .kinematics import PELVIS, Array, Heading, Ints, Physics, sole_position
+from .limits import LANDED_LATE, TOUCHDOWN_ERROR, Bounds
+from .swing import PELVIS_YAW
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
@@ -90,7 +73,8 @@ def resting_gait(n: int) -> Gait:
     return Gait(
         stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
         heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
-        failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n), yaw=np.zeros((n, YAWS)),
+        failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n),
+        yaw=np.zeros((n, swing.SIZE)),
     )  # fmt: skip
 
 
@@ -115,7 +99,7 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
     gait.elapsed[k] = 0.0
-    gait.heading[k] += exchange_soles(gait.yaw[k])
+    gait.heading[k] += swing.exchange_soles(gait.yaw[k])
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
@@ -131,7 +115,7 @@ def landing_error(phys: Physics, gait: Gait, k: int) -> int:
     frame = canonical_frame(gait.heading[k], stance)
     x, y = point_in_world(frame, sole[0], sole[1], plan[STEP], plan[STEP + 1])
     late = abs(gait.elapsed[k] - plan[DURATION]) > LANDED_LATE
-    off = math.hypot(foot[0] - x, foot[1] - y) > LANDED_OFF or late
+    off = math.hypot(foot[0] - x, foot[1] - y) > limits.LANDED_OFF or late
     return TOUCHDOWN_ERROR if off else 0
 
 
@@ -153,7 +137,7 @@ def reach_height(
     """
     height, reach = s.com_height, s.reach**2
     for leg in range(2):
-        hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, LEG_JOINT[leg])
+        hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, kinematics.LEG_JOINT[leg])
         above = hip_z - phys.com[k, 0, 2] - phys.ankle_height[0]  # of the hip over the CoM, less the ankle's
         farthest = max(reach - (s.com_height - s.height_drop + above) ** 2, 0.0)
         foot_x, foot_y = (sole[0], sole[1]) if leg == stance else target
@@ -180,8 +164,8 @@ def com_cmp_offset_and_deficit(
     cmp_x = plan[COP] + s.cmp_gain * plan[TRUNK]
     cmp_y = sign * (plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1])
     goal_y = sign * plan[STEP + 1] * (1.0 - 1.0 / (1.0 + math.exp(s.omega * plan[DURATION])))
-    missing_x = missing_cmp(place[0] + speed[0] / s.omega, plan[STEP], cmp_x, growth)
-    missing_y = missing_cmp(place[1] + speed[1] / s.omega, goal_y, cmp_y, growth)
+    missing_x = limits.missing_cmp(place[0] + speed[0] / s.omega, plan[STEP], cmp_x, growth)
+    missing_y = limits.missing_cmp(place[1] + speed[1] / s.omega, goal_y, cmp_y, growth)
     return (place[0] - cmp_x, place[1] - cmp_y), (missing_x, missing_y)
 
 
@@ -190,33 +174,24 @@ def move_references(
     phys: Physics, gait: Gait, k: int, s: GaitSettings, sole: Vector, facing: Heading, target: Point,
     travel: Point, remaining: float, dt: float,
 ) -> int:  # fmt: skip
-    """Move the references of CoM height, swing sole and yaw on by a physics step; bits of the bounds met.
+    """Move the references of CoM height, swing sole and yaw on by a physics step dt; bits of the bounds met.
 
-    Args:
-        phys: of all robots.
-        gait: its references are written.
-        k: the robot.
-        s: constants.
-        sole: centre of the stance sole [m].
-        facing: cosine and sine of its heading.
-        target: where the swing sole is to land [m].
-        travel: of the CoM until then [m].
-        remaining: until touchdown [s].
-        dt: [s].
+    Given are the stance sole's centre and heading, where the swing sole is to land, how far the CoM travels
+    until then [m] and the time that remains [s].
     """
     height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, s)
-    met = LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
+    met = limits.LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
-    lift[0], lift[1], lift[2] = quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
+    lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     if gait.elapsed[k] < s.settled:
         lift[FLOOR] = sole[2]
     gait.swing[k, 2] -= lift[FLOOR]
     landing = gait.plan[k, DURATION] + s.landing_delay
-    swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
+    swing.swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
     gait.swing[k, 2] += lift[FLOOR]
-    twist = -upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
-    given = given_yaw(twist, s.twist_max)
-    turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
+    twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
+    given = swing.given_yaw(twist, s.twist_max)
+    swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
     return met
 
 
@@ -227,15 +202,16 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     Returns the bounds met, as bits of `limits_met`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
-    ahead, sign = heading_frame(gait.heading[k]), side_sign(stance)
-    frame = Frame(ahead.cos, ahead.sin, sign)
-    sole, com, velocity = sole_position(phys, k, stance), vector_at(phys.com, k, 0), com_velocity(phys, k)
+    ahead, sign = observation.heading_frame(gait.heading[k]), observation.side_sign(stance)
+    frame = observation.Frame(ahead.cos, ahead.sin, sign)
+    sole, com = sole_position(phys, k, stance), vector_at(phys.com, k, 0)
+    velocity = kinematics.com_velocity(phys, k)
     remaining = max(plan[DURATION] - gait.elapsed[k], 0.0)
     growth = math.exp(s.omega * remaining)
     place = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
     speed = canonical(ahead, velocity[0], velocity[1])
     (offset_x, offset_y), missing = com_cmp_offset_and_deficit(place, speed, plan, sign, growth, s)
-    offset_x, offset_y = in_world(ahead, offset_x, offset_y)
+    offset_x, offset_y = observation.in_world(ahead, offset_x, offset_y)
     target = point_in_world(frame, sole[0], sole[1], plan[STEP], plan[STEP + 1])
     # travel of the CoM until touchdown, were the CMP to stay
     rise, run = 0.5 * (growth + 1.0 / growth) - 1.0, 0.5 * (growth - 1.0 / growth) / s.omega
@@ -244,13 +220,13 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     met = move_references(phys, gait, k, s, sole, facing, target, travel, remaining, dt)
     acceleration = s.omega**2 * offset_x, s.omega**2 * offset_y
     waist = plan[TRUNK], -sign * plan[TRUNK + 1]
-    yaws = vector_of(gait.yaw[k], SWING), vector_of(gait.yaw[k], PELVIS_YAW)
+    yaws = vector_of(gait.yaw[k], swing.SWING), vector_of(gait.yaw[k], PELVIS_YAW)
     planned = (plan[COP], sign * plan[COP + 1]), missing
     task = Task(
         stance, acceleration, vector_of(gait.height[k], 0), facing, gait.swing[k], waist, *yaws, *planned
     )
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
-    clip_torque(phys.ctrl[k], bounds.torque_range)
+    limits.clip_torque(phys.ctrl[k], bounds.torque_range)
     return met
 
 

@@ -22,48 +22,12 @@ from typing import NamedTuple
 
 from numba.np.numpy_support import carray
 
+from .. import math3
 from ..jit import njit
-from ..math3 import (
-    ZERO,
-    Vector,
-    add,
-    cross,
-    dot,
-    rows_times,
-    scaled,
-    stack_floats,
-    subtract,
-    to_body,
-    to_world,
-    vector_at,
-    vector_in,
-    vector_of,
-)
+from ..math3 import ZERO, Vector, add, cross, dot, scaled, stack_floats, subtract, vector_at, vector_of
 from ..model.robot import GRAVITY
-from .kinematics import (
-    BASE,
-    FOOT_BODY,
-    LEG_DOF,
-    NU,
-    NV,
-    PELVIS,
-    WAIST_DOF,
-    Array,
-    Heading,
-    LegInverses,
-    Legs,
-    Physics,
-    SoleMotion,
-    base_angular_velocity,
-    com_compliance,
-    sole_motion,
-    subtract_leg_torques,
-    turning_momentum,
-    upright_error,
-    write_generalised_force,
-    write_leg_inverse,
-)
-from .limits import Bounds, full_sole_force, keep_bounds, within_bounds, write_torque_range
+from . import kinematics, limits
+from .kinematics import FOOT_BODY, LEG_DOF, NV, PELVIS, Array, Heading, LegInverses, Physics, upright_error
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
@@ -105,7 +69,7 @@ class Task(NamedTuple):
 
 @njit(cache=True, forceinline=True)
 def stance_acceleration(
-    phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains
+    phys: Physics, k: int, foot: kinematics.SoleMotion, task: Task, gains: Gains
 ) -> tuple[Vector, Vector]:
     """Linear and angular acceleration that keep the stance foot still and level."""
     error = upright_error(phys.xmat, k, FOOT_BODY[task.stance], task.facing)
@@ -115,7 +79,7 @@ def stance_acceleration(
 
 @njit(cache=True, forceinline=True)
 def swing_acceleration(
-    phys: Physics, k: int, foot: SoleMotion, task: Task, gains: Gains
+    phys: Physics, k: int, foot: kinematics.SoleMotion, task: Task, gains: Gains
 ) -> tuple[Vector, Vector]:
     """Linear and angular acceleration that follow the swing reference, sole level and at its yaw."""
     error = subtract(vector_of(task.swing, 0), foot.position)
@@ -160,14 +124,14 @@ def write_tasks(
 
     Returns the positions of the left and the right sole.
     """
-    omega, base = base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
+    omega, base = kinematics.base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
     alpha = base_angular_acceleration(phys, k, omega, task, gains)
     qdd[0], qdd[1], qdd[2] = ZERO
-    qdd[3], qdd[4], qdd[5] = to_body(phys.xmat, k, PELVIS, alpha)
-    qdd[WAIST_DOF], qdd[WAIST_DOF + 1] = task.waist[0], task.waist[1]
+    qdd[3], qdd[4], qdd[5] = math3.to_body(phys.xmat, k, PELVIS, alpha)
+    qdd[kinematics.WAIST_DOF], qdd[kinematics.WAIST_DOF + 1] = task.waist[0], task.waist[1]
     left, right = base, base
     for leg in range(2):
-        foot = sole_motion(phys, k, leg, omega)
+        foot = kinematics.sole_motion(phys, k, leg, omega)
         left, right = right, foot.position
         if leg == task.stance:
             linear, angular = stance_acceleration(phys, k, foot, task, gains)
@@ -176,7 +140,7 @@ def write_tasks(
         carried = cross(alpha, subtract(foot.position, base))
         linear = subtract(linear, add(foot.drift, carried))
         angular = subtract(angular, add(foot.turn_drift, alpha))
-        write_leg_inverse(phys, k, leg, foot.position, gains.damping, inverses)
+        kinematics.write_leg_inverse(phys, k, leg, foot.position, gains.damping, inverses)
         for i in range(6):
             rate = dot(vector_at(inverses.velocity, leg, i), linear)
             qdd[LEG_DOF[leg] + i] = rate + dot(vector_at(inverses.omega, leg, i), angular)
@@ -197,7 +161,7 @@ def accelerate_pelvis(a: Vector, inverses: LegInverses, qdd: Array) -> None:
 def write_wrench(phys: Physics, k: int, sole: Vector, total: Array, wrench: Array) -> None:
     """Write the wrench (6,) at the stance sole that the base's rows of M qdd + h, total (20,), ask for."""
     force, arm = vector_of(total, 0), subtract(vector_at(phys.xpos, k, PELVIS), sole)
-    moment = add(cross(arm, force), to_world(phys.xmat, k, PELVIS, vector_of(total, 3)))
+    moment = add(cross(arm, force), math3.to_world(phys.xmat, k, PELVIS, vector_of(total, 3)))
     for i in range(3):
         wrench[i], wrench[3 + i] = force[i], moment[i]
 
@@ -212,15 +176,9 @@ def forward_axis(phys: Physics, k: int, body: int) -> Heading:
 
 @njit(cache=True, forceinline=True)
 def whole_body_torque(
-    phys: Physics,
-    k: int,
-    task: Task,
-    climb: float,
-    gains: Gains,
-    bounds: Bounds,
-    wrench: Array,
+    phys: Physics, k: int, task: Task, climb: float, gains: Gains, bounds: limits.Bounds, wrench: Array,
     torque: Array,
-) -> int:
+) -> int:  # fmt: skip
     """Write the joint torques (14,) [N m] of robot k and the wrench (6,) they ask of the stance sole.
 
     `climb` is the vertical velocity of its CoM [m/s]. Returns the bounds met, as bits of `limits_met`.
@@ -230,23 +188,26 @@ def whole_body_torque(
     left, right = write_tasks(phys, k, task, gains, inverses, qdd)
     sole = left if task.stance == 0 else right
     force = com_force(phys, k, task, sole, climb, gains)
-    rows = com_compliance(phys, k, inverses)
+    rows = kinematics.com_compliance(phys, k, inverses)
     axis = forward_axis(phys, k, FOOT_BODY[task.stance])
-    missing = subtract(force, add(vector_in(phys.bias, k, 0), turning_momentum(phys, k, qdd)))
+    turning = kinematics.turning_momentum(phys, k, qdd)
+    missing = subtract(force, add(math3.vector_in(phys.bias, k, 0), turning))
     for turn in range(2):  # once more where the CoP shall stay at the edge
-        accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
-        write_generalised_force(phys, k, qdd, total)
+        accelerate_pelvis(math3.rows_times(rows, missing), inverses, qdd)
+        kinematics.write_generalised_force(phys, k, qdd, total)
         write_wrench(phys, k, sole, total, wrench)
         if turn == 1:
             break
-        more = full_sole_force(wrench, axis, task.cop, task.missing, phys.com[k, 0, 2] - sole[2], bounds)
+        height = phys.com[k, 0, 2] - sole[2]
+        more = limits.full_sole_force(wrench, axis, task.cop, task.missing, height, bounds)
         if more[0] == 0.0 and more[1] == 0.0:
             break
         missing = more[0], more[1], 0.0
-    for i in range(NU):
-        torque[i] = total[BASE + i]
-    subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
-    write_torque_range(phys, k, bounds.motors, bounds.torque_range)
-    if within_bounds(wrench, torque, axis, bounds):
+    for i in range(kinematics.NU):
+        torque[i] = total[kinematics.BASE + i]
+    kinematics.subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
+    limits.write_torque_range(phys, k, bounds.motors, bounds.torque_range)
+    if limits.within_bounds(wrench, torque, axis, bounds):
         return 0
-    return keep_bounds(phys, k, Legs(task.stance, left, right, inverses, rows), axis, bounds, wrench, torque)
+    legs = kinematics.Legs(task.stance, left, right, inverses, rows)
+    return limits.keep_bounds(phys, k, legs, axis, bounds, wrench, torque)

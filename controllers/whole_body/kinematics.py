@@ -29,23 +29,10 @@ import numpy as np
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
+from .. import math3
 from ..array_table import COMMON, Floats1, Floats2, Floats3, Ints1
 from ..jit import njit
-from ..math3 import (
-    ZERO,
-    Vector,
-    add,
-    cross,
-    dot,
-    dual_basis,
-    scaled,
-    stack_floats,
-    subtract,
-    to_world,
-    vector_at,
-    vector_in,
-    vector_of,
-)
+from ..math3 import ZERO, Vector, add, cross, dot, scaled, stack_floats, subtract, to_world, vector_at
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
@@ -83,15 +70,12 @@ class Physics(NamedTuple):
     load: Floats2  # (n, 2) normal force under the left and the right sole [N]
     ctrl: Floats2  # (n, 14) torques [N m], written by the controller
     xfrc: Floats3  # (n, bodies, 6) external force and torque at the body's CoM, written by the pushes
-    soles: Annotated[
-        Floats2, COMMON
-    ]  # (2, 3) centre of each sole in the axes of its foot's body, from its origin [m]
+    soles: Annotated[Floats2, COMMON]  # (2, 3) centre of each sole in its foot's axes, from their origin [m]
     ankle_height: Annotated[Floats1, COMMON]  # (1,) ankle above a flat sole [m]
     mirror: Annotated[Floats1, COMMON]  # (14,) sign of each joint's coordinate in the mirrored robot
     leg_form: Annotated[Ints1, COMMON]  # (1,) MEETING_AXES or ANY_AXES
-    knee_bend: Annotated[
-        Floats1, COMMON
-    ]  # (2,) sign of a bent knee's coordinate; 0 for one that stops before it is straight
+    # (2,) sign of a bent knee's coordinate; 0 for one that stops before it is straight
+    knee_bend: Annotated[Floats1, COMMON]
 
 
 class SoleMotion(NamedTuple):
@@ -107,14 +91,16 @@ class SoleMotion(NamedTuple):
 @njit(cache=True, forceinline=True)
 def base_angular_velocity(phys: Physics, k: int) -> Vector:
     """Angular velocity of the pelvis in world axes [rad/s]."""
-    return to_world(phys.xmat, k, PELVIS, (phys.qvel[k, 3], phys.qvel[k, 4], phys.qvel[k, 5]))
+    return to_world(phys.xmat, k, PELVIS, math3.vector_in(phys.qvel, k, 3))
 
 
 @njit(cache=True, forceinline=True)
 def sole_position(phys: Physics, k: int, leg: int) -> Vector:
     """Centre of a sole in the world [m]."""
     body = FOOT_BODY[leg]
-    return add(vector_at(phys.xpos, k, body), to_world(phys.xmat, k, body, vector_of(phys.soles[leg], 0)))
+    return add(
+        vector_at(phys.xpos, k, body), to_world(phys.xmat, k, body, math3.vector_of(phys.soles[leg], 0))
+    )
 
 
 @njit(cache=True, forceinline=True)
@@ -126,7 +112,7 @@ def sole_motion(phys: Physics, k: int, leg: int, omega: Vector) -> SoleMotion:
     """
     joint, dof, meeting = LEG_JOINT[leg], LEG_DOF[leg], phys.leg_form[0] == MEETING_AXES
     point, sole = vector_at(phys.xpos, k, PELVIS), sole_position(phys, k, leg)
-    velocity, drift, alpha = (phys.qvel[k, 0], phys.qvel[k, 1], phys.qvel[k, 2]), ZERO, ZERO
+    velocity, drift, alpha = math3.vector_in(phys.qvel, k, 0), ZERO, ZERO
     for j in range(7):
         # where the three hip axes meet in a point, and the two of the ankle, four places are enough
         if not meeting or j == 0 or j == 3 or j == 4 or j == 6:
@@ -223,13 +209,13 @@ def write_inverse_of_meeting_axes(
     stretch = dot(along, s)
     knee = scaled(along, _knee_rate(phys, leg, stretch, damping))
     _write_row(inverses, leg, KNEE, knee, ZERO, offset)
-    about_leg, about_pitch, about_foot = dual_basis(along, pitch, foot)
+    about_leg, about_pitch, about_foot = math3.dual_basis(along, pitch, foot)
     spin = _across(about_leg, along, s, knee, length)  # rotation about r is about_leg . omega - spin . v
     v = add(knee, _across(about_pitch, along, s, knee, length))
     _write_row(inverses, leg, ANKLE_PITCH, scaled(v, -1.0), about_pitch, offset)
     v = _across(about_foot, along, s, knee, length)
     _write_row(inverses, leg, ANKLE_ROLL, scaled(v, -1.0), about_foot, offset)
-    rows = dual_basis(yaw, roll, pitch)
+    rows = math3.dual_basis(yaw, roll, pitch)
     for i in range(3):
         share = dot(rows[i], along)
         v = subtract(_across(rows[i], along, s, knee, length), scaled(spin, share))
@@ -255,11 +241,11 @@ def write_inverse_of_any_axes(
     for i in range(3):
         J[i, KNEE], J[3 + i, KNEE] = along[i], 0.0
     invert_6(J, inverse)
-    n_v, n_omega = vector_of(inverse[KNEE], 0), vector_of(inverse[KNEE], 3)
+    n_v, n_omega = math3.vector_of(inverse[KNEE], 0), math3.vector_of(inverse[KNEE], 3)
     stretch = dot(n_v, knee_v) + dot(n_omega, knee_omega)
     gain = _knee_rate(phys, leg, stretch, damping)
     for j in range(6):
-        v, omega = vector_of(inverse[j], 0), vector_of(inverse[j], 3)
+        v, omega = math3.vector_of(inverse[j], 0), math3.vector_of(inverse[j], 3)
         share = gain if j == KNEE else -gain * (dot(v, knee_v) + dot(omega, knee_omega))
         kept = 0.0 if j == KNEE else 1.0
         for i in range(3):
@@ -299,7 +285,7 @@ def invert_6(A: Array, inverse: Array) -> None:
 @njit(cache=True, forceinline=True)
 def subtract_leg_torques(phys: Physics, k: int, leg: int, sole: Vector, wrench: Array, torque: Array) -> None:
     """Subtract J' w from the torques (14,) for the wrench (6,) on a sole."""
-    force, moment, at = vector_of(wrench, 0), vector_of(wrench, 3), 2 + 6 * leg
+    force, moment, at = math3.vector_of(wrench, 0), math3.vector_of(wrench, 3), 2 + 6 * leg
     for j in range(6):
         arm = subtract(sole, vector_at(phys.xanchor, k, LEG_JOINT[leg] + j))
         torque[at + j] -= dot(vector_at(phys.xaxis, k, LEG_JOINT[leg] + j), add(moment, cross(arm, force)))
@@ -322,8 +308,7 @@ def columns(j: int) -> list[int]:
 @njit(cache=True, forceinline=True)
 def linear_entry(phys: Physics, k: int, j: int) -> Vector:
     """M[0:3, j], j >= 3: linear momentum per rate of degree of freedom j."""
-    row = ROW[j]
-    return phys.mass_matrix[k, row], phys.mass_matrix[k, row + 1], phys.mass_matrix[k, row + 2]
+    return math3.vector_in(phys.mass_matrix, k, ROW[j])
 
 
 @njit(cache=True, forceinline=True)
@@ -339,7 +324,7 @@ def turning_momentum(phys: Physics, k: int, rates: Array) -> Vector:
 def com_velocity(phys: Physics, k: int) -> Vector:
     """Velocity of the whole body's CoM, M[0:3] qd / m [m/s]."""
     relative = scaled(turning_momentum(phys, k, phys.qvel[k]), 1.0 / phys.mass_matrix[k, 0])
-    return add(vector_in(phys.qvel, k, 0), relative)
+    return add(math3.vector_in(phys.qvel, k, 0), relative)
 
 
 @njit(cache=True, forceinline=True)
@@ -356,7 +341,7 @@ def com_compliance(phys: Physics, k: int, inverses: LegInverses) -> tuple[Vector
             x = subtract(x, scaled(entry, rate[0]))
             y = subtract(y, scaled(entry, rate[1]))
             z = subtract(z, scaled(entry, rate[2]))
-    return dual_basis(x, y, z)
+    return math3.dual_basis(x, y, z)
 
 
 @njit(cache=True, forceinline=True)

@@ -18,7 +18,6 @@ from __future__ import annotations
 import cmath
 import math
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ..jit import njit
@@ -68,10 +67,9 @@ def _descend(state, speed, dt):  # pragma: no cover
 
     With e = v + speed: e(s) = (e + (a + e / lag) s) exp(-s / lag); position by its integral.
     """
-    error, acceleration = state[VELOCITY + 2] + speed, state[ACCELERATION + 2]
-    slope = acceleration + error / DESCENT_LAG
-    decay = math.exp(-dt / DESCENT_LAG)
-    lag = DESCENT_LAG
+    error, lag = state[VELOCITY + 2] + speed, DESCENT_LAG
+    slope = state[ACCELERATION + 2] + error / lag
+    decay = math.exp(-dt / lag)
     travel = error * lag * (1.0 - decay) + slope * lag * (lag - (lag + dt) * decay)
     state[2] += travel - speed * dt
     state[VELOCITY + 2] = (error + slope * dt) * decay - speed
@@ -80,26 +78,14 @@ def _descend(state, speed, dt):  # pragma: no cover
 
 @njit(cache=True)
 def swing_update(
-    state: NDArray[np.float64],
-    target_x: float,
-    target_y: float,
-    elapsed: float,
-    duration: float,
-    dt: float,
-    apex: float,
+    state: NDArray, target_x: float, target_y: float, elapsed: float, duration: float, dt: float, apex: float,
     descent: float,
-) -> None:
-    """Advance the reference of one swing sole by dt, in place.
+) -> None:  # fmt: skip
+    """Advance the reference of one swing sole by dt [s], in place.
 
-    Args:
-        state: (9,) position x, y, z [m], velocity [m/s], acceleration [m/s^2]; z above the floor.
-        target_x: where to land [m], in the axes of `state`.
-        target_y: likewise [m].
-        elapsed: time since the step began [s].
-        duration: planned T, when the sole is to meet the floor [s].
-        dt: cycle [s].
-        apex: height in mid-step [m].
-        descent: speed of a late foot [m/s].
+    `state` (9,) is position x, y, z [m], velocity [m/s] and acceleration [m/s^2], z above the floor, and the
+    target to land on is in its axes [m]. `elapsed` time since the step began and `duration` T, when the sole
+    is to meet the floor [s]; `apex`, the height in mid-step [m]; `descent`, the speed of a late foot [m/s].
     """
     remaining = duration - elapsed
     horizon = max(remaining - ARRIVAL_LEAD, SHORTEST, dt)
@@ -134,16 +120,10 @@ def given_yaw(twist: float, most: float) -> float:
 def turn_references(
     yaw: NDArray, rate: float, duration: float, remaining: float, final: float, given: float, dt: float
 ) -> None:
-    """Advance the yaw references (7,) of one robot by dt, in place.
+    """Advance the yaw references (7,) of one robot, beyond the heading, by dt [s], in place.
 
-    Args:
-        yaw: beyond the heading [rad], [rad/s], [rad/s^2], in the order of SIZE.
-        rate: commanded [rad/s].
-        duration: of the step until its sole lands [s].
-        remaining: until T [s].
-        final: from this long before T on, the yaw at landing stays [s].
-        given: see `given_yaw` [rad].
-        dt: physics step [s].
+    `rate` is commanded [rad/s]; the sole lands after `duration`, and `remaining` is left until T [s]. From
+    `final` before T on [s] the yaw at landing stays. `given` is that of `given_yaw` [rad].
     """
     if remaining >= final:
         yaw[LANDING] = rate * duration + given

@@ -78,16 +78,11 @@ class Stage2:
     plan: Plan
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
-        """Arguments of `CopPlanner.plan`."""
-        seen = self.observation
-        return self.plan.remaining, seen[DCM], seen[TRUNK_ANGLE], seen[TRUNK_RATE], self.plan.dcm_target
-
-    @property
     def row(self) -> NDArray[np.float64]:
         """Row of `CopPlanner.plan_batch`, (11,)."""
-        remaining, *vectors = self.arguments
-        return np.concatenate([[remaining], *vectors, np.zeros(2)])
+        seen, plan = self.observation, self.plan
+        state = seen[DCM], seen[TRUNK_ANGLE], seen[TRUNK_RATE], plan.dcm_target
+        return np.concatenate([[plan.remaining], *state, np.zeros(2)])
 
 
 def planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[str, Timing]:
@@ -95,10 +90,10 @@ def planner_timings(policy: TwoStagePolicy, observations: Observations) -> dict[
     batches = [np.ascontiguousarray(row, dtype=np.float64)[None] for row in observations]
     steps, row = StepPlanner(policy.robot, policy.limits, policy.config), np.empty((1, ROW_SIZE))
     planner = CopPlanner(policy.robot, policy.limits, policy.config)
-    problems = [Stage2(batch[0], policy.plan(batch[0])).arguments for batch in batches]
+    rows = [Stage2(batch[0], policy.plan(batch[0])).row[None] for batch in batches]
     return {
         "stage_1_us": time_calls(lambda batch: steps.plan(batch, row), batches),
-        "stage_2_us": time_calls(lambda problem: planner.plan(*problem), problems),
+        "stage_2_us": time_calls(planner.plan_batch, rows),
         "plan_us": time_calls(policy.predict, list(observations)),
     }
 

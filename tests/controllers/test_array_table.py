@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from numba import njit
 from numba.core.errors import TypingError
-from push_recovery.controllers.array_table import (
-    DIMENSIONS,
-    Floats1,
-    Ints2,
-    dense_part_of,
-    first_rows,
-    part_of,
-    parts_table,
-)
+from push_recovery.controllers import array_table
+from push_recovery.controllers.array_table import DIMENSIONS, Floats1, Ints2, first_rows, part_of, parts_table
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.period import Arena, controller_of
 from push_recovery.envs.episode.period_end import PeriodArrays
@@ -114,7 +107,9 @@ def test_what_is_read_is_written_where_it_is_held():
 
 def test_dense_parts_are_contiguous_in_compiled_code():
     two = Two(np.arange(3.0))
-    found = njit(lambda table: dense_part_of(table, Parts, "two"))(parts_table(Parts(ONE, ONE, two)))
+    found = njit(lambda table: array_table.dense_part_of(table, Parts, "two"))(
+        parts_table(Parts(ONE, ONE, two))
+    )
     assert found.c.flags.c_contiguous
     assert place(found.c) == place(two.c)
 

@@ -21,10 +21,7 @@ import types
 from pathlib import Path
 
 import pytest
-from push_recovery.controllers import jit as cache_place
-from push_recovery.controllers import jit as compile_notice
-from push_recovery.controllers import jit as digests
-from push_recovery.controllers import jit as kernels
+from push_recovery.controllers import jit
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.jit import LATELY, MESSAGE, RangeThreads
 
@@ -52,13 +49,13 @@ def package(tmp_path, monkeypatch):
     (tmp_path / "numbers.json").write_text("{}")
 
     def digest(name):
-        digests.source_digest.cache_clear()
-        digests.data_digest.cache_clear()
-        return digests.source_digest(name)
+        jit.source_digest.cache_clear()
+        jit.data_digest.cache_clear()
+        return jit.source_digest(name)
 
     yield tmp_path, digest
-    digests.source_digest.cache_clear()
-    digests.data_digest.cache_clear()
+    jit.source_digest.cache_clear()
+    jit.data_digest.cache_clear()
 
 
 @pytest.mark.parametrize("changed", ["pack.room.deep", "pack.far", "pack.far.near"])
@@ -93,9 +90,9 @@ def test_another_version_of_an_outside_package_counts(package, monkeypatch):
 
 
 def test_the_modules_that_an_import_may_mean():
-    found = digests.imported_modules("push_recovery.controllers.math3", 1, "jit", "njit")
+    found = jit.imported_modules("push_recovery.controllers.math3", 1, "jit", "njit")
     assert found == {"push_recovery.controllers.jit"}
-    found = digests.imported_modules("push_recovery.controllers.math3", 1, "", "jit, x")
+    found = jit.imported_modules("push_recovery.controllers.math3", 1, "", "jit, x")
     assert found == {"push_recovery.controllers", "push_recovery.controllers.jit"}
 
 
@@ -106,9 +103,9 @@ def test_every_import_of_a_kernel_s_module_is_seen():
     while wait:
         name = wait.pop()
         seen.add(name)
-        for dots, base, names, _ in digests.IMPORT.findall(b"\n" + digests.source_of(name)):
+        for dots, base, names, _ in jit.IMPORT.findall(b"\n" + jit.source_of(name)):
             if dots:
-                wait += digests.imported_modules(name, len(dots), base.decode(), names.decode()) - seen
+                wait += jit.imported_modules(name, len(dots), base.decode(), names.decode()) - seen
     for name in seen:
         for value in vars(sys.modules[name]).values():
             origin = str(getattr(value, "__module__", ""))
@@ -117,12 +114,12 @@ def test_every_import_of_a_kernel_s_module_is_seen():
 
 @pytest.fixture
 def temporary(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache_place.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path))
     return tmp_path
 
 
 def test_the_least_lately_used_versions_of_a_module_are_deleted(tmp_path):
-    digests = [f"{k:016x}" for k in range(cache_place.KEPT + 2)]
+    digests = [f"{k:016x}" for k in range(jit.KEPT + 2)]
     for age, digest in enumerate(digests):
         path = tmp_path / f"controllers.a-{digest}"
         path.mkdir()
@@ -133,19 +130,19 @@ def test_the_least_lately_used_versions_of_a_module_are_deleted(tmp_path):
         (tmp_path / name).mkdir()
         os.utime(tmp_path / name, (1.0, 1.0))
     new = tmp_path / f"controllers.a-{digests[-1]}"  # the oldest by its time, and the one just made
-    cache_place.make_room(new)
-    kept = {f"controllers.a-{digest}" for digest in [*digests[: cache_place.KEPT - 1], digests[-1]]}
+    jit.make_room(new)
+    kept = {f"controllers.a-{digest}" for digest in [*digests[: jit.KEPT - 1], digests[-1]]}
     assert {path.name for path in tmp_path.iterdir()} == kept | set(others)
 
 
 def test_a_version_in_use_counts_as_new(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache_place, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
     path = tmp_path / "controllers.a-00"
     path.mkdir()
     os.utime(path, (1.0, 1.0))
-    assert cache_place.module_directory("push_recovery.controllers.a", "00") == path
+    assert jit.module_directory("push_recovery.controllers.a", "00") == path
     assert path.stat().st_mtime > 1.0
-    assert not cache_place.module_directory("push_recovery.controllers.a", "11").exists()
+    assert not jit.module_directory("push_recovery.controllers.a", "11").exists()
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -156,21 +153,21 @@ def test_the_directory_is_the_users_or_the_one_that_is_named(tmp_path, monkeypat
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "named"))
     elif os.name != "posix" or os.uname().sysname == "Darwin":
         pytest.skip("XDG is a convention of Linux")
-    path = cache_place.cache_root.__wrapped__()
+    path = jit.cache_root.__wrapped__()
     assert path == tmp_path / ("named" if given else "xdg") / "push-recovery"
     assert path.is_dir()
 
 
 def test_the_place_for_temporary_files_is_closed_to_others(temporary):
-    path = cache_place.own_temporary_directory()
+    path = jit.own_temporary_directory()
     assert path.parent == temporary
     assert path.stat().st_mode & 0o777 == 0o700
-    assert cache_place.own_temporary_directory() == path
+    assert jit.own_temporary_directory() == path
 
 
 @pytest.mark.parametrize("planted", ["open", "link", "file"])
 def test_what_another_may_have_planted_is_not_used(temporary, planted):
-    path = cache_place.own_temporary_directory()
+    path = jit.own_temporary_directory()
     path.rmdir()
     if planted == "open":
         path.mkdir()
@@ -180,7 +177,7 @@ def test_what_another_may_have_planted_is_not_used(temporary, planted):
         path.symlink_to(temporary / "elsewhere")
     else:
         path.write_text("")
-    other = cache_place.own_temporary_directory()
+    other = jit.own_temporary_directory()
     assert other not in (path, temporary / "elsewhere")
     assert Path(other).stat().st_mode & 0o777 == 0o700
 
@@ -301,7 +298,7 @@ def test_a_place_that_cannot_be_written_costs_a_warning_and_no_more(tmp_path):
 
 
 def test_without_cache_nothing_is_kept(tmp_path):
-    kernel = kernels.njit(cache=False)(lambda x: x + 1)
+    kernel = jit.njit(cache=False)(lambda x: x + 1)
     assert kernel(1) == 2
     assert kernel.stats.cache_path is None
 
@@ -416,16 +413,16 @@ def test_nothing_is_said_where_kernels_come_from_disk_or_are_not_of_this_package
 
 
 def test_one_of_a_group_of_processes_says_it_and_again_when_it_is_long_ago(tmp_path, monkeypatch):
-    monkeypatch.setattr(compile_notice, "cache_root", lambda: tmp_path)
-    assert compile_notice._first_to_say()
-    assert not compile_notice._first_to_say()
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+    assert jit._first_to_say()
+    assert not jit._first_to_say()
     (path,) = tmp_path.iterdir()
     past = time.time() - LATELY - 1.0
     os.utime(path, (past, past))
-    assert compile_notice._first_to_say()
-    assert not compile_notice._first_to_say()
+    assert jit._first_to_say()
+    assert not jit._first_to_say()
 
 
 def test_it_is_said_where_nothing_can_be_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(compile_notice, "cache_root", lambda: tmp_path / "missing")
-    assert compile_notice._first_to_say()
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path / "missing")
+    assert jit._first_to_say()

@@ -10,35 +10,8 @@ The joint observation against MuJoCo's own figures, and in a mirror.
 import mujoco
 import numpy as np
 import pytest
-from push_recovery.controllers.joint_control import (
-    ANGLES,
-    BASE_RATE,
-    BASE_VELOCITY,
-    COMMAND_COLUMN,
-    GRAVITY_DIRECTION,
-    HEADING_ERROR,
-    JOINT_NAMES,
-    JOINT_OBSERVATION_NAMES,
-    JOINT_OBSERVATION_SIZE,
-    LIFTED,
-    LOADS,
-    PHASE,
-    PREVIOUS_ACTION,
-    RATES,
-    add_residual,
-    axial,
-    count_effort,
-    follow_contacts,
-    follow_targets,
-    hold_nominal,
-    joint_constants,
-    joint_sign,
-    observe_joints,
-    own_joint,
-    polar,
-    to_canonical,
-    to_own,
-)
+from push_recovery.controllers import joint_control as control
+from push_recovery.controllers.joint_control import LIFTED, PHASE, RATES, axial, joint_sign, own_joint, polar
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import COMMAND
 from push_recovery.controllers.whole_body.gait_machine import resting_gait
@@ -53,7 +26,7 @@ OWN = [biped_model().actuator(i).name for i in range(biped_model().nu)]
 
 @pytest.mark.parametrize(("stance", "sides"), [(LEFT, ("left", "right")), (RIGHT, ("right", "left"))])
 def test_joints_are_named_by_the_role_of_their_leg(stance, sides):
-    for c, name in enumerate(JOINT_NAMES):
+    for c, name in enumerate(control.JOINT_NAMES):
         own = name.replace("stance", sides[0]).replace("swing", sides[1])
         assert OWN[own_joint(c, stance)] == own
 
@@ -61,7 +34,7 @@ def test_joints_are_named_by_the_role_of_their_leg(stance, sides):
 def test_only_a_robot_on_its_left_foot_is_seen_in_a_mirror():
     """Yaw, roll and the waist's roll change their sign in a mirror, pitch and knee do not."""
     mirror = biped().mirror
-    turned = [-1.0 if name.endswith(("yaw", "roll")) else 1.0 for name in JOINT_NAMES]
+    turned = [-1.0 if name.endswith(("yaw", "roll")) else 1.0 for name in control.JOINT_NAMES]
     for c, sign in enumerate(turned):
         assert joint_sign(mirror, own_joint(c, LEFT), LEFT) == sign
         assert joint_sign(mirror, own_joint(c, RIGHT), RIGHT) == 1.0
@@ -71,8 +44,8 @@ def test_only_a_robot_on_its_left_foot_is_seen_in_a_mirror():
 def test_there_and_back_is_where_it_was(stance):
     values = np.random.default_rng(0).normal(size=14)
     own, back = np.empty(14), np.empty(14)
-    to_own(values, biped().mirror, stance, own)
-    to_canonical(own, biped().mirror, stance, back)
+    control.to_own(values, biped().mirror, stance, own)
+    control.to_canonical(own, biped().mirror, stance, back)
     np.testing.assert_array_equal(back, values)
     assert (own != values).any()
 
@@ -88,7 +61,7 @@ def test_a_mirror_turns_velocities_aside_and_rates_about_the_axes_of_its_plane()
 
 
 @pytest.fixture(scope="module")
-def targets():
+def core():
     return JointCore(1, BIPED, BIPED_LIMITS)
 
 
@@ -115,38 +88,38 @@ def ranges(rates):
 
 def test_an_action_of_one_asks_for_the_full_torque_of_each_motor_that_is_there():
     motors = np.array([[150.0, 80.0, NEVER], [20.0, 10.0, NEVER]])
-    largest, stiffness, damping = joint_constants(motors)
+    largest, stiffness, damping = control.joint_constants(motors)
     np.testing.assert_array_equal(largest, [150.0, 80.0, 0.0])
     np.testing.assert_array_equal(stiffness * 1.0, largest)  # over 1 rad
     np.testing.assert_allclose(damping, [3.0, 1.6, 0.0])
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_torques_are_those_of_pd_control_within_the_motors_range(targets, random_state, seed):
-    angles, rates = put(targets, random_state, seed)
-    joints, wanted = targets.joints, np.random.default_rng(seed).uniform(-1.0, 1.0, 14)
+def test_torques_are_those_of_pd_control_within_the_motors_range(core, random_state, seed):
+    angles, rates = put(core, random_state, seed)
+    joints, wanted = core.joints, np.random.default_rng(seed).uniform(-1.0, 1.0, 14)
     joints.held[0] = wanted
     asked = joints.stiffness * (joints.posture + wanted - angles) - joints.damping * rates
     low, high = ranges(rates)
-    met = follow_targets(targets.physics, 0, joints, targets._bounds[0][0])
-    np.testing.assert_allclose(targets.physics.ctrl[0], np.clip(asked, low, high), atol=1e-10)
+    met = control.follow_targets(core.physics, 0, joints, core._bounds[0][0])
+    np.testing.assert_allclose(core.physics.ctrl[0], np.clip(asked, low, high), atol=1e-10)
     assert bool(met) == bool(((asked <= low) | (asked >= high)).any())
 
 
-def test_a_robot_at_its_targets_and_at_rest_is_asked_for_nothing(targets, random_state):
+def test_a_robot_at_its_targets_and_at_rest_is_asked_for_nothing(core, random_state):
     qpos, qvel = random_state(np.random.default_rng(0))
-    qpos[7:], qvel[6:] = targets.joints.posture, 0.0
-    targets.put(0, qpos, qvel)
-    targets.joints.held[0] = 0.0
-    assert follow_targets(targets.physics, 0, targets.joints, targets._bounds[0][0]) == 0
-    np.testing.assert_array_equal(targets.physics.ctrl[0], np.zeros(14))
+    qpos[7:], qvel[6:] = core.joints.posture, 0.0
+    core.put(0, qpos, qvel)
+    core.joints.held[0] = 0.0
+    assert control.follow_targets(core.physics, 0, core.joints, core._bounds[0][0]) == 0
+    np.testing.assert_array_equal(core.physics.ctrl[0], np.zeros(14))
 
 
 def test_without_a_residual_torques_keep_their_bits_even_beyond_the_range(residual, random_state):
     put(residual, random_state, 1)
     torque = np.random.default_rng(2).normal(0.0, 500.0, 14)
     residual.physics.ctrl[0], residual.joints.held[0] = torque, 0.0
-    assert add_residual(residual.physics, 0, residual.joints, residual._bounds[0][0]) == 0
+    assert control.add_residual(residual.physics, 0, residual.joints, residual._bounds[0][0]) == 0
     assert residual.physics.ctrl[0].tobytes() == torque.tobytes()
 
 
@@ -159,7 +132,7 @@ def test_a_residual_is_a_share_of_the_largest_torque_and_the_sum_stays_in_range(
     residual._bounds[0][0].torque_range[:] = low, high
     torque = 0.6 * high
     residual.physics.ctrl[0], residual.joints.held[0] = torque, share
-    assert add_residual(residual.physics, 0, residual.joints, residual._bounds[0][0]) == met
+    assert control.add_residual(residual.physics, 0, residual.joints, residual._bounds[0][0]) == met
     expected = np.minimum(torque + share * 0.5 * biped().motors[0], high)
     np.testing.assert_allclose(residual.physics.ctrl[0], expected, atol=1e-12)
 
@@ -168,7 +141,7 @@ def test_effort_is_the_mean_square_of_the_shares_of_the_torques(residual):
     residual.joints.effort[0] = 0.0
     for share in (0.5, 1.0):
         residual.physics.ctrl[0] = share * biped().motors[0] * np.where(np.arange(14) % 2, 1.0, -1.0)
-        count_effort(residual.physics, 0, residual.joints, 0.5)
+        control.count_effort(residual.physics, 0, residual.joints, 0.5)
     assert residual.joints.effort[0] == pytest.approx(14 * 0.5 * (0.25 + 1.0))
 
 
@@ -176,24 +149,21 @@ T, DT = 0.3, 0.002
 STANDS, SHARED, FREE = 590.0, 295.0, 0.0  # loads [N]
 
 
-@pytest.fixture(scope="module")
-def core():
-    made = JointCore(1, BIPED, BIPED_LIMITS)
-    qpos = np.zeros(21)
-    qpos[2], qpos[3], qpos[7:] = 0.75, 1.0, made.joints.posture
-    made.put(0, qpos, np.zeros(20))
-    return made
+def standing(core, yaw=0.0):
+    """Coordinates (21,) of a robot that stands at a yaw."""
+    return np.array([0.0, 0.0, 0.75, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2), *core.joints.posture])
 
 
 def steps(core, loads, turn=0.0):
     """Times of touchdowns [s] under a history of loads (left, right) [N], a row a physics step."""
+    core.put(0, standing(core), np.zeros(20))
     gait, found = resting_gait(1), []
     gait.plan[0, 2], gait.turn[0] = T, turn
     core.joints.lifted[0], core.joints.air[0] = 0, 0
     for i, row in enumerate(loads):
         core.physics.load[0] = row
         before = gait.steps.item(0)
-        follow_contacts(core.physics, gait, 0, BIPED_GAIT, core.joints)
+        control.follow_contacts(core.physics, gait, 0, BIPED_GAIT, core.joints)
         if gait.steps.item(0) != before:
             found.append(i * DT)
         gait.elapsed[0] += DT
@@ -252,7 +222,7 @@ def test_the_heading_goes_on_by_what_the_command_asked_for_in_the_step(core):
 def test_the_plan_that_is_held_is_the_nominal_gait_of_the_command(core, velocity):
     gait, observation = resting_gait(1), np.zeros(36)
     observation[COMMAND], gait.plan[0] = velocity, 1.0
-    hold_nominal(gait, 0, observation, core.joints.gait)
+    control.hold_nominal(gait, 0, observation, core.joints.gait)
     delay = core.joints.gait[2]
     nominal = nominal_gait(BIPED, BIPED_LIMITS, velocity, delay)
     expected = [nominal.length, nominal.width, nominal.duration, 0.0, 0.0, 0.0, 0.0]
@@ -261,11 +231,6 @@ def test_the_plan_that_is_held_is_the_nominal_gait_of_the_command(core, velocity
 
 THREE = np.arange(3)
 QUIET = (0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def observation_core():
-    return JointCore(1, BIPED, BIPED_LIMITS)
 
 
 def observed(
@@ -277,8 +242,8 @@ def observed(
         field[0] = 0
     core.gait.stance[0], core.gait.heading[0] = stance, heading
     core.gait.plan[0, 2], core.gait.elapsed[0] = 0.4, elapsed
-    out = np.full(JOINT_OBSERVATION_SIZE, np.nan)
-    observe_joints(core.physics, core.gait, 0, BIPED_GAIT, core.joints, np.array(command), noise, out)
+    out = np.full(control.JOINT_OBSERVATION_SIZE, np.nan)
+    control.observe_joints(core.physics, core.gait, 0, BIPED_GAIT, core.joints, np.array(command), noise, out)
     assert np.isfinite(out).all()
     return out
 
@@ -296,11 +261,11 @@ def mirrored_state(qpos, qvel):
 
 
 def test_every_entry_has_a_name_of_its_own():
-    assert len(set(JOINT_OBSERVATION_NAMES)) == JOINT_OBSERVATION_SIZE == 58
+    assert len(set(control.JOINT_OBSERVATION_NAMES)) == control.JOINT_OBSERVATION_SIZE == 58
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_base_moves_as_mujoco_has_it_in_the_axes_of_the_body(observation_core, random_state, seed):
+def test_the_base_moves_as_mujoco_has_it_in_the_axes_of_the_body(core, random_state, seed):
     qpos, qvel = random_state(np.random.default_rng(seed))
     data, twist = mujoco.MjData(biped_model()), np.zeros(6)
     data.qpos[:], data.qvel[:] = qpos, qvel
@@ -308,25 +273,25 @@ def test_the_base_moves_as_mujoco_has_it_in_the_axes_of_the_body(observation_cor
     pelvis = biped_model().body("pelvis").id
     kind = mujoco.mjtObj.mjOBJ_XBODY.value
     mujoco.mj_objectVelocity(biped_model(), data, kind, pelvis, twist, 1)
-    seen = observed(observation_core, qpos, qvel)
-    np.testing.assert_allclose(seen[BASE_RATE + THREE], twist[:3], atol=1e-9)
-    np.testing.assert_allclose(seen[BASE_VELOCITY + THREE], twist[3:], atol=1e-9)
+    seen = observed(core, qpos, qvel)
+    np.testing.assert_allclose(seen[control.BASE_RATE + THREE], twist[:3], atol=1e-9)
+    np.testing.assert_allclose(seen[control.BASE_VELOCITY + THREE], twist[3:], atol=1e-9)
     down = data.body(pelvis).xmat.reshape(3, 3).T @ biped_model().opt.gravity / 9.81
-    np.testing.assert_allclose(seen[GRAVITY_DIRECTION + THREE], down, atol=1e-9)
+    np.testing.assert_allclose(seen[control.GRAVITY_DIRECTION + THREE], down, atol=1e-9)
 
 
-def test_joints_are_told_off_the_standing_posture(observation_core, random_state):
+def test_joints_are_told_off_the_standing_posture(core, random_state):
     """On the right foot, as they are: waist, right leg, left leg."""
     qpos, qvel = random_state(np.random.default_rng(3))
     order = [0, 1, *range(8, 14), *range(2, 8)]
-    seen = observed(observation_core, qpos, qvel)
+    seen = observed(core, qpos, qvel)
     np.testing.assert_allclose(
-        seen[ANGLES:RATES], (qpos[7:] - observation_core.joints.posture)[order], atol=1e-12
+        seen[control.ANGLES : RATES], (qpos[7:] - core.joints.posture)[order], atol=1e-12
     )
-    np.testing.assert_allclose(seen[RATES:PREVIOUS_ACTION], qvel[6:][order], atol=1e-12)
+    np.testing.assert_allclose(seen[RATES : control.PREVIOUS_ACTION], qvel[6:][order], atol=1e-12)
 
 
-def test_a_mirrored_robot_on_its_other_foot_sees_the_same(observation_core, random_state):
+def test_a_mirrored_robot_on_its_other_foot_sees_the_same(core, random_state):
     qpos, qvel = random_state(np.random.default_rng(4))
     action, loads = np.random.default_rng(5).uniform(-1.0, 1.0, 14), (400.0, 100.0)
     seen = []
@@ -335,43 +300,34 @@ def test_a_mirrored_robot_on_its_other_foot_sees_the_same(observation_core, rand
             qpos, qvel = mirrored_state(qpos, qvel)
             signs = biped().mirror
             action = np.concatenate([(action * signs)[:2], (action * signs)[8:], (action * signs)[2:8]])
-        observation_core.joints.held[0] = action
+        core.joints.held[0] = action
         sign = 1.0 - 2.0 * side
         command, noise = (0.3, 0.1 * sign, 0.2 * sign), (0.02, 0.03)
         told = loads if side == 0 else loads[::-1]
-        seen.append(observed(observation_core, qpos, qvel, 1 - side, 0.4 * sign, command, noise, 0.1, told))
+        seen.append(observed(core, qpos, qvel, 1 - side, 0.4 * sign, command, noise, 0.1, told))
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
-    assert np.abs(seen[0][PREVIOUS_ACTION:]).min() > 0.0
+    assert np.abs(seen[0][control.PREVIOUS_ACTION :]).min() > 0.0
 
 
 @pytest.mark.parametrize(("stance", "sign"), [(0, -1.0), (1, 1.0)])
-def test_command_and_heading_are_told_towards_the_swing_side(observation_core, stance, sign):
+def test_command_and_heading_are_told_towards_the_swing_side(core, stance, sign):
     """A robot that looks 0.3 rad to the left of its heading of 0.5 rad."""
-    qpos = np.zeros(21)
-    qpos[2], qpos[3], qpos[6], qpos[7:] = 0.75, np.cos(0.4), np.sin(0.4), observation_core.joints.posture
-    seen = observed(observation_core, qpos, np.zeros(20), stance, 0.5, (0.2, 0.1, 0.4))
-    assert seen[HEADING_ERROR] == pytest.approx(0.3 * sign)
-    np.testing.assert_allclose(seen[COMMAND_COLUMN + THREE], [0.2, 0.1 * sign, 0.4 * sign], atol=1e-15)
-
-
-def test_noise_of_the_velocity_is_turned_into_the_axes_of_the_base(observation_core):
-    """A robot that looks a quarter turn to the left of its heading has noise along that at its right."""
-    qpos = np.zeros(21)
-    qpos[2], qpos[3], qpos[6], qpos[7:] = (
-        0.75,
-        np.cos(np.pi / 4),
-        np.sin(np.pi / 4),
-        observation_core.joints.posture,
+    seen = observed(core, standing(core, 0.8), np.zeros(20), stance, 0.5, (0.2, 0.1, 0.4))
+    assert seen[control.HEADING_ERROR] == pytest.approx(0.3 * sign)
+    np.testing.assert_allclose(
+        seen[control.COMMAND_COLUMN + THREE], [0.2, 0.1 * sign, 0.4 * sign], atol=1e-15
     )
-    seen = observed(observation_core, qpos, np.zeros(20), noise=(0.1, 0.0))
-    np.testing.assert_allclose(seen[BASE_VELOCITY + THREE], [0.0, -0.1, 0.0], atol=1e-12)
 
 
-def test_loads_are_shares_of_the_weight_and_the_clock_one_of_the_step(observation_core):
-    qpos = np.zeros(21)
-    qpos[2], qpos[3], qpos[7:] = 0.75, 1.0, observation_core.joints.posture
+def test_noise_of_the_velocity_is_turned_into_the_axes_of_the_base(core):
+    """A robot that looks a quarter turn to the left of its heading has noise along that at its right."""
+    seen = observed(core, standing(core, np.pi / 2), np.zeros(20), noise=(0.1, 0.0))
+    np.testing.assert_allclose(seen[control.BASE_VELOCITY + THREE], [0.0, -0.1, 0.0], atol=1e-12)
+
+
+def test_loads_are_shares_of_the_weight_and_the_clock_one_of_the_step(core):
     loads = 60.0 * 9.81, 0.5 * 60.0 * 9.81
     for elapsed, phase in ((0.1, 0.25), (0.4, 1.0), (9.0, 2.0)):
-        seen = observed(observation_core, qpos, np.zeros(20), stance=0, elapsed=elapsed, loads=loads)
-        np.testing.assert_allclose(seen[LOADS:PHASE], [1.0, 0.5], atol=1e-12)
+        seen = observed(core, standing(core), np.zeros(20), stance=0, elapsed=elapsed, loads=loads)
+        np.testing.assert_allclose(seen[control.LOADS : PHASE], [1.0, 0.5], atol=1e-12)
         assert seen[PHASE] == pytest.approx(phase)

@@ -4,23 +4,13 @@ import json
 from dataclasses import fields, replace
 
 import pytest
+from push_recovery.controllers import settings
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.robot import natural_frequency
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.settings import (
-    UNITS,
-    PlannerConfig,
-    PresetFile,
-    Scale,
-    load_preset,
-    named_preset,
-    preset_config,
-    preset_names,
-    scaled_preset,
-)
 from push_recovery.envs.biped.core import SECTIONS
 
-PRESET = PresetFile(
+PRESET = settings.PresetFile(
     "biped",
     {"touchdown_delay": 0.006},
     {"two-stage": {"beta_dcm": 900.0, "touchdown_delay": 0.007}},
@@ -36,23 +26,23 @@ def write(path, **changes):
 
 def test_a_file_is_read_as_it_was_written(tmp_path):
     PRESET.save(tmp_path / "tuned.json")
-    assert load_preset(str(tmp_path / "tuned.json")) == PRESET
+    assert settings.load_preset(str(tmp_path / "tuned.json")) == PRESET
 
 
 def test_an_arm_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path):
-    base = preset_config("biped")
+    base = settings.preset_config("biped")
     assert PRESET.config() == replace(base, touchdown_delay=0.006)
-    own = named_preset("biped").arms["stage-1"]
+    own = settings.named_preset("biped").arms["stage-1"]
     assert PRESET.config("stage-1") == replace(base, **{**own, "touchdown_delay": 0.006})
     assert PRESET.config("passive") == PRESET.config()
     assert PRESET.config("two-stage") == replace(base, touchdown_delay=0.007, beta_dcm=900.0)
-    assert preset_config(write(tmp_path / "p.json")) == PRESET.config()
+    assert settings.preset_config(write(tmp_path / "p.json")) == PRESET.config()
 
 
 def test_a_name_is_a_file_that_changes_nothing():
-    for name in preset_names():
+    for name in settings.preset_names():
         for arm in ("", "two-stage", "stage-1+cop"):
-            assert load_preset(name).config(arm) == named_preset(name).config(arm)
+            assert settings.load_preset(name).config(arm) == settings.named_preset(name).config(arm)
 
 
 def test_policies_take_a_file_for_a_preset(tmp_path):
@@ -86,37 +76,39 @@ def test_policies_take_a_file_for_a_preset(tmp_path):
 )  # fmt: skip
 def test_bad_files_are_refused(tmp_path, changes, message):
     with pytest.raises((InvalidValueError, UnknownNameError), match=message):
-        load_preset(write(tmp_path / "bad.json", **changes))
+        settings.load_preset(write(tmp_path / "bad.json", **changes))
 
 
 def test_unreadable_files_and_unknown_names_are_refused(tmp_path):
     (tmp_path / "torn.json").write_text("{")
     for name in ("torn.json", "absent.json"):
         with pytest.raises(InvalidValueError, match=rf"preset file .*{name}"):
-            load_preset(str(tmp_path / name))
+            settings.load_preset(str(tmp_path / name))
     with pytest.raises(
         UnknownNameError, match=r"^unknown preset 'bipd'; did you mean 'biped'\?.*FILE\.json\)$"
     ):
-        load_preset("bipd")
+        settings.load_preset("bipd")
 
 
 def test_the_named_presets_hold_the_paper_and_what_was_tuned():
-    paper = preset_config("paper")
-    assert (paper.form, paper.alpha_offset, paper.beta_dcm, paper.beta_trunk) == ("jerk", 1000.0, 1e5, 1.0)
-    assert preset_config("double-support") == preset_config("default").replace(
+    paper = settings.preset_config("paper")
+    assert (paper.form, paper.alpha_step, paper.alpha_duration, paper.alpha_offset) == ("jerk", 1.0, 1.0, 1e3)
+    betas = [f"beta_{name}" for name in ("cop", "dcm_acceleration", "trunk", "trunk_rate", "dcm")]
+    assert [getattr(paper, name) for name in betas] == [1.0, 1.0, 1.0, 1.0, 1e5]  # Table II
+    assert settings.preset_config("double-support") == settings.preset_config("default").replace(
         double_support=0.1, beta_trunk_angle=10.0
     )
-    assert named_preset("biped").robot()["gait"]["commit"] == preset_config("biped").freeze
+    assert settings.named_preset("biped").robot()["gait"]["commit"] == settings.preset_config("biped").freeze
 
 
 def test_a_file_changes_single_values_of_the_robot_of_its_base():
-    sections, base = PRESET.robot(), named_preset("biped").robot()
+    sections, base = PRESET.robot(), settings.named_preset("biped").robot()
     assert sections["gains"].pop("swing_kp") == 350.0 != base["gains"].pop("swing_kp")
     assert sections == base
-    assert PresetFile("default").robot() == {}
+    assert settings.PresetFile("default").robot() == {}
 
 
-OWN = PresetFile(
+OWN = settings.PresetFile(
     "biped",
     arms={
         "stage-1": {"biped": {"gains": {"swing_kp": 360.0}, "gait": {"apex": 0.05}}},
@@ -128,25 +120,25 @@ OWN = PresetFile(
 
 
 def test_an_arm_walks_its_own_robot_then_the_common_one_then_the_bases():
-    robot, base = OWN.robot("stage-1"), named_preset("biped").robot()
+    robot, base = OWN.robot("stage-1"), settings.named_preset("biped").robot()
     assert robot["gains"] == {**base["gains"], "swing_kp": 360.0, "swing_kd": 100.0}
     assert robot["gait"] == {**base["gait"], "apex": 0.05}
     assert robot["limits"] == base["limits"]
     assert OWN.robot("passive") == OWN.robot() == {**base, "gains": {**base["gains"], **OWN.biped["gains"]}}
-    assert OWN.config("stage-1") == named_preset("biped").config("stage-1")
+    assert OWN.config("stage-1") == settings.named_preset("biped").config("stage-1")
 
 
 def test_an_own_robot_is_one_that_differs_or_touches_down_at_another_time():
     assert [OWN.has_own_robot(arm) for arm in ("stage-1", "two-stage", "stage-1+cop", "passive", "")] == [
         True, True, False, False, False,
     ]  # fmt: skip
-    base = named_preset("biped")
+    base = settings.named_preset("biped")
     own = [arm for arm in ("raibert", "stage-1", "two-stage") if base.has_own_robot(arm)]
     assert own == ["raibert"]  # whose steps are shorter
 
 
 def test_replace_names_the_nearest_field():
-    config = PlannerConfig()
+    config = settings.PlannerConfig()
     assert config.replace(beta_dcm=5.0) == replace(config, beta_dcm=5.0)
     with pytest.raises(
         UnknownNameError, match=r"^unknown field of PlannerConfig 'beta_dmc'; did you mean 'beta_dcm'\?"
@@ -156,9 +148,9 @@ def test_replace_names_the_nearest_field():
         config.replace(beta_dcm=-5.0)
 
 
-BIPED = named_preset("biped")
-SAME = Scale(1.0, 1.0, 1.0, 1.0, 1.0)
-SMALL = Scale(length=0.5, mass=0.1, foot_length=0.6, foot_width=0.7, leg=0.55, waist=0.2, lean=0.3)
+BIPED = settings.named_preset("biped")
+SAME = settings.Scale(1.0, 1.0, 1.0, 1.0, 1.0)
+SMALL = settings.Scale(length=0.5, mass=0.1, foot_length=0.6, foot_width=0.7, leg=0.55, waist=0.2, lean=0.3)
 PURE = {  # numbers without a unit, accelerations and shares of the weight, which are alike, and numerics
     "planner": {"alpha_duration", "first_interval_min"},
     "limits": set(),
@@ -169,17 +161,17 @@ PURE = {  # numbers without a unit, accelerations and shares of the weight, whic
 
 
 def test_every_number_has_a_unit_or_none():
-    numbers = {field.name for field in fields(PlannerConfig) if isinstance(field.default, float)}
+    numbers = {field.name for field in fields(settings.PlannerConfig) if isinstance(field.default, float)}
     for section, names in {
         "planner": numbers,
         **{name: set(part) for name, part in SECTIONS.items()},
     }.items():
-        assert set(UNITS[section]) | PURE[section] == names
-        assert not set(UNITS[section]) & PURE[section]
+        assert set(settings.UNITS[section]) | PURE[section] == names
+        assert not set(settings.UNITS[section]) & PURE[section]
 
 
 def test_a_robot_as_large_as_the_biped_has_its_preset():
-    same = scaled_preset(BIPED, SAME, {})
+    same = settings.scaled_preset(BIPED, SAME, {})
     for arm in ("", *BIPED.arms):
         assert same.config(arm) == BIPED.config(arm)
         assert same.robot(arm) == BIPED.robot(arm)
@@ -187,7 +179,7 @@ def test_a_robot_as_large_as_the_biped_has_its_preset():
 
 def test_a_smaller_robot_walks_alike():
     """Time in units of 1/omega, lengths in CoM heights, stiffness in omega^2, loads in weights."""
-    small, config = scaled_preset(BIPED, SMALL, {}), BIPED.config()
+    small, config = settings.scaled_preset(BIPED, SMALL, {}), BIPED.config()
     one, other = small.robot(), BIPED.robot()
     faster = natural_frequency(0.4) / natural_frequency(0.8)
     assert one["limits"]["duration_min"] * faster == pytest.approx(other["limits"]["duration_min"], rel=1e-5)
@@ -203,14 +195,14 @@ def test_a_smaller_robot_walks_alike():
 
 def test_what_leaning_spares_the_com_sets_its_price():
     """A trunk of a fifth of the effect may turn five times as fast for the same price."""
-    one, other = scaled_preset(BIPED, SMALL, {}).robot()["bounds"], BIPED.robot()["bounds"]
+    one, other = settings.scaled_preset(BIPED, SMALL, {}).robot()["bounds"], BIPED.robot()["bounds"]
     assert one["waist_price"] * 5.0**2 == pytest.approx(other["waist_price"], rel=1e-5)
     assert one["swing_price"] == other["swing_price"]
 
 
 def test_slower_legs_step_later_and_swing_less():
     """A quarter of the acceleration takes twice the time for the same way."""
-    slow = scaled_preset(BIPED, replace(SAME, swing=0.25), {})
+    slow = settings.scaled_preset(BIPED, replace(SAME, swing=0.25), {})
     limits, gains, config = slow.robot()["limits"], slow.robot()["gains"], BIPED.config()
     for name in ("duration_min", "duration_max"):
         assert limits[name] == pytest.approx(2.0 * BIPED.robot()["limits"][name], rel=1e-5)
@@ -221,7 +213,9 @@ def test_slower_legs_step_later_and_swing_less():
 
 
 def test_arms_keep_what_is_theirs_and_changes_come_last():
-    small = scaled_preset(BIPED, SMALL, {"planner": {"alpha_step": 3.0}, "limits": {"width_max": 0.4}})
+    small = settings.scaled_preset(
+        BIPED, SMALL, {"planner": {"alpha_step": 3.0}, "limits": {"width_max": 0.4}}
+    )
     raibert, own = small.robot("raibert")["limits"], BIPED.robot("raibert")["limits"]
     assert raibert["duration_max"] == pytest.approx(0.5**0.5 * own["duration_max"], rel=1e-5)
     assert (small.config().alpha_step, small.robot()["limits"]["width_max"]) == (3.0, 0.4)

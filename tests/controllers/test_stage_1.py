@@ -17,7 +17,7 @@ from push_recovery.controllers.model.observation import (
     SWING_POSITION,
 )
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.qp import QpSolution, kkt_residual, solve_qp
+from push_recovery.controllers.qp import QpSolution, solve_qp
 from push_recovery.controllers.settings import PlannerConfig, preset_config
 from push_recovery.controllers.stage_1 import (
     HELD,
@@ -89,7 +89,7 @@ def test_no_point_of_a_fine_grid_is_better():
 
 
 def kkt_dual(program, x):
-    """Multipliers of the rows active at x, by least squares; wrong signs would show in kkt_residual."""
+    """Multipliers of the rows active at x, by least squares; wrong signs would show in the residual."""
     rows = program.A @ x
     active = (np.abs(rows - program.lower) < 1e-9) | (np.abs(rows - program.upper) < 1e-9)
     dual = np.zeros(len(rows))
@@ -98,7 +98,7 @@ def kkt_dual(program, x):
     return dual, rows
 
 
-def test_kkt_conditions_hold():
+def test_kkt_conditions_hold(kkt_residual):
     rng = np.random.default_rng(2)
     for _ in range(200):
         p = random_problem(rng)
@@ -106,9 +106,7 @@ def test_kkt_conditions_hold():
         program = step_program(p)
         x = np.array([*plan.step, plan.tau, *plan.offset])
         dual, rows = kkt_dual(program, x)
-        residual = kkt_residual(program, QpSolution(x, dual, "solved", 0))
-        assert residual.stationarity < 1e-9
-        assert residual.feasibility < 1e-9
+        assert max(kkt_residual(program, QpSolution(x, dual, "solved", 0))[:2]) < 1e-9
         for i in range(2, 5):  # a push outwards only at the bound it belongs to
             if dual[i] > 1e-9:
                 assert rows[i] == pytest.approx(program.upper[i], abs=1e-9)
@@ -135,8 +133,7 @@ def test_fixed_time_and_free_time_without_a_preference():
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"gain": (math.nan, 0.0)}, {"step_low": (0.6, 0.1)}, {"tau_low": -1.0}, {"alpha_step": -1.0}],
+    "change", [{"gain": (math.nan, 0.0)}, {"step_low": (0.6, 0.1)}, {"tau_low": -1.0}, {"alpha_step": -1.0}]
 )
 def test_bad_problems_are_refused(change):
     with pytest.raises(InvalidValueError):

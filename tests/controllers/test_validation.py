@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers import validation
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError, is_finite_number, shown
 from push_recovery.controllers.jit import RangeThreads
 from push_recovery.controllers.model.gait_box import GaitLimits
@@ -14,16 +15,7 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
 from push_recovery.controllers.settings import PlannerConfig, load_preset
-from push_recovery.controllers.validation import (
-    changed_fields,
-    differences,
-    parse_json,
-    require_choice,
-    require_integer,
-    require_kind,
-    require_number,
-    require_vector,
-)
+from push_recovery.controllers.validation import differences, parse_json, require_integer, require_number
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.envs.wrappers import ActionHold
@@ -45,7 +37,7 @@ def test_a_refused_integer_of_thousands_of_digits_gets_its_message():
     with pytest.raises(InvalidValueError, match=r"n must be an integer in \[0, 5\], got a int of thousands"):
         require_integer("n", BEYOND_TEXT, high=5)
     with pytest.raises(UnknownNameError, match="unknown preset a int of thousands of digits"):
-        require_choice("preset", BEYOND_TEXT, ("biped",))
+        validation.require_choice("preset", BEYOND_TEXT, ("biped",))
 
 
 def test_long_values_are_cut_in_messages():
@@ -112,23 +104,23 @@ def test_what_is_no_number_is_refused(value):
 
 
 def test_bounds_of_a_vector_hold_for_every_entry_and_both_ways():
-    assert require_vector("v", [2.0, -2.0, 0.0], 2.0) == (2.0, -2.0, 0.0)
+    assert validation.require_vector("v", [2.0, -2.0, 0.0], 2.0) == (2.0, -2.0, 0.0)
     for i, value in ((0, 2.1), (1, -2.1), (2, math.inf)):
         entries = [0.0, 0.0, 0.0]
         entries[i] = value
         with pytest.raises(InvalidValueError, match=rf"v\[{i}\]"):
-            require_vector("v", entries, 2.0)
+            validation.require_vector("v", entries, 2.0)
 
 
 def test_a_choice_may_be_anything_and_is_refused_by_name():
     with pytest.raises(UnknownNameError, match=r"unknown side \['left'\] \(valid: left, right\)"):
-        require_choice("side", ["left"], ("left", "right"))
+        validation.require_choice("side", ["left"], ("left", "right"))
 
 
 def test_kinds_are_named():
-    assert require_kind("limits", 3, int) == 3
+    assert validation.require_kind("limits", 3, int) == 3
     with pytest.raises(InvalidValueError, match="limits must be a dict, got 3"):
-        require_kind("limits", 3, dict)
+        validation.require_kind("limits", 3, dict)
 
 
 NESTED = "[" * 100_000
@@ -177,8 +169,8 @@ class Thing:
 
 
 def test_changed_fields_are_those_off_their_default_in_order():
-    assert changed_fields(Thing("a")) == {"name": "a"}
-    assert list(changed_fields(Thing("a", colour="red", size=2.0)).items()) == [
+    assert validation.changed_fields(Thing("a")) == {"name": "a"}
+    assert list(validation.changed_fields(Thing("a", colour="red", size=2.0)).items()) == [
         ("name", "a"), ("size", 2.0), ("colour", "red"),
     ]  # fmt: skip
 

@@ -9,33 +9,8 @@ Covariances against dense Kalman filters written out in numpy.
 
 import numpy as np
 import pytest
-from push_recovery.controllers.estimation.base_estimate import (
-    BB,
-    BEYOND_RANGE,
-    FORCE_RANGE,
-    GATE,
-    LIFT_BB,
-    LIFT_VB,
-    LIFT_VV,
-    LOADED,
-    STANDING_DEVIATION,
-    TB,
-    TILT_OF_BIAS,
-    TT,
-    TV,
-    VV,
-    BaseEstimate,
-    Inertial,
-    begin_estimate,
-    deviations,
-    empty_base_estimate,
-    listen_to_soles,
-    navigate,
-    predict_level,
-    predict_lift,
-    update_level,
-    update_lift,
-)
+from push_recovery.controllers.estimation import base_estimate as base
+from push_recovery.controllers.estimation.base_estimate import BB, TV, VV, Inertial, listen_to_soles, navigate
 from push_recovery.controllers.estimation.base_estimate import BV as BIAS_V
 from push_recovery.controllers.math3 import conjugate, of_rotation, product, rotated
 from push_recovery.controllers.whole_body.kinematics import LEG_DOF, Physics, sole_motion, sole_position
@@ -47,9 +22,9 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 TILTED = of_rotation((0.2, -0.1, 0.4))
 
 
-def estimate_at(attitude=LEVEL, velocity=(0.0, 0.0, 0.0)) -> BaseEstimate:
-    estimate = empty_base_estimate(1)
-    begin_estimate(estimate, 0, np.zeros(3), np.array(attitude), np.array(velocity))
+def estimate_at(attitude=LEVEL, velocity=(0.0, 0.0, 0.0)) -> base.BaseEstimate:
+    estimate = base.empty_base_estimate(1)
+    base.begin_estimate(estimate, 0, np.zeros(3), np.array(attitude), np.array(velocity))
     return estimate
 
 
@@ -107,18 +82,20 @@ def test_in_flight_the_estimate_grows_less_sure_and_faster_while_it_weighs():
     for _ in range(250):
         navigate(flying, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), DT)
         navigate(carried, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, DT * G)), DT)
-    before, tilt = deviations(estimate_at()).velocity[0], 3e-3
-    assert deviations(flying).velocity[0] > before
-    np.testing.assert_allclose(deviations(carried).velocity[0], np.hypot(before, tilt * G * 0.5), rtol=0.05)
+    before, tilt = base.deviations(estimate_at()).velocity[0], 3e-3
+    assert base.deviations(flying).velocity[0] > before
+    np.testing.assert_allclose(
+        base.deviations(carried).velocity[0], np.hypot(before, tilt * G * 0.5), rtol=0.05
+    )
 
 
 def test_beyond_the_range_of_the_accelerometer_the_velocity_is_unknown():
     estimate = estimate_at()
-    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (1.01 * FORCE_RANGE * DT, 0.0, 0.0)), DT)
-    assert estimate.level[0, VV] > BEYOND_RANGE**2
+    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (1.01 * base.FORCE_RANGE * DT, 0.0, 0.0)), DT)
+    assert estimate.level[0, VV] > base.BEYOND_RANGE**2
     near = estimate_at()
-    navigate(near, 0, Inertial((0.0, 0.0, 0.0), (0.99 * FORCE_RANGE * DT, 0.0, 0.0)), DT)
-    assert near.level[0, VV] < 0.01 * BEYOND_RANGE**2
+    navigate(near, 0, Inertial((0.0, 0.0, 0.0), (0.99 * base.FORCE_RANGE * DT, 0.0, 0.0)), DT)
+    assert near.level[0, VV] < 0.01 * base.BEYOND_RANGE**2
 
 
 SOLES = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
@@ -129,24 +106,24 @@ AT_REST = (0.0, 0.0, DT * G)
 def standing(robot_in):
     """Arrays of a robot that stands upright, both soles loaded, and an estimate of its true state."""
 
-    def make(loads=(300.0, 300.0)) -> tuple[Physics, BaseEstimate]:
+    def make(loads=(300.0, 300.0)) -> tuple[Physics, base.BaseEstimate]:
         qpos, qvel = posture(biped(), np.array([0.0, 0.0, 0.8]), np.zeros(3), SOLES)
-        phys, estimate = robot_in(qpos, np.zeros_like(qvel))[0].physics, empty_base_estimate(1)
-        begin_estimate(estimate, 0, qpos[:3], qpos[3:7], np.zeros(3))
+        phys, estimate = robot_in(qpos, np.zeros_like(qvel))[0].physics, base.empty_base_estimate(1)
+        base.begin_estimate(estimate, 0, qpos[:3], qpos[3:7], np.zeros(3))
         phys.load[0] = loads
         return phys, estimate
 
     return make
 
 
-def listen(estimate: BaseEstimate, phys: Physics, inertial: Inertial) -> None:
+def listen(estimate: base.BaseEstimate, phys: Physics, inertial: Inertial) -> None:
     """A physics step of a robot that stands still, as its inertial sensor tells it."""
     phys.qvel[0, 3:6] = navigate(estimate, 0, inertial, DT)
     phys.qvel[0, :3] = estimate.velocity[0]
     listen_to_soles(estimate, 0, phys, DT)
 
 
-def moving(estimate: BaseEstimate, phys: Physics, velocity) -> None:
+def moving(estimate: base.BaseEstimate, phys: Physics, velocity) -> None:
     """Believe in a velocity of the base while the joints rest: the soles then seem to move with it."""
     estimate.velocity[0] = phys.qvel[0, :3] = velocity
 
@@ -155,7 +132,7 @@ def test_a_standing_sole_corrects_the_velocity_by_the_gain_of_one_measurement(st
     phys, estimate = standing((300.0, 0.0))
     moving(estimate, phys, (0.02, -0.01, 0.015))
     estimate.level[0, VV] = estimate.lift[0, 0] = 9e-4
-    left = STANDING_DEVIATION**2 / (STANDING_DEVIATION**2 + 9e-4)
+    left = base.STANDING_DEVIATION**2 / (base.STANDING_DEVIATION**2 + 9e-4)
     listen_to_soles(estimate, 0, phys, DT)
     np.testing.assert_allclose(estimate.velocity[0], left * np.array([0.02, -0.01, 0.015]), rtol=1e-12)
     np.testing.assert_array_equal(phys.qvel[0, :3], estimate.velocity[0])
@@ -170,7 +147,7 @@ def test_a_sole_that_turns_counts_for_less(standing):
     phys.qvel[0, LEG_DOF[0] + 5] = 0.5  # of the ankle about the foot's long axis, through the sole's centre
     before = sole_motion(phys, 0, 0, (0.0, 0.0, 0.0)).velocity[0]
     listen_to_soles(estimate, 0, phys, DT)
-    noise = STANDING_DEVIATION**2 + 0.2**2
+    noise = base.STANDING_DEVIATION**2 + 0.2**2
     np.testing.assert_allclose(estimate.velocity[0, 0], 0.02 - 9e-4 / (9e-4 + noise) * before, rtol=1e-6)
 
 
@@ -193,7 +170,7 @@ def test_two_soles_count_as_two_measurements(standing):
     moving(estimate, phys, (0.02, 0.0, 0.0))
     estimate.level[0, VV] = 9e-4
     listen_to_soles(estimate, 0, phys, DT)
-    left = 1.0 / (1.0 + 2.0 * 9e-4 / STANDING_DEVIATION**2)
+    left = 1.0 / (1.0 + 2.0 * 9e-4 / base.STANDING_DEVIATION**2)
     np.testing.assert_allclose(estimate.velocity[0, 0], left * 0.02, rtol=1e-12)
 
 
@@ -216,7 +193,7 @@ def test_the_biases_of_gyro_and_lift_are_found_while_standing(standing):
         listen(estimate, phys, Inertial(tuple(bias), (0.0, 0.0, DT * (G + lift))))
     np.testing.assert_allclose(estimate.gyro_bias[0], bias, rtol=0.3)
     np.testing.assert_allclose(estimate.lift_bias[0], lift, rtol=0.1)
-    assert deviations(estimate).tilt[0] < 4e-3
+    assert base.deviations(estimate).tilt[0] < 4e-3
 
 
 def test_a_sliding_sole_is_not_believed(standing):
@@ -234,7 +211,7 @@ def test_a_sliding_sole_is_not_believed(standing):
 
 
 def test_a_sole_without_load_says_nothing(standing):
-    phys, estimate = standing((0.99 * LOADED, 0.0))
+    phys, estimate = standing((0.99 * base.LOADED, 0.0))
     moving(estimate, phys, (0.02, -0.01, 0.015))
     before = [field.copy() for field in estimate]
     listen_to_soles(estimate, 0, phys, DT)
@@ -249,7 +226,7 @@ def test_the_gate_opens_where_the_estimate_is_unsure(standing):
     moving(estimate, phys, (0.5, 0.0, 0.0))
     listen_to_soles(estimate, 0, phys, DT)
     assert estimate.velocity[0, 0] == 0.5
-    estimate.level[0, VV] = (0.51 / GATE) ** 2
+    estimate.level[0, VV] = (0.51 / base.GATE) ** 2
     listen_to_soles(estimate, 0, phys, DT)
     assert estimate.velocity[0, 0] < 0.1
 
@@ -284,10 +261,14 @@ def test_a_loaded_sole_that_is_left_out_makes_the_velocity_unsure_and_loses_its_
     phys, estimate = standing((300.0, 0.0))
     estimate.stood[0] = 0.1, 0.3
     moving(estimate, phys, (0.9, 0.0, 0.0))  # far beyond noise: it slides
-    level, lift, place = estimate.level[0, VV], estimate.lift[0, LIFT_VV], estimate.place[0].copy()
+    level, lift, place = (
+        estimate.level[0, VV],
+        estimate.lift[0, base.LIFT_VV],
+        estimate.place[0].copy(),
+    )
     listen_to_soles(estimate, 0, phys, DT)
     assert estimate.level[0, VV] - level == pytest.approx(4e-5, rel=1e-6)  # 0.02 m^2/s^3 for 2 ms
-    assert estimate.lift[0, LIFT_VV] - lift == pytest.approx(4e-5, rel=1e-6)
+    assert estimate.lift[0, base.LIFT_VV] - lift == pytest.approx(4e-5, rel=1e-6)
     np.testing.assert_allclose(estimate.stood[0], [0.09, 0.0])  # five times as fast as it is gained; no load
     np.testing.assert_array_equal(estimate.place[0], place)
     estimate.stood[0, 0] = 0.004
@@ -320,11 +301,11 @@ def test_a_mirrored_robot_makes_mirrored_estimates(standing):
 
 
 LEVEL_BASE_ESTIMATE = [
-    [TT, TB, TV],
-    [TB, BB, BIAS_V],
+    [base.TT, base.TB, TV],
+    [base.TB, BB, BIAS_V],
     [TV, BIAS_V, VV],
 ]  # places of the entries in the packed covariance
-LIFT = [[LIFT_VV, LIFT_VB], [LIFT_VB, LIFT_BB]]
+LIFT = [[base.LIFT_VV, base.LIFT_VB], [base.LIFT_VB, base.LIFT_BB]]
 
 
 def packed(P: np.ndarray, places: list) -> np.ndarray:
@@ -351,14 +332,14 @@ def test_level_covariance_follows_the_law_of_tilt_bias_and_velocity(s):
     F = np.array([[1.0, -dt, 0.0], [0.0, 1.0, 0.0], [s, 0.0, 1.0]])
     P = random_covariance(3)
     found = packed(P, LEVEL_BASE_ESTIMATE)
-    predict_level(found, s, dt, *np.diag(Q))
+    base.predict_level(found, s, dt, *np.diag(Q))
     np.testing.assert_allclose(found[LEVEL_BASE_ESTIMATE], F @ P @ F.T + Q, atol=1e-14)
 
 
 def test_a_measured_velocity_gives_the_gains_of_kalman():
     P = random_covariance(3)
     found = packed(P, LEVEL_BASE_ESTIMATE)
-    gains = update_level(found, 0.3)
+    gains = base.update_level(found, 0.3)
     want, after = dense_update(P, np.array([0.0, 0.0, 1.0]), 0.3)
     np.testing.assert_allclose(gains, want, atol=1e-14)
     np.testing.assert_allclose(found[LEVEL_BASE_ESTIMATE], after, atol=1e-14)
@@ -368,9 +349,9 @@ def test_lift_covariance_follows_the_law_of_velocity_and_bias():
     dt, Q, P = 0.01, np.diag([1e-4, 2e-5]), random_covariance(2)
     F = np.array([[1.0, -dt], [0.0, 1.0]])
     found = packed(P, LIFT)
-    predict_lift(found, dt, *np.diag(Q))
+    base.predict_lift(found, dt, *np.diag(Q))
     np.testing.assert_allclose(found[LIFT], F @ P @ F.T + Q, atol=1e-14)
-    gains = update_lift(found, 0.2)
+    gains = base.update_lift(found, 0.2)
     want, after = dense_update(F @ P @ F.T + Q, np.array([1.0, 0.0]), 0.2)
     np.testing.assert_allclose(gains, want, atol=1e-14)
     np.testing.assert_allclose(found[LIFT], after, atol=1e-14)
@@ -378,25 +359,25 @@ def test_lift_covariance_follows_the_law_of_velocity_and_bias():
 
 def test_covariances_stay_positive_through_standing_and_flight():
     """Forty seconds of standing, flying and landing at 500 Hz."""
-    estimate = empty_base_estimate(1)
-    begin_estimate(estimate, 0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
+    estimate = base.empty_base_estimate(1)
+    base.begin_estimate(estimate, 0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
     level, lift, rng = estimate.level[0], estimate.lift[0], np.random.default_rng(0)
     for i, s in enumerate(rng.uniform(-0.02, 0.08, 20_000)):
-        predict_level(level, s, 0.002, 1.6e-11, 2e-11, 1e-8)
-        predict_lift(lift, 0.002, 1e-8, 2e-9)
+        base.predict_level(level, s, 0.002, 1.6e-11, 2e-11, 1e-8)
+        base.predict_lift(lift, 0.002, 1e-8, 2e-9)
         if i % 400 < 200:
-            update_level(level, 9e-4), update_lift(lift, 9e-4)
+            base.update_level(level, 9e-4), base.update_lift(lift, 9e-4)
         assert (
             np.linalg.eigvalsh(level[LEVEL_BASE_ESTIMATE]).min() > 0.0 < np.linalg.eigvalsh(lift[LIFT]).min()
         )
 
 
 def test_deviations_are_the_roots_of_the_variances_and_doubt_the_accelerometer():
-    estimate = empty_base_estimate(2)
-    estimate.level[1, [TT, BB, VV]] = 16e-6, 25e-6, 4e-4
-    estimate.lift[1, LIFT_VV], estimate.spread[1] = 9e-4, 36e-6
-    told = deviations(estimate)
-    np.testing.assert_allclose(told.tilt, [TILT_OF_BIAS, np.hypot(4e-3, TILT_OF_BIAS)])
+    estimate = base.empty_base_estimate(2)
+    estimate.level[1, [base.TT, BB, VV]] = 16e-6, 25e-6, 4e-4
+    estimate.lift[1, base.LIFT_VV], estimate.spread[1] = 9e-4, 36e-6
+    told = base.deviations(estimate)
+    np.testing.assert_allclose(told.tilt, [base.TILT_OF_BIAS, np.hypot(4e-3, base.TILT_OF_BIAS)])
     np.testing.assert_allclose(told.velocity, [0.0, 0.02])
     np.testing.assert_allclose(told.climb, [0.0, 0.03])
     np.testing.assert_allclose(told.gyro_bias, [0.0, 5e-3])
@@ -404,10 +385,10 @@ def test_deviations_are_the_roots_of_the_variances_and_doubt_the_accelerometer()
 
 
 def test_a_beginning_forgets_what_was():
-    estimate = empty_base_estimate(2)
+    estimate = base.empty_base_estimate(2)
     for field in estimate:
         field[:] = 7.0
-    begin_estimate(estimate, 1, np.ones(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full(3, 2.0))
+    base.begin_estimate(estimate, 1, np.ones(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full(3, 2.0))
     np.testing.assert_array_equal(estimate.place, [[7.0] * 3, [1.0] * 3])
     np.testing.assert_array_equal(estimate.velocity[1], 2.0)
     assert not estimate.gyro_bias[1].any()

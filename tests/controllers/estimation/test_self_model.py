@@ -11,43 +11,6 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.estimation import self_model as rules
-from push_recovery.controllers.estimation.self_model import (
-    BEFORE,
-    DRIFT_KNOWN,
-    FRICTION,
-    GRIP_AT_FIRST,
-    GRIP_MIN,
-    LAST,
-    LOSS_SIZE,
-    LOST,
-    NO_NOISE,
-    NOISE,
-    PLACE,
-    QUIET,
-    RISE,
-    ROTOR,
-    SLIDES,
-    SLIDING,
-    STANDING,
-    START,
-    STOOD_SIZE,
-    WEIGHT,
-    add_losses,
-    conclude,
-    direction,
-    empty_self_model,
-    end_step,
-    feel_grip,
-    feel_joints,
-    feel_swing,
-    forget,
-    keep_leg,
-    learn_grip,
-    show_drift,
-    show_push,
-    take_in,
-    weigh,
-)
 from push_recovery.controllers.model.observation import COM, COM_HEIGHT_ERROR, DCM, PUSH_ESTIMATE
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
@@ -75,9 +38,9 @@ def motion(seconds: float = 0.6, seed: int = 3):
 
 def told(rate, acceleration, lost) -> np.ndarray:
     """Row of a joint that has moved so."""
-    joint = np.zeros(LOSS_SIZE)
+    joint = np.zeros(rules.LOSS_SIZE)
     for v, a, r in zip(rate, acceleration, lost, strict=True):
-        take_in(joint, r, v, a, DT)
+        rules.take_in(joint, r, v, a, DT)
     return joint
 
 
@@ -88,7 +51,7 @@ def test_the_least_squares_are_those_of_scipys_filter_and_numpys_solution(fricti
     noise = np.random.default_rng(1).normal(0.0, 0.5, len(rate))
     lost = friction * sign + rotor * acceleration + noise
     joint = told(rate, acceleration, lost)
-    conclude(joint)
+    rules.conclude(joint)
 
     share = 1.0 - np.exp(-RATE * DT)
     r, s, a = (lfilter([share], [1.0, share - 1.0], x) for x in (lost, sign, acceleration))
@@ -96,41 +59,36 @@ def test_the_least_squares_are_those_of_scipys_filter_and_numpys_solution(fricti
     rows = np.vstack([np.column_stack([s, a]) * weight[:, None], np.diag(np.sqrt([0.02, 2.0]))])
     expected = np.linalg.lstsq(rows, np.append(r * weight, [0.0, 0.0]), rcond=None)[0]
     expected = np.where(expected < [0.2, 0.005], 0.0, expected)
-    np.testing.assert_allclose(joint[[FRICTION, ROTOR]], expected, rtol=1e-9)
-    np.testing.assert_allclose(joint[[FRICTION, ROTOR]], [friction, rotor], rtol=0.08, atol=0.002)
+    np.testing.assert_allclose(joint[[rules.FRICTION, rules.ROTOR]], expected, rtol=1e-9)
+    np.testing.assert_allclose(joint[[rules.FRICTION, rules.ROTOR]], [friction, rotor], rtol=0.08, atol=0.002)
     assert not joint[:3].any()  # the next swing's filters begin anew
 
 
 @pytest.mark.parametrize(
     ("friction", "rotor", "believed"),
-    [
-        (0.15, 0.004, (0.0, 0.0)),
-        (-1.0, -0.05, (0.0, 0.0)),
-        (7.0, 0.0, (5.0, 0.0)),
-        (0.0, 0.4, (0.0, 0.2)),
-    ],
+    [(0.15, 0.004, (0.0, 0.0)), (-1.0, -0.05, (0.0, 0.0)), (7.0, 0.0, (5.0, 0.0)), (0.0, 0.4, (0.0, 0.2))],
 )
 def test_too_little_and_less_than_nothing_count_as_none_and_too_much_as_the_most(friction, rotor, believed):
     rate, acceleration = motion()
     acceleration = np.clip(acceleration, -20.0, 20.0)  # below the torque of a blow
     joint = told(rate, acceleration, friction * np.sign(rate) + rotor * acceleration)
-    conclude(joint)
-    assert (joint[FRICTION], joint[ROTOR]) == pytest.approx(believed, abs=1e-12)
+    rules.conclude(joint)
+    assert (joint[rules.FRICTION], joint[rules.ROTOR]) == pytest.approx(believed, abs=1e-12)
 
 
 def test_a_blow_and_a_joint_at_rest_tell_nothing():
     joint = told([1.0] * 20, [5.0] * 20, [1.0] * 20)
     before = joint.copy()
-    take_in(joint, 2.0, 0.019, 50.0, DT)
+    rules.take_in(joint, 2.0, 0.019, 50.0, DT)
     np.testing.assert_array_equal(joint[3:], before[3:])  # but the filters go on
-    assert joint[LOST] > before[LOST]
-    take_in(joint, 1e3, 1.0, 5.0, DT)
+    assert joint[rules.LOST] > before[rules.LOST]
+    rules.take_in(joint, 1e3, 1.0, 5.0, DT)
     np.testing.assert_array_equal(joint[3:], before[3:])
     assert not joint[:3].any()
 
 
 def test_the_direction_of_a_rate_is_its_sign_but_for_slow_ones():
-    assert [direction(v) for v in (-3.0, -0.1, -0.05, 0.0, 0.02, 0.1, 5.0)] == pytest.approx(
+    assert [rules.direction(v) for v in (-3.0, -0.1, -0.05, 0.0, 0.02, 0.1, 5.0)] == pytest.approx(
         [-1.0, -1.0, -0.5, 0.0, 0.2, 1.0, 1.0]
     )
 
@@ -140,26 +98,26 @@ def test_what_a_leg_loses_is_what_its_motors_give_beyond_mujocos_m_and_h(random_
     rng = np.random.default_rng(8 + leg)
     core, data = robot_in(*random_state(rng))
     physics, qdd, lost = core.physics, rng.normal(0.0, 20.0, 20), rng.uniform(-3.0, 3.0, 6)
-    needed, joints, before = np.empty(20), np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
+    needed, joints, before = np.empty(20), np.zeros((1, 14, rules.LOSS_SIZE)), np.zeros((1, rules.BEFORE))
     mujoco.mj_mulM(MODEL, data, needed, qdd)
     needed += data.qfrc_bias
     rows = slice(LEG_DOF[leg] - 6, LEG_DOF[leg])
-    keep_leg(before, physics, 0, leg)
+    rules.keep_leg(before, physics, 0, leg)
     physics.ctrl[0] = needed[6:]
     physics.ctrl[0, rows] += lost
     physics.qvel[0] += DT * qdd
-    feel_swing(joints, before, physics, 0, leg, DT)
+    rules.feel_swing(joints, before, physics, 0, leg, DT)
     share = 1.0 - np.exp(-RATE * DT)
-    np.testing.assert_allclose(joints[0, rows, LOST], share * lost, atol=1e-8)
+    np.testing.assert_allclose(joints[0, rows, rules.LOST], share * lost, atol=1e-8)
     np.testing.assert_allclose(joints[0, rows, 2], share * qdd[LEG_DOF[leg] : LEG_DOF[leg] + 6], rtol=1e-9)
     assert np.count_nonzero(joints.any(axis=2)) == 6
 
 
 def test_losses_are_added_to_mass_matrix_and_bias(random_state, robot_in):
     core, data = robot_in(*random_state(np.random.default_rng(5)))
-    physics, joints = core.physics, np.zeros((1, 14, LOSS_SIZE))
-    joints[0, :, FRICTION], joints[0, :, ROTOR] = np.arange(14.0), 0.01 * np.arange(14.0)
-    add_losses(joints, physics, 0)
+    physics, joints = core.physics, np.zeros((1, 14, rules.LOSS_SIZE))
+    joints[0, :, rules.FRICTION], joints[0, :, rules.ROTOR] = np.arange(14.0), 0.01 * np.arange(14.0)
+    rules.add_losses(joints, physics, 0)
     mass, full = np.empty((20, 20)), np.empty((20, 20))
     mujoco.mj_fullM(MODEL, data, mass)
     data.M[:] = physics.mass_matrix[0]
@@ -173,17 +131,17 @@ def test_losses_are_added_to_mass_matrix_and_bias(random_state, robot_in):
 def test_a_leg_tells_only_in_the_air_and_concludes_as_it_has_landed(random_state, robot_in):
     core, _ = robot_in(*random_state(np.random.default_rng(6)), stance=1)
     physics, gait = core.physics, core.gait
-    joints, before = np.zeros((1, 14, LOSS_SIZE)), np.zeros((1, BEFORE))
+    joints, before = np.zeros((1, 14, rules.LOSS_SIZE)), np.zeros((1, rules.BEFORE))
     gait.elapsed[0], physics.load[0] = 0.1, (30.0, 500.0)
-    feel_joints(joints, before, physics, gait, 0, DT)
+    rules.feel_joints(joints, before, physics, gait, 0, DT)
     assert not joints.any()
     physics.load[0, 0] = 0.0
-    feel_joints(joints, before, physics, gait, 0, DT)
+    rules.feel_joints(joints, before, physics, gait, 0, DT)
     assert joints[0, 2:8, :3].any(axis=1).all()
     assert not joints[0, 8:].any()
     joints[0, :, 0] = 1.0
     gait.stance[0], gait.elapsed[0] = 0, DT
-    feel_joints(joints, before, physics, gait, 0, DT)
+    rules.feel_joints(joints, before, physics, gait, 0, DT)
     assert joints[0, :, 0].tolist() == [1.0] * 2 + [0.0] * 6 + [1.0] * 6
 
 
@@ -197,7 +155,11 @@ def walk(errors: ModelErrors, seconds: float = 6.0):
     assert outcome.survived
     half = len(places) // 2
     known = episodes.core.known.joints[0]
-    return known[:, FRICTION], known[:, ROTOR], (places[-1] - places[half]) / (DT * (len(places) - 1 - half))
+    return (
+        known[:, rules.FRICTION],
+        known[:, rules.ROTOR],
+        (places[-1] - places[half]) / (DT * (len(places) - 1 - half)),
+    )
 
 
 def test_an_exact_robot_finds_nothing():
@@ -322,7 +284,7 @@ def test_a_robot_that_is_as_its_model_learns_nothing_not_even_from_a_push(biped_
         action = POLICY.predict(core.observation)[0]
         core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
         assert core.known.mass[0] == 1.0
-        assert np.linalg.norm(core.known.drift[0]) < DRIFT_KNOWN
+        assert np.linalg.norm(core.known.drift[0]) < rules.DRIFT_KNOWN
         assert core.observation.tobytes() == core.truth.tobytes()
     assert core.gait.failure[0] == 0
 
@@ -363,18 +325,18 @@ def test_a_sole_may_slide_from_its_landing(biped_core, begin):
     core = biped_core()
     self_model_walk(core, begin, 0.3)
     most = core.known.grip[0]
-    core.gait.elapsed[0] = STANDING
+    core.gait.elapsed[0] = rules.STANDING
 
     def slide(periods: int) -> float:
         for _ in range(periods):
             core.contacts.time[0], core.contacts.impulse[0] = PERIOD, (3.6, 4.8, 12.0)
-            core.known.stood[0, PLACE] -= PERIOD  # 1 m/s
-            core.known.stood[0, START] -= PERIOD
-            learn_grip(core.known, 0, core.physics, core.gait, core.contacts)
+            core.known.stood[0, rules.PLACE] -= PERIOD  # 1 m/s
+            core.known.stood[0, rules.START] -= PERIOD
+            rules.learn_grip(core.known, 0, core.physics, core.gait, core.contacts)
         return core.known.grip[0]
 
     assert slide(20) == most
-    core.gait.elapsed[0] = 1.01 * STANDING
+    core.gait.elapsed[0] = 1.01 * rules.STANDING
     assert slide(2) == most
     assert slide(1) == 0.5
 
@@ -398,24 +360,24 @@ LEFT, RIGHT = -1.0, 1.0  # sign of the canonical y on a stance foot
 
 def fresh(n: int = 2):
     """Robots that know nothing yet; robot 1 is the one that learns."""
-    known = empty_self_model(n)
+    known = rules.empty_self_model(n)
     for k in range(n):
-        forget(known, k, BIPED_GAIT, 0.8)
+        rules.forget(known, k, BIPED_GAIT, 0.8)
     return known
 
 
 def walk_step(known, x: float, y: float, weight: float = 0.25) -> list[float]:
     """A step whose mean drift is (x, y) is over; returns the drift that is known then."""
-    known.step[1, :2], known.step[1, WEIGHT] = (weight * x, weight * y), weight
-    end_step(known, 1)
-    assert not known.step[1, : WEIGHT + 1].any()
+    known.step[1, :2], known.step[1, rules.WEIGHT] = (weight * x, weight * y), weight
+    rules.end_step(known, 1)
+    assert not known.step[1, : rules.WEIGHT + 1].any()
     return known.drift[1].tolist()
 
 
 def test_the_mean_of_two_steps_is_taken_over_by_halves():
     known = fresh()
     assert walk_step(known, 0.01, -0.03) == [0.0, 0.0]  # one step alone may be one-sided
-    assert known.step[1, LAST : LAST + 2].tolist() == [0.01, -0.03]
+    assert known.step[1, rules.LAST : rules.LAST + 2].tolist() == [0.01, -0.03]
     assert walk_step(known, 0.03, 0.01) == pytest.approx([0.5 * 0.02, 0.5 * -0.01])
     assert walk_step(known, 0.03, 0.01) == pytest.approx([0.01 + 0.5 * 0.02, -0.005 + 0.5 * 0.015])
     assert not known.drift[0].any()
@@ -426,7 +388,7 @@ def test_a_step_with_a_push_and_the_one_after_it_teach_nothing():
     walk_step(known, 0.02, 0.0)
     walk_step(known, 0.02, 0.0)
     before = known.drift[1].tolist()
-    known.step[1, QUIET] = -1.0  # pushed
+    known.step[1, rules.QUIET] = -1.0  # pushed
     assert walk_step(known, 0.09, 0.09) == before
     assert walk_step(known, 0.09, 0.09) == before  # it still recovers
     assert walk_step(known, 0.04, 0.02) == before  # the first of two
@@ -446,20 +408,20 @@ def test_the_drift_changes_slowly_and_has_a_bound(sign):
 def test_a_model_counts_for_half_a_second_of_weighing():
     """A tenth of a second 20 % heavier: (0.5 e^-0.2 m g + 0.1 x 1.2 m g) over (0.5 e^-0.2 + 0.1) m g."""
     known, weight = fresh(), BIPED_GAIT.mass * GRAVITY
-    weigh(known, 1, BIPED_GAIT, 0.1 * 1.2 * weight, 0.0, 0.1)
+    rules.weigh(known, 1, BIPED_GAIT, 0.1 * 1.2 * weight, 0.0, 0.1)
     past = 0.5 * math.exp(-0.2)
     assert known.mass[1] == pytest.approx((past + 0.12) / (past + 0.1))
     assert known.mass[0] == 1.0
-    weigh(known, 1, BIPED_GAIT, 1e6, 0.0, 0.1)
+    rules.weigh(known, 1, BIPED_GAIT, 1e6, 0.0, 0.1)
     assert known.mass[1] == 2.0  # no more is believed
     known = fresh()
-    weigh(known, 1, BIPED_GAIT, 0.1 * 1.02 * weight, 0.0, 0.1)
+    rules.weigh(known, 1, BIPED_GAIT, 0.1 * 1.02 * weight, 0.0, 0.1)
     assert known.mass[1] == 1.0  # within a percent, by its 0.4 %
 
 
 def test_a_climbing_robot_is_not_a_heavier_one():
     known, mass = fresh(), BIPED_GAIT.mass
-    weigh(known, 1, BIPED_GAIT, mass * (0.1 * GRAVITY + 0.5), 0.5, 0.1)
+    rules.weigh(known, 1, BIPED_GAIT, mass * (0.1 * GRAVITY + 0.5), 0.5, 0.1)
     assert known.mass[1] == 1.0
 
 
@@ -469,11 +431,11 @@ def test_jumps_are_those_in_the_heading_frame(stance):
     known, seen = fresh(), np.zeros(36)
     known.felt[1] = 0.1, 0.2, 0.05
     seen[34:36] = 0.1, stance * 0.2
-    show_push(known, 1, stance, 0.01, seen)
+    rules.show_push(known, 1, stance, 0.01, seen)
     assert known.felt[1] == pytest.approx([0.1, 0.2, 0.04])  # less noise than was believed
     assert seen[34:36].tolist() == [0.1, stance * 0.2]  # above twice 0.04 m
     seen[34:36] = 0.1, stance * 0.3
-    show_push(known, 1, stance, 0.01, seen)
+    rules.show_push(known, 1, stance, 0.01, seen)
     assert known.felt[1] == pytest.approx([0.1, 0.3, 0.05])
 
 
@@ -484,7 +446,7 @@ def test_a_push_is_shown_above_twice_its_noise_or_where_there_is_hardly_any(nois
     known, seen = fresh(), np.zeros(36)
     known.felt[1] = 0.6 * size, 0.8 * size, noise
     seen[34:36] = 0.6 * size, 0.8 * size
-    show_push(known, 1, RIGHT, 0.0, seen)  # no time has passed: nothing is learned
+    rules.show_push(known, 1, RIGHT, 0.0, seen)  # no time has passed: nothing is learned
     assert known.felt[1].tolist() == [0.6 * size, 0.8 * size, noise]
     assert bool(seen[34:36].any()) == shown
 
@@ -493,10 +455,10 @@ def test_a_push_is_shown_above_twice_its_noise_or_where_there_is_hardly_any(nois
 def test_what_is_planned_on_is_moved_by_a_drift_that_counts(stance):
     known, seen = fresh(), np.zeros(36)
     known.drift[1] = 0.9 * rules.DRIFT_KNOWN, 0.0
-    show_drift(known, 1, stance, seen)
+    rules.show_drift(known, 1, stance, seen)
     assert not seen.any()
     known.drift[1] = 0.03, 0.02
-    show_drift(known, 1, stance, seen)
+    rules.show_drift(known, 1, stance, seen)
     expected = np.zeros(36)
     expected[[1, 3]], expected[[2, 4]] = 0.03, stance * 0.02
     expected[34], expected[35] = -0.03, -stance * 0.02
@@ -513,14 +475,14 @@ class Sole:
         self.place, self.grip, self.step = np.zeros(2), FIRST, 0
         self.landed = True
         self.noise, self.rng = noise, np.random.default_rng(seed)
-        self.stood = np.zeros(STOOD_SIZE)
-        self.stood[GRIP_AT_FIRST] = FIRST
+        self.stood = np.zeros(rules.STOOD_SIZE)
+        self.stood[rules.GRIP_AT_FIRST] = FIRST
 
-    def move(self, speed: float, share: float, periods: int = 1, direction: float = 0.7) -> float:
+    def move(self, speed: float, share: float, periods: int = 1, towards: float = 0.7) -> float:
         for _ in range(periods):
-            self.place += speed * PERIOD * np.array([math.cos(direction), math.sin(direction)])
+            self.place += speed * PERIOD * np.array([math.cos(towards), math.sin(towards)])
             x, y = self.place + self.noise * self.rng.normal(size=2)
-            self.grip = feel_grip(self.stood, self.grip, x, y, self.step, self.landed, share, PERIOD)
+            self.grip = rules.feel_grip(self.stood, self.grip, x, y, self.step, self.landed, share, PERIOD)
         return self.grip
 
 
@@ -533,26 +495,26 @@ def grip_standing(noise: float = 0.0, seed: int = 0) -> Sole:
 @pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
 def test_a_slide_of_three_periods_tells_the_friction(share):
     sole = grip_standing()
-    assert sole.move(0.9 * SLIDES, share, 2 * SLIDING) == FIRST
-    assert sole.move(1.1 * SLIDES, share, SLIDING - 1) == FIRST
-    assert sole.move(1.1 * SLIDES, share) == min(max(share, GRIP_MIN), FIRST)
+    assert sole.move(0.9 * rules.SLIDES, share, 2 * rules.SLIDING) == FIRST
+    assert sole.move(1.1 * rules.SLIDES, share, rules.SLIDING - 1) == FIRST
+    assert sole.move(1.1 * rules.SLIDES, share) == min(max(share, rules.GRIP_MIN), FIRST)
 
 
 def test_the_largest_share_of_a_slide_counts_and_a_blow_does_not():
     sole = grip_standing()
     sole.move(1.0, 0.6)
-    sole.move(1.0, 0.5, SLIDING - 1)
+    sole.move(1.0, 0.5, rules.SLIDING - 1)
     assert sole.grip == 0.6
     sole = grip_standing()
     for _ in range(5):
-        assert sole.move(5.0, 0.5, SLIDING - 1) == FIRST
+        assert sole.move(5.0, 0.5, rules.SLIDING - 1) == FIRST
         assert sole.move(0.0, 0.5) == FIRST
 
 
 @pytest.mark.parametrize("what", ["landed", "no force", "another step"])
 def test_a_slide_counts_only_under_load_and_within_a_step(what):
     sole = grip_standing()
-    sole.move(1.0, 0.5, SLIDING - 1)
+    sole.move(1.0, 0.5, rules.SLIDING - 1)
     if what == "another step":
         sole.step = 1
         assert sole.move(1.0, 0.5) == FIRST
@@ -562,7 +524,7 @@ def test_a_slide_counts_only_under_load_and_within_a_step(what):
         sole.landed = True
     else:
         assert sole.move(1.0, -1.0) == FIRST
-    assert sole.move(1.0, 0.5, SLIDING - 1) == FIRST
+    assert sole.move(1.0, 0.5, rules.SLIDING - 1) == FIRST
     assert sole.move(1.0, 0.5) == 0.5
 
 
@@ -573,14 +535,14 @@ def test_a_floor_that_holds_what_is_believed_is_believed_more_of():
     sole.step += 1
     sole.move(0.0, 0.4, 20)
     assert sole.move(0.0, 0.4, 100) == 0.5  # less than is believed tells nothing
-    assert 0.5 + 5 * RISE * PERIOD < sole.move(0.0, 0.5, 100) <= 0.5 + 101 * RISE * PERIOD
+    assert 0.5 + 5 * rules.RISE * PERIOD < sole.move(0.0, 0.5, 100) <= 0.5 + 101 * rules.RISE * PERIOD
     assert sole.move(0.0, 1.0, 1000) == FIRST
     assert sole.move(2.0, 0.6, 8) == 0.6  # and less again once it slides
 
 
 def test_without_noise_a_slide_is_sure_and_nothing_is_tried_again():
     sole = grip_standing()
-    sole.move(1.0, 0.5, SLIDING)
+    sole.move(1.0, 0.5, rules.SLIDING)
     assert sole.move(0.0, 1.0, 100) == 0.5
 
 
@@ -592,7 +554,7 @@ def test_noise_is_found_and_taken_for_no_slide(noise):
         for _ in range(100):  # steps of half a second
             sole.step += 1
             assert sole.move(0.0, 0.5, 50) == FIRST
-    assert math.sqrt(sole.stood[NOISE]) == pytest.approx(noise, rel=0.3)
+    assert math.sqrt(sole.stood[rules.NOISE]) == pytest.approx(noise, rel=0.3)
 
 
 @pytest.mark.parametrize(("noise", "speed", "within"), [(2.5e-3, 1.0, 5), (2.5e-3, 0.6, 12), (0.01, 1.0, 20)])
@@ -612,9 +574,9 @@ def test_noise_that_begins_later_is_found_in_time_and_shaking_is_none():
         sole.move(0.0, 0.5, 50)
         sole.noise = 2.5e-3
         sole.move(0.0, 0.5, 30)  # as long as a fall takes
-        assert sole.stood[NOISE] < NO_NOISE
+        assert sole.stood[rules.NOISE] < rules.NO_NOISE
         sole.move(0.0, 0.5, 370)
-        assert math.sqrt(sole.stood[NOISE]) == pytest.approx(2.5e-3, rel=0.4)
+        assert math.sqrt(sole.stood[rules.NOISE]) == pytest.approx(2.5e-3, rel=0.4)
         sole.move(0.0, 0.9, 200)
         assert sole.grip == FIRST  # what the first periods were taken for is tried again
 

@@ -174,10 +174,7 @@ def actions_of(gaits, elapsed=0.3, double_support=0.0):
 
 
 def test_the_box_is_spanned_and_what_lies_beyond_is_clipped():
-    middle, span = (
-        0.5 * (LIMITS.low + LIMITS.high),
-        LIMITS.high - LIMITS.low,
-    )
+    middle, span = (0.5 * (LIMITS.low + LIMITS.high), LIMITS.high - LIMITS.low)
     shares = [0.0, 0.5, -0.25, 1.0, -1.0, 1.5, -1.5]
     found, _ = actions_of([middle + 0.5 * share * span for share in shares])
     np.testing.assert_allclose(found, np.repeat(np.clip(shares, -1.0, 1.0)[:, None], 7, axis=1), atol=1e-6)

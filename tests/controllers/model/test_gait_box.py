@@ -1,18 +1,10 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.gait_box import (
-    COP,
-    DURATION,
-    GAIT_NAMES,
-    GAIT_SIZE,
-    STEP,
-    TRUNK,
-    GaitLimits,
-)
+from push_recovery.controllers.model import gait_box
 from push_recovery.controllers.model.robot import RobotModel
 
-LIMITS = GaitLimits()
+LIMITS = gait_box.GaitLimits()
 
 
 def test_actions_span_the_box():
@@ -43,24 +35,26 @@ def test_seven_entries_are_asked_for():
 
 
 def test_columns_are_those_of_the_names():
-    pairs = [("step_length", "step_width", STEP), ("cop_x", "cop_y", COP),
-             ("trunk_pitch_acceleration", "trunk_roll_acceleration", TRUNK)]  # fmt: skip
+    pairs = [("step_length", "step_width", gait_box.STEP), ("cop_x", "cop_y", gait_box.COP),
+             ("trunk_pitch_acceleration", "trunk_roll_acceleration", gait_box.TRUNK)]  # fmt: skip
     for x, y, column in pairs:
-        assert GAIT_NAMES[column : column + 2] == (x, y)
-    assert GAIT_NAMES[DURATION] == "step_duration"
-    assert len(GAIT_NAMES) == GAIT_SIZE == len(LIMITS.low)
+        assert gait_box.GAIT_NAMES[column : column + 2] == (x, y)
+    assert gait_box.GAIT_NAMES[gait_box.DURATION] == "step_duration"
+    assert len(gait_box.GAIT_NAMES) == gait_box.GAIT_SIZE == len(LIMITS.low)
 
 
 def test_an_axis_that_the_waist_lacks_has_no_range():
-    limits = GaitLimits.of(RobotModel(trunk_torque_max=80.0, trunk_roll=False))  # 80 N m / 8 kg m^2
+    limits = gait_box.GaitLimits.of(RobotModel(trunk_torque_max=80.0, trunk_roll=False))  # 80 N m / 8 kg m^2
     np.testing.assert_array_equal(limits.box[:, 5:], [[-10.0, 0.0], [10.0, 0.0]])
-    np.testing.assert_array_equal(GaitLimits(trunk_pitch=False).box[:, 5:], [[0.0, -18.75], [0.0, 18.75]])
+    np.testing.assert_array_equal(
+        gait_box.GaitLimits(trunk_pitch=False).box[:, 5:], [[0.0, -18.75], [0.0, 18.75]]
+    )
     gait = np.array([0.1, 0.2, 0.5, 0.0, 0.0, 5.0, 7.0])
     np.testing.assert_array_equal(limits.to_action(gait)[5:], [0.5, 0.0])
     np.testing.assert_array_equal(limits.from_action(np.ones(7))[5:], [10.0, 0.0])
 
 
-@pytest.mark.parametrize("kind", [GaitLimits, RobotModel])
+@pytest.mark.parametrize("kind", [gait_box.GaitLimits, RobotModel])
 @pytest.mark.parametrize("name", ["trunk_pitch", "trunk_roll"])
 def test_an_axis_is_there_or_not(kind, name):
     with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{name} must be a bool, got 1"):

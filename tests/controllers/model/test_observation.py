@@ -5,25 +5,15 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.observation import (
-    OBSERVATION_SIZE,
-    Frame,
-    as_batch,
-    canonical,
-    canonical_frame,
-    heading_frame,
-    in_world,
-    point_in_world,
-    side_sign,
-)
+from push_recovery.controllers.model import observation as columns
 
 LEFT, RIGHT = 0, 1
 
 
 def test_the_swing_side_of_the_left_foot_is_the_right():
-    assert side_sign(LEFT) == -1.0
-    assert side_sign(RIGHT) == 1.0
-    np.testing.assert_array_equal(side_sign(np.array([1, 0, 0, 1])), [1.0, -1.0, -1.0, 1.0])
+    assert columns.side_sign(LEFT) == -1.0
+    assert columns.side_sign(RIGHT) == 1.0
+    np.testing.assert_array_equal(columns.side_sign(np.array([1, 0, 0, 1])), [1.0, -1.0, -1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -40,30 +30,32 @@ def test_the_swing_side_of_the_left_foot_is_the_right():
     ],
 )
 def test_vectors_by_hand(heading, stance, world, seen):
-    frame = canonical_frame(heading, stance)
-    assert canonical(frame, *world) == pytest.approx(seen, abs=1e-15)
-    assert in_world(frame, *seen) == pytest.approx(world, abs=1e-15)
+    frame = columns.canonical_frame(heading, stance)
+    assert columns.canonical(frame, *world) == pytest.approx(seen, abs=1e-15)
+    assert columns.in_world(frame, *seen) == pytest.approx(world, abs=1e-15)
 
 
 def test_a_point_lies_off_the_sole_by_its_vector():
     # left foot at (10, 20), facing the world's +y: 0.5 ahead, 0.2 towards the swing foot, on its right (+x)
-    frame = canonical_frame(math.pi / 2, LEFT)
-    assert point_in_world(frame, 10.0, 20.0, 0.5, 0.2) == pytest.approx((10.2, 20.5), abs=1e-14)
+    frame = columns.canonical_frame(math.pi / 2, LEFT)
+    assert columns.point_in_world(frame, 10.0, 20.0, 0.5, 0.2) == pytest.approx((10.2, 20.5), abs=1e-14)
 
 
 def test_the_frame_of_the_heading_has_its_y_to_the_left():
-    assert heading_frame(0.0) == Frame(1.0, 0.0, 1.0)
-    assert canonical(heading_frame(math.pi / 2), -1.0, 0.0) == pytest.approx((0.0, 1.0), abs=1e-15)
+    assert columns.heading_frame(0.0) == columns.Frame(1.0, 0.0, 1.0)
+    assert columns.canonical(columns.heading_frame(math.pi / 2), -1.0, 0.0) == pytest.approx(
+        (0.0, 1.0), abs=1e-15
+    )
 
 
 def test_feet_exchanged_and_world_mirrored_is_one_problem():
     random = np.random.default_rng(0)
     for heading, x, y in random.normal(size=(20, 3)):
-        left, right = canonical_frame(heading, LEFT), canonical_frame(-heading, RIGHT)
-        assert canonical(left, x, y) == canonical(right, x, -y)
+        left, right = columns.canonical_frame(heading, LEFT), columns.canonical_frame(-heading, RIGHT)
+        assert columns.canonical(left, x, y) == columns.canonical(right, x, -y)
 
 
-COUNTS = list(range(OBSERVATION_SIZE))
+COUNTS = list(range(columns.OBSERVATION_SIZE))
 TOO_LARGE = [10**400, *COUNTS[1:]]  # no float holds it
 
 
@@ -76,19 +68,19 @@ TOO_LARGE = [10**400, *COUNTS[1:]]  # no float holds it
         np.array(COUNTS, dtype=np.float32),
         np.array(COUNTS, dtype=">f8"),  # of the other byte order
         np.array(COUNTS, dtype=object),
-        np.arange(2.0 * OBSERVATION_SIZE)[::2] / 2.0,
+        np.arange(2.0 * columns.OBSERVATION_SIZE)[::2] / 2.0,
     ],
 )
 def test_real_numbers_of_any_type_are_taken(observation):
-    batch, single = as_batch(observation)
+    batch, single = columns.as_batch(observation)
     assert single
     assert (batch.shape, batch.dtype, batch.flags.c_contiguous) == ((1, 36), np.float64, True)
     assert batch[0].tolist() == COUNTS
 
 
 def test_a_batch_of_doubles_is_not_copied():
-    observations = np.zeros((3, OBSERVATION_SIZE))
-    batch, single = as_batch(observations)
+    observations = np.zeros((3, columns.OBSERVATION_SIZE))
+    batch, single = columns.as_batch(observations)
     assert not single
     assert np.shares_memory(batch, observations)
 
@@ -110,4 +102,4 @@ def test_a_batch_of_doubles_is_not_copied():
 )
 def test_anything_else_is_refused(observation, message):
     with pytest.raises(InvalidValueError, match=f"^observation .*{message}"):
-        as_batch(observation)
+        columns.as_batch(observation)

@@ -6,21 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.capturability import (
-    capture_margin,
-    max_recoverable_force,
-    max_recoverable_impulse,
-    recoverable_offset,
-)
+from push_recovery.controllers.model import capturability, trajectory_program
+from push_recovery.controllers.model.capturability import max_recoverable_force, max_recoverable_impulse
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.model.trajectory_program import (
-    StartState,
-    TrajectoryProblem,
-    trajectory_limit,
-    trajectory_limit_over_timing,
-)
+from push_recovery.controllers.model.trajectory_program import StartState, TrajectoryProblem, trajectory_limit
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
@@ -67,7 +58,7 @@ def test_other_gaits_and_robots(robot, velocity, psi_deg):
 def test_slow_steps_are_best_where_the_narrowest_step_is_wide(psi_deg, timing):
     problem = TrajectoryProblem(WIDE, math.radians(psi_deg))
     closed = max_recoverable_force(WIDE, problem.psi)
-    best = trajectory_limit_over_timing(problem, 3)
+    best = trajectory_program.trajectory_limit_over_timing(problem, 3)
     assert best is not None
     assert best.step_durations[:2] == timing
     assert best.force == pytest.approx(closed, abs=0.1)
@@ -76,14 +67,14 @@ def test_slow_steps_are_best_where_the_narrowest_step_is_wide(psi_deg, timing):
 
 def test_axes_that_want_different_times_stay_below_the_closed_form():
     problem = TrajectoryProblem(WIDE, math.radians(30))
-    best = trajectory_limit_over_timing(problem, 6)
+    best = trajectory_program.trajectory_limit_over_timing(problem, 6)
     assert best is not None
     assert 0.97 < best.force / max_recoverable_force(WIDE, problem.psi) < 0.99
 
 
 def test_fastest_steps_are_best_with_the_papers_limits():
     problem = TrajectoryProblem(ROBOT, math.radians(60))
-    best = trajectory_limit_over_timing(problem, 3)
+    best = trajectory_program.trajectory_limit_over_timing(problem, 3)
     assert best is not None
     assert set(best.step_durations) == {LIMITS.duration_min}
 
@@ -130,11 +121,11 @@ def test_capture_margin_tells_which_states_have_a_trajectory():
     for k in range(40):
         elapsed, angle, rate = random_state(rng)
         axis, end, inside = k % 2, k // 2 % 2, bool(k // 4 % 2)
-        bounds = recoverable_offset(ROBOT, LIMITS, elapsed, angle, rate)
+        bounds = capturability.recoverable_offset(ROBOT, LIMITS, elapsed, angle, rate)
         dcm = bounds.low + rng.uniform(0.05, 0.95, 2) * (bounds.high - bounds.low)
         edge = (bounds.low, bounds.high)[end][axis]
         dcm[axis] = edge + (1e-3 if inside == (end == 0) else -1e-3)
-        assert (capture_margin(ROBOT, LIMITS, elapsed, dcm, angle, rate) > 0) == inside
+        assert (capturability.capture_margin(ROBOT, LIMITS, elapsed, dcm, angle, rate) > 0) == inside
         start = StartState(tuple(dcm), elapsed, tuple(angle), tuple(rate))
         problem = TrajectoryProblem(ROBOT, OUTWARD[axis][end], duration=0.0, start=start)
         assert (trajectory_limit(problem) is not None) == inside

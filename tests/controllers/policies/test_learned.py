@@ -14,12 +14,7 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.policies.learned import (
-    NetworkPolicy,
-    PolicyDescription,
-    ResidualBase,
-    policy_paths,
-)
+from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.residual import compose, default_residual_scale
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
@@ -62,16 +57,6 @@ def policy(hold=1, residual=True, sizes=(36, 16, 16, 7)):
 
 
 OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 36))
-
-
-def test_forward_is_the_tanh_network_in_double_precision():
-    net = network((36, 128, 128, 7))
-    inputs = OBSERVATIONS.astype(np.float32)
-    x = inputs.astype(np.float64)
-    for i, (w, b) in enumerate(zip(net.weights, net.biases, strict=True)):
-        x = x @ w.T.astype(np.float64) + b
-        x = np.tanh(x) if i < 2 else x
-    np.testing.assert_allclose(net.forward(inputs), x, atol=3e-6)
 
 
 def test_batch_and_single_have_equal_bits():
@@ -143,7 +128,7 @@ def test_file_round_trip_keeps_every_bit(tmp_path, name):
     q = NetworkPolicy.load(tmp_path / name, base=SlopePolicy())
     assert q.description == p.description
     assert q.predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
-    assert sorted(f.name for f in tmp_path.iterdir()) == sorted(x.name for x in policy_paths(path))
+    assert {f.name for f in tmp_path.iterdir()} == {path.name, path.with_suffix(".json").name}
 
 
 def test_saving_again_replaces_the_pair(tmp_path):
@@ -155,15 +140,8 @@ def test_saving_again_replaces_the_pair(tmp_path):
 
 @pytest.mark.parametrize(
     "observation",
-    [
-        np.zeros(33),
-        np.zeros((2, 35)),
-        np.zeros((1, 1, 36)),
-        np.full(36, np.nan),
-        np.float64(1.0),
-        np.zeros(36, dtype=complex),
-        [10**400] * 36,
-    ],
+    [np.zeros(shape) for shape in (33, (2, 35), (1, 1, 36))]
+    + [np.full(36, np.nan), np.float64(1.0), np.zeros(36, dtype=complex), [10**400] * 36],
 )
 def test_bad_observations_are_refused(observation):
     with pytest.raises(InvalidValueError, match="observation"):

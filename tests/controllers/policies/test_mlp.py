@@ -9,17 +9,8 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies import mlp
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
-from push_recovery.controllers.policies.mlp import (
-    ACTIVATIONS,
-    INPUTS,
-    OUTPUTS,
-    Mlp,
-    NetworkInputs,
-    Normalisation,
-    check_inputs,
-    input_size,
-)
 from push_recovery.controllers.policies.residual import Below
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
@@ -29,10 +20,10 @@ def test_blocks_stand_in_the_order_in_which_they_are_named():
     rng = np.random.default_rng(0)
     observations = rng.normal(0.0, 0.1, (4, 36))
     below = Below(rng.uniform(-1, 1, (4, 7)).astype(np.float32), rng.uniform(0, 1, (4, 1)).astype(np.float32))
-    rows = NetworkInputs(("observation", "gate", "base"), ROBOT, LIMITS).rows(observations, below)
-    assert rows.shape == (4, input_size(("observation", "gate", "base"), 36)) == (4, 44)
+    rows = mlp.NetworkInputs(("observation", "gate", "base"), ROBOT, LIMITS).rows(observations, below)
+    assert rows.shape == (4, mlp.input_size(("observation", "gate", "base"), 36)) == (4, 44)
     np.testing.assert_array_equal(rows, np.hstack([observations, below.opening, below.base]))
-    alone = NetworkInputs(("observation",), ROBOT, LIMITS).rows(observations, None)
+    alone = mlp.NetworkInputs(("observation",), ROBOT, LIMITS).rows(observations, None)
     np.testing.assert_array_equal(alone, observations)
 
 
@@ -42,7 +33,7 @@ def test_the_margin_is_that_of_capturability_within_half_a_metre(dcm, wanted):
     observation = np.zeros((1, 36))
     observation[0, 0], observation[0, 1:3] = 0.1, dcm
     observation[0, 15:17], observation[0, 17:19] = (0.1, -0.05), (0.3, 0.2)
-    margin = NetworkInputs(("observation", "margin"), ROBOT, LIMITS).rows(observation, None)[0, -1]
+    margin = mlp.NetworkInputs(("observation", "margin"), ROBOT, LIMITS).rows(observation, None)[0, -1]
     exact = capture_margin(ROBOT, LIMITS, 0.1, dcm, (0.1, -0.05), (0.3, 0.2))
     assert margin == (exact if wanted is None else wanted)
     assert abs(exact) < 0.5 or wanted is not None
@@ -53,22 +44,22 @@ def test_a_margin_beyond_half_a_metre_tells_no_more():
     assert capture_margin(ROBOT, wide, 0.1, (0.1, 3.0)) > 0.5
     observation = np.zeros((1, 36))
     observation[0, :3] = 0.1, 0.1, 3.0
-    assert NetworkInputs(("observation", "margin"), ROBOT, wide).rows(observation, None)[0, -1] == 0.5
+    assert mlp.NetworkInputs(("observation", "margin"), ROBOT, wide).rows(observation, None)[0, -1] == 0.5
 
 
 def test_inputs_that_cannot_be_are_refused():
-    assert check_inputs(INPUTS, residual=True) == INPUTS
+    assert mlp.check_inputs(mlp.INPUTS, residual=True) == mlp.INPUTS
     with pytest.raises(UnknownNameError, match="input of a network 'force'"):
-        check_inputs(("observation", "force"), residual=True)
+        mlp.check_inputs(("observation", "force"), residual=True)
     for wrong in ((), ("gate", "observation"), ("observation", "gate", "gate")):
         with pytest.raises(InvalidValueError, match="'observation' and then others, each once"):
-            check_inputs(wrong, residual=True)
+            mlp.check_inputs(wrong, residual=True)
     for name in ("base", "gate"):
         with pytest.raises(InvalidValueError, match=f"only a residual has the input '{name}'"):
             PolicyDescription("Env-v0", ROBOT, LIMITS, inputs=("observation", name))
 
 
-FORMS = list(itertools.product(ACTIVATIONS, OUTPUTS))
+FORMS = list(itertools.product(mlp.ACTIVATIONS, mlp.OUTPUTS))
 FUNCTIONS = {"tanh": np.tanh, "relu": lambda x: np.where(x > 0.0, x, 0.0), "linear": lambda x: x}
 OBSERVATIONS = np.random.default_rng(2).normal(size=(40, 36))
 
@@ -78,12 +69,12 @@ def network(activation, output, sizes=(36, 24, 16, 7)):
     shapes = list(itertools.pairwise(sizes))
     weights = tuple(rng.normal(0, 1.5 / np.sqrt(i), (o, i)).astype(np.float32) for i, o in shapes)
     biases = tuple(rng.normal(0, 0.3, o).astype(np.float32) for _, o in shapes)
-    return Mlp(weights, biases, activation, output)
+    return mlp.Mlp(weights, biases, activation, output)
 
 
 def policy(*form):
     about = PolicyDescription("PushRecovery/Pendulum-v0", RobotModel(), GaitLimits())
-    return NetworkPolicy(network(*form), Normalisation(np.zeros(36), np.ones(36)), about)
+    return NetworkPolicy(network(*form), mlp.Normalisation(np.zeros(36), np.ones(36)), about)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -103,7 +94,7 @@ def test_the_forms_differ():
 
 def test_a_network_is_tanh_with_a_linear_output_unless_told_otherwise():
     net = network("tanh", "linear")
-    assert Mlp(net.weights, net.biases) == net
+    assert mlp.Mlp(net.weights, net.biases) == net
 
 
 @pytest.mark.parametrize("form", [("gelu", "linear"), ("linear", "linear"), ("tanh", "relu"), ("tanh", None)])

@@ -9,16 +9,10 @@ from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.policies import residual
 from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-from push_recovery.controllers.policies.residual import (
-    ResidualGate,
-    ResidualRule,
-    check_gate,
-    default_residual_scale,
-    make_gate,
-)
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
 from push_recovery.controllers.settings import preset_config
 
@@ -27,12 +21,12 @@ def test_a_correction_of_one_is_so_many_metres_seconds_and_radians():
     """0.12 m, 0.10 m, 0.15 s, CoP 0.06 and 0.03 m, 12 rad/s^2; an action of 2 spans the box."""
     spans = np.array([1.0, 0.3, 0.7, 0.2, 0.1, 37.5, 37.5])  # high - low of the paper's box
     physical = np.array([0.12, 0.10, 0.15, 0.06, 0.03, 12.0, 12.0])
-    assert default_residual_scale(GaitLimits()) == pytest.approx(2.0 * physical / spans, rel=1e-6)
-    assert default_residual_scale(GaitLimits(), 0.5) == pytest.approx(physical / spans, rel=1e-6)
+    assert residual.default_residual_scale(GaitLimits()) == pytest.approx(2.0 * physical / spans, rel=1e-6)
+    assert residual.default_residual_scale(GaitLimits(), 0.5) == pytest.approx(physical / spans, rel=1e-6)
 
 
 def test_an_entry_without_a_range_is_not_corrected():
-    scale = default_residual_scale(GaitLimits(trunk_roll=False))
+    scale = residual.default_residual_scale(GaitLimits(trunk_roll=False))
     assert scale[6] == 0.0
     assert scale[5] == pytest.approx(24.0 / 37.5)
 
@@ -55,7 +49,7 @@ def observation(error, elapsed=0.2, command=(0.3, 0.1), delay=0.0, direction=0.7
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 @pytest.mark.parametrize("command", [(0.0, 0.0), (0.4, 0.0), (-0.2, 0.1), (0.0, -0.1)])
 def test_opening_is_linear_in_the_error_of_the_dcm(command, delay):
-    gate = ResidualGate(ROBOT, LIMITS, delay, (0.02, 0.06))
+    gate = residual.ResidualGate(ROBOT, LIMITS, delay, (0.02, 0.06))
     errors = np.array([0.0, 0.0199, 0.03, 0.04, 0.05, 0.0601, 0.5])
     rows = np.array([observation(e, command=command, delay=delay) for e in errors])
     np.testing.assert_allclose(gate(rows)[:, 0], np.clip((errors - 0.02) / 0.04, 0, 1), atol=1e-6)
@@ -64,7 +58,7 @@ def test_opening_is_linear_in_the_error_of_the_dcm(command, delay):
 
 
 def test_batch_and_single_have_equal_bits():
-    gate = ResidualGate(ROBOT, LIMITS, 0.0, (0.02, 0.06))
+    gate = residual.ResidualGate(ROBOT, LIMITS, 0.0, (0.02, 0.06))
     rows = np.array([observation(e) for e in np.linspace(0, 0.1, 9)])
     assert gate(rows).tobytes() == b"".join(gate(row[None]).tobytes() for row in rows)
 
@@ -74,7 +68,7 @@ def test_batch_and_single_have_equal_bits():
 )
 def test_impossible_gates_are_refused(band):
     with pytest.raises(InvalidValueError, match="0 <= shut < open"):
-        check_gate(band)
+        residual.check_gate(band)
 
 
 class Planning:
@@ -94,10 +88,10 @@ def test_a_gate_takes_the_planners_touchdown_delay():
     plain = as_policy(Planning(planner))
     assert isinstance(plain, PlainPolicy)
     for policy in (planner, plain):
-        gate = make_gate(policy, ROBOT, LIMITS, (0.02, 0.06))
+        gate = residual.make_gate(policy, ROBOT, LIMITS, (0.02, 0.06))
         assert gate is not None
         assert gate(observation(0.0, delay=0.03)[None])[0, 0] == 0.0
-    assert make_gate(planner, ROBOT, LIMITS, None) is None
+    assert residual.make_gate(planner, ROBOT, LIMITS, None) is None
 
 
 def test_a_gated_policy_is_the_planner_in_a_quiet_walk_and_survives_its_file(tmp_path):
@@ -147,7 +141,7 @@ def at_nominal_start(error: float) -> np.ndarray:
 
 
 def test_base_shift_and_total_by_hand():
-    rule = ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, None)
+    rule = residual.ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, None)
     found = rule.act(np.zeros((1, 36)), LEARNED)
     np.testing.assert_array_equal(found.base, BASE)
     np.testing.assert_array_equal(found.shift, SHIFT)
@@ -159,7 +153,7 @@ def test_base_shift_and_total_by_hand():
     ("error", "opening"), [(0.0, 0.0), (0.02, 0.0), (0.03, 0.25), (-0.04, 0.5), (0.07, 1.0)]
 )
 def test_the_gate_scales_the_learned_action(error, opening):
-    rule = ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, (0.02, 0.06))
+    rule = residual.ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, (0.02, 0.06))
     found = rule.act(at_nominal_start(error), LEARNED)
     np.testing.assert_allclose(rule.opening(at_nominal_start(error)), opening, atol=1e-6)
     np.testing.assert_allclose(found.shift, opening * SHIFT, atol=1e-6)
@@ -168,12 +162,12 @@ def test_the_gate_scales_the_learned_action(error, opening):
 
 
 def test_an_action_beyond_the_box_passes_where_nothing_is_added_on_its_own():
-    rule = ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, None)
+    rule = residual.ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, None)
     beyond = np.full((1, 7), 1.5, np.float32)
     np.testing.assert_array_equal(rule.correct(np.zeros((1, 36)), beyond, np.zeros_like(BASE)).total, beyond)
 
 
 def test_a_policy_with_a_memory_is_refused():
-    rule = ResidualRule(Fixed(state=(np.zeros(1),)), ROBOT, LIMITS, SCALE, None)
+    rule = residual.ResidualRule(Fixed(state=(np.zeros(1),)), ROBOT, LIMITS, SCALE, None)
     with pytest.raises(InvalidValueError, match="policy without memory"):
         rule.act(np.zeros((1, 36)), LEARNED)

@@ -7,14 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.whole_body.gait_machine import (
-    accept,
-    com_cmp_offset_and_deficit,
-    has_landed,
-    landing_error,
-    reach_height,
-    touch_down,
-)
+from push_recovery.controllers.whole_body import gait_machine
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
 from push_recovery.controllers.whole_body.limits import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR
 from push_recovery.envs.biped.core import BIPED_GAIT, BIPED_LIMITS
@@ -97,11 +90,11 @@ def test_a_gait_event_starts_in_its_step(biped_core, begin):
 def test_a_foot_lands_near_the_end_of_its_step_or_under_heavy_load():
     duration, s = 0.5, SETTINGS
     late, near, mid = duration - 0.5 * s.early, duration - 2.0 * s.early, 0.5 * s.forced_phase * duration
-    assert has_landed(1.01 * s.early_load, late, duration, s)
-    assert not has_landed(0.99 * s.early_load, late, duration, s)
-    assert has_landed(1.01 * s.forced_load, near, duration, s)
-    assert not has_landed(0.99 * s.forced_load, near, duration, s)
-    assert not has_landed(1e4, mid, duration, s)
+    assert gait_machine.has_landed(1.01 * s.early_load, late, duration, s)
+    assert not gait_machine.has_landed(0.99 * s.early_load, late, duration, s)
+    assert gait_machine.has_landed(1.01 * s.forced_load, near, duration, s)
+    assert not gait_machine.has_landed(0.99 * s.forced_load, near, duration, s)
+    assert not gait_machine.has_landed(1e4, mid, duration, s)
 
 
 @pytest.mark.parametrize(("remaining", "held"), [(2.0, 0), (0.5, 3)])
@@ -111,7 +104,7 @@ def test_place_and_time_of_a_step_are_final_shortly_before_it_ends(biped_core, b
     plan = begin(core, 0, Scenario("a"))
     core.gait.elapsed[0] = plan[2] - remaining * SETTINGS.commit
     asked, action, previous = plan + 0.01, np.full(7, 0.5), np.zeros(7)
-    accept(core.gait, 0, SETTINGS, asked, action, previous)
+    gait_machine.accept(core.gait, 0, SETTINGS, asked, action, previous)
     np.testing.assert_array_equal(core.gait.plan[0], np.where(np.arange(7) < held, plan, asked))
     np.testing.assert_array_equal(previous, np.where(np.arange(7) < held, 0.0, action))
 
@@ -121,7 +114,7 @@ def test_a_final_step_gives_way_to_one_that_is_far_from_landing(biped_core, begi
     plan = begin(core, 0, Scenario("a"))
     core.gait.elapsed[0] = plan[2] - 0.5 * SETTINGS.commit
     asked = plan + np.array([0.0, 0.2, 0.6 * SETTINGS.commit, 0.0, 0.0, 0.0, 0.0])
-    accept(core.gait, 0, SETTINGS, asked, np.zeros(7), np.zeros(7))
+    gait_machine.accept(core.gait, 0, SETTINGS, asked, np.zeros(7), np.zeros(7))
     np.testing.assert_array_equal(core.gait.plan[0], asked)
 
 
@@ -130,7 +123,7 @@ def test_touchdown_exchanges_the_feet_and_mirrors_the_plan(random_state, robot_i
     core, _ = robot_in(*random_state(np.random.default_rng(0)), stance)
     core.gait.plan[0] = [0.1, 0.2, 0.5, 0.02, 0.01, 3.0, 4.0]
     core.gait.elapsed[0] = 0.5
-    touch_down(core.physics, core.gait, 0)
+    gait_machine.touch_down(core.physics, core.gait, 0)
     assert (core.gait.stance[0], core.gait.steps[0], core.gait.elapsed[0]) == (1 - stance, 1, 0.0)
     np.testing.assert_array_equal(core.gait.plan[0], [0.1, 0.2, 0.5, 0.0, 0.0, 3.0, -4.0])
     np.testing.assert_array_equal(core.gait.swing[0, :3], sole_position(core.physics, 0, stance))
@@ -146,7 +139,7 @@ def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
     heights = []
     for length in (0.0, 0.3, 0.5, 1.0):
         target, travel = (sole[0] + length, sole[1] - 0.2), (0.5 * length, 0.0)
-        height, target = reach_height(core.physics, 0, 0, sole, target, travel, s)
+        height, target = gait_machine.reach_height(core.physics, 0, 0, sole, target, travel, s)
         above = height + hips[1, 2] - com[2] - 0.06
         aside = np.hypot(*(np.array(target) - hips[1, :2] - travel))
         assert np.hypot(above, aside) <= s.reach + 1e-9
@@ -183,20 +176,20 @@ def landed(random_state, robot_in):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_foot_lands_off_its_plan_from_three_centimetres_on(landed, stance, entry, sign):
     core, _, _ = landed(stance)
-    assert landing_error(core.physics, core.gait, 0) == 0
+    assert gait_machine.landing_error(core.physics, core.gait, 0) == 0
     core.gait.plan[0, entry] += sign * 0.99 * LANDED_OFF
-    assert landing_error(core.physics, core.gait, 0) == 0
+    assert gait_machine.landing_error(core.physics, core.gait, 0) == 0
     core.gait.plan[0, entry] += sign * 0.02 * LANDED_OFF
-    assert landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
+    assert gait_machine.landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_foot_lands_off_its_time(landed, sign):
     core, _, _ = landed(0)
     core.gait.elapsed[0] = 0.5 + sign * 0.99 * LANDED_LATE
-    assert landing_error(core.physics, core.gait, 0) == 0
+    assert gait_machine.landing_error(core.physics, core.gait, 0) == 0
     core.gait.elapsed[0] = 0.5 + sign * 1.01 * LANDED_LATE
-    assert landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
+    assert gait_machine.landing_error(core.physics, core.gait, 0) == TOUCHDOWN_ERROR
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -204,16 +197,8 @@ def test_at_touchdown_neither_the_com_nor_a_yaw_jumps(landed, stance):
     """Heights count from the sole that has landed, yaws from the heading that it has."""
     core, old, new = landed(stance)
     core.gait.height[0] = [0.8, 0.1, -0.2, old[2]]
-    core.gait.yaw[0] = [
-        TURNED,
-        0.3,
-        0.1,
-        0.12,
-        0.4,
-        0.2,
-        TURNED,
-    ]
-    touch_down(core.physics, core.gait, 0)
+    core.gait.yaw[0] = [TURNED, 0.3, 0.1, 0.12, 0.4, 0.2, TURNED]
+    gait_machine.touch_down(core.physics, core.gait, 0)
     assert (core.gait.stance[0], core.gait.elapsed[0]) == (1 - stance, 0.0)
     assert core.gait.height[0, 0] + new[2] == pytest.approx(0.8 + old[2], abs=1e-12)
     np.testing.assert_array_equal(core.gait.height[0, 1:3], [0.1, -0.2])
@@ -232,7 +217,7 @@ def test_with_the_missing_cmp_the_dcm_lands_where_stepping_in_place_has_it(stanc
     plan = np.array([0.15, 0.25, 0.45, 0.03, -0.02, 1.5, -2.0])
     place, speed = (0.04, 0.06), (0.3, -0.2)
     growth = math.exp(s.omega * remaining)
-    offset, missing = com_cmp_offset_and_deficit(place, speed, plan, sign, growth, s)
+    offset, missing = gait_machine.com_cmp_offset_and_deficit(place, speed, plan, sign, growth, s)
     planned = np.array([0.03 + s.cmp_gain * 1.5, sign * (-0.02 - s.cmp_gain * 2.0)])
     np.testing.assert_allclose(offset, place - planned, atol=1e-15)
     cmp, dcm = planned + missing, np.array(place) + np.array(speed) / s.omega

@@ -9,28 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.model.robot import GRAVITY
-from push_recovery.controllers.whole_body.inverse_dynamics import (
-    Gains,
-    Task,
-    base_angular_acceleration,
-    com_force,
-    stance_acceleration,
-    swing_acceleration,
-    whole_body_torque,
-)
-from push_recovery.controllers.whole_body.kinematics import (
-    FOOT_BODY,
-    NU,
-    NV,
-    PELVIS,
-    TASKS,
-    WAIST_DOF,
-    SoleMotion,
-    base_angular_velocity,
-    com_velocity,
-    sole_motion,
-    sole_position,
-)
+from push_recovery.controllers.whole_body import inverse_dynamics as dynamics
+from push_recovery.controllers.whole_body import kinematics
+from push_recovery.controllers.whole_body.inverse_dynamics import Gains, Task, com_force, swing_acceleration
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, NU, NV, PELVIS, TASKS, SoleMotion
 from push_recovery.controllers.whole_body.limits import Bounds, centre_of_pressure, driving_share, make_bounds
 from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.biped.core import BIPED_GAINS as G
@@ -49,7 +31,9 @@ LOOSE, _LOOSE_MEMORY = make_bounds(
 def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) -> Task:
     """A task near what the robot does, accelerations of about `size` times those of walking."""
     swing = np.zeros(9)
-    foot = sole_motion(core.physics, 0, 1 - stance, base_angular_velocity(core.physics, 0))
+    foot = kinematics.sole_motion(
+        core.physics, 0, 1 - stance, kinematics.base_angular_velocity(core.physics, 0)
+    )
     swing[:3] = foot.position + rng.normal(0.0, 0.005, 3)
     swing[3:6] = foot.velocity + rng.normal(0.0, 0.05, 3)
     swing[6:] = rng.normal(0.0, 2.0 * size, 3)
@@ -57,8 +41,8 @@ def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) 
     heading = rng.normal(0.0, 0.05)
     facing = float(np.cos(heading)), float(np.sin(heading))
     above, climb = (
-        core.physics.com[0, 0, 2] - sole_position(core.physics, 0, stance)[2],
-        com_velocity(core.physics, 0)[2],
+        core.physics.com[0, 0, 2] - kinematics.sole_position(core.physics, 0, stance)[2],
+        kinematics.com_velocity(core.physics, 0)[2],
     )
     height = above + rng.normal(0.0, 0.001), climb + rng.normal(0.0, 0.01), rng.normal(0.0, size)
     return Task(stance, tuple(com), height, facing, swing, tuple(waist))
@@ -66,8 +50,8 @@ def random_task(rng: np.random.Generator, core, stance: int, size: float = 1.0) 
 
 def torques(core, task: Task, gains: Gains, bounds: Bounds, out: np.ndarray) -> np.ndarray:
     """Write the torques (14,) of the core's robot; returns the wrench (6,)."""
-    climb, wrench = com_velocity(core.physics, 0)[2], np.empty(6)
-    whole_body_torque(core.physics, 0, task, climb, gains, bounds, wrench, out)
+    climb, wrench = kinematics.com_velocity(core.physics, 0)[2], np.empty(6)
+    dynamics.whole_body_torque(core.physics, 0, task, climb, gains, bounds, wrench, out)
     return wrench
 
 
@@ -78,26 +62,28 @@ def drift(foot: SoleMotion) -> np.ndarray:
 
 def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, np.ndarray]:
     """A qdd = b of the 14 tasks in the order of `wrench_bounds`, and of the stance foot at rest (6 rows)."""
-    phys, omega = core.physics, base_angular_velocity(core.physics, 0)
-    stance, swing = (sole_motion(phys, 0, leg, omega) for leg in (task.stance, 1 - task.stance))
+    phys, omega = core.physics, kinematics.base_angular_velocity(core.physics, 0)
+    stance, swing = (kinematics.sole_motion(phys, 0, leg, omega) for leg in (task.stance, 1 - task.stance))
     M, A, b = np.zeros((NV, NV)), np.zeros((TASKS + 6, NV)), np.empty(TASKS + 6)
     mujoco.mj_fullM(MODEL, data, M)
     height = data.subtree_com[0, 2] - stance.position[2]
     asked, rate, climb = task.height
-    climb += GAINS.height_kp * (asked - height) + GAINS.height_kd * (rate - com_velocity(phys, 0)[2])
+    climb += GAINS.height_kp * (asked - height) + GAINS.height_kd * (
+        rate - kinematics.com_velocity(phys, 0)[2]
+    )
     A[:3], b[:3] = M[:3] / BIPED.mass, [*task.com_acceleration, GRAVITY + climb]
     b[:3] -= data.qfrc_bias[:3] / BIPED.mass
     A[3:6, 3:6] = data.xmat[PELVIS].reshape(3, 3)
-    b[3:6] = base_angular_acceleration(phys, 0, omega, task, GAINS)
+    b[3:6] = dynamics.base_angular_acceleration(phys, 0, omega, task, GAINS)
     jacobians = [np.zeros((6, NV)), np.zeros((6, NV))]
     for J, leg in zip(jacobians, (task.stance, 1 - task.stance), strict=True):
         mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
     A[6:12] = jacobians[1]
     b[6:12] = np.subtract(swing_acceleration(phys, 0, swing, task, GAINS), drift(swing)).ravel()
-    A[12, WAIST_DOF] = A[13, WAIST_DOF + 1] = 1.0
+    A[12, kinematics.WAIST_DOF] = A[13, kinematics.WAIST_DOF + 1] = 1.0
     b[12:14] = task.waist
     A[14:] = jacobians[0]
-    b[14:] = np.subtract(stance_acceleration(phys, 0, stance, task, GAINS), drift(stance)).ravel()
+    b[14:] = np.subtract(dynamics.stance_acceleration(phys, 0, stance, task, GAINS), drift(stance)).ravel()
     return A, b
 
 
@@ -221,11 +207,11 @@ def test_the_cop_makes_up_for_the_swing_legs_momentum(biped_core, begin, axis):
     0.0031 s^2 a (docs/whole-body.md): what the leg takes the CMP away from the CoP."""
     core, a, cops = biped_core(1), 30.0, []
     begin(core, 0, Scenario("still"))
-    foot = sole_motion(core.physics, 0, 1, base_angular_velocity(core.physics, 0))
+    foot = kinematics.sole_motion(core.physics, 0, 1, kinematics.base_angular_velocity(core.physics, 0))
     for share in (0.0, 1.0):
         swing = np.array([*foot.position, *foot.velocity, 0.0, 0.0, 0.0])
         swing[6 + axis] = share * a
-        height = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, 0)[2]
+        height = core.physics.com[0, 0, 2] - kinematics.sole_position(core.physics, 0, 0)[2]
         task = Task(0, (0.0, 0.0), (height, 0.0, 0.0), (1.0, 0.0), swing, (0.0, 0.0))
         wrench = torques(core, task, GAINS, LOOSE, np.empty(NU))
         cops.append(centre_of_pressure(wrench, (1.0, 0.0))[axis])
@@ -333,27 +319,29 @@ def turned(axis: int, angle: float) -> np.ndarray:
 
 def test_the_pelvis_is_turned_against_its_lean_and_its_rate(upright):
     phys, lean = upright
-    found = base_angular_acceleration(phys, 0, OMEGA, task(pelvis_yaw=YAW), G)
+    found = dynamics.base_angular_acceleration(phys, 0, OMEGA, task(pelvis_yaw=YAW), G)
     heading = G.heading_kp * 0.02 - G.heading_kd * (0.3 - 0.05) + 0.7
     np.testing.assert_allclose(found, [-0.1 * G.pelvis_kd, 0.2 * G.pelvis_kd, heading], atol=1e-12)
     for axis, gain in enumerate((G.pelvis_kp, G.pelvis_kp, G.heading_kp)):
         lean(PELVIS, turned(axis, SMALL))
         expected = np.zeros(3)
         expected[axis] = -gain * SMALL
-        np.testing.assert_allclose(base_angular_acceleration(phys, 0, ZERO, task(), G), expected, atol=1e-3)
+        np.testing.assert_allclose(
+            dynamics.base_angular_acceleration(phys, 0, ZERO, task(), G), expected, atol=1e-3
+        )
 
 
 def test_the_heading_is_that_of_the_task(upright):
     phys, _ = upright
     facing = (math.cos(0.3), math.sin(0.3))  # to the left of where the pelvis faces
-    found = base_angular_acceleration(phys, 0, ZERO, task(facing=facing), G)
+    found = dynamics.base_angular_acceleration(phys, 0, ZERO, task(facing=facing), G)
     np.testing.assert_allclose(found, [0.0, 0.0, 0.3 * G.heading_kp], atol=1e-12)
 
 
 def test_the_stance_foot_is_braked_and_levelled_and_does_not_turn_back(upright):
     phys, lean = upright
     foot = SoleMotion(ZERO, SPEED, OMEGA, ZERO, ZERO)
-    linear, angular = stance_acceleration(phys, 0, foot, task(), G)
+    linear, angular = dynamics.stance_acceleration(phys, 0, foot, task(), G)
     np.testing.assert_allclose(linear, -G.stance_kd * np.array(SPEED), atol=1e-12)
     np.testing.assert_allclose(angular, -G.stance_kd * np.array(OMEGA), atol=1e-12)
     still = SoleMotion(ZERO, ZERO, ZERO, ZERO, ZERO)
@@ -361,7 +349,9 @@ def test_the_stance_foot_is_braked_and_levelled_and_does_not_turn_back(upright):
         lean(FOOT_BODY[0], turned(axis, SMALL))
         expected = np.zeros(3)
         expected[axis] = -gain * SMALL
-        np.testing.assert_allclose(stance_acceleration(phys, 0, still, task(), G)[1], expected, atol=1e-3)
+        np.testing.assert_allclose(
+            dynamics.stance_acceleration(phys, 0, still, task(), G)[1], expected, atol=1e-3
+        )
 
 
 def test_the_swing_sole_follows_its_reference(upright):

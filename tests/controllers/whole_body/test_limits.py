@@ -10,31 +10,11 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body import kinematics
+from push_recovery.controllers.whole_body import limits as bounds_of
 from push_recovery.controllers.whole_body.inverse_dynamics import Task, whole_body_torque
-from push_recovery.controllers.whole_body.kinematics import (
-    NU,
-    base_angular_velocity,
-    sole_motion,
-    sole_position,
-)
-from push_recovery.controllers.whole_body.limits import (
-    CONTACT,
-    FULL_TORQUE_SHARE,
-    JOINT_TORQUE,
-    SHARE_OF_GRIP,
-    SOLE_EDGE,
-    centre_of_pressure,
-    clip_torque,
-    driving_share,
-    full_sole_force,
-    kept_cop,
-    limits_met,
-    make_bounds,
-    missing_cmp,
-    share_within,
-    within_bounds,
-    write_torque_range,
-)
+from push_recovery.controllers.whole_body.kinematics import NU, sole_motion, sole_position
+from push_recovery.controllers.whole_body.limits import CONTACT, SOLE_EDGE, kept_cop, limits_met, share_within
 from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.robots.biped import biped, biped_model
@@ -46,10 +26,17 @@ MODEL = biped_model()
 
 @pytest.mark.parametrize(
     ("speed", "share"),
-    [(-30.0, 1.0), (0.0, 1.0), (FULL_TORQUE_SHARE * 10.0, 1.0), (8.5, 0.5), (10.0, 0.0), (30.0, 0.0)],
+    [
+        (-30.0, 1.0),
+        (0.0, 1.0),
+        (bounds_of.FULL_TORQUE_SHARE * 10.0, 1.0),
+        (8.5, 0.5),
+        (10.0, 0.0),
+        (30.0, 0.0),
+    ],
 )
 def test_a_motor_drives_with_less_torque_near_its_free_speed(speed, share):
-    assert driving_share(speed, 10.0) == pytest.approx(share, abs=1e-12)
+    assert bounds_of.driving_share(speed, 10.0) == pytest.approx(share, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -71,10 +58,10 @@ def test_the_range_of_torques_ends_where_a_motor_would_drive_too_fast(
     qvel[6:] = share_of_free_speed * limits[1]
     core, _ = robot_in(MODEL.qpos0.copy(), qvel)
     found = np.empty((2, MODEL.nu))
-    write_torque_range(core.physics, 0, limits, found)
+    bounds_of.write_torque_range(core.physics, 0, limits, found)
     np.testing.assert_allclose(found, [least * limits[0], largest * limits[0]], atol=1e-9)
     torque = 1000.0 * np.where(np.arange(MODEL.nu) % 2, 1.0, -1.0)
-    clip_torque(torque, found)
+    bounds_of.clip_torque(torque, found)
     np.testing.assert_array_equal(torque, np.where(np.arange(MODEL.nu) % 2, found[1], found[0]))
 
 
@@ -98,7 +85,8 @@ def test_no_motor_gives_more_than_it_can_at_its_speed_in_a_hard_push():
     def look() -> None:
         torque = core.physics.ctrl[0]
         share = [
-            driving_share(v * np.sign(t), v0) for v, t, v0 in zip(speeds, torque, free_speed, strict=True)
+            bounds_of.driving_share(v * np.sign(t), v0)
+            for v, t, v0 in zip(speeds, torque, free_speed, strict=True)
         ]
         used.append(np.abs(torque) - top * share)
         speeds[:] = core.physics.qvel[0, 6:]
@@ -128,19 +116,19 @@ def wrench_at(cop=(0.0, 0.0), force=(0.0, 0.0), yaw=0.0, load=LOAD) -> np.ndarra
 
 
 def judged(wrench, torque=None) -> tuple[bool, int]:
-    bounds, _memory = make_bounds(S, np.full((2, NU), 1.0))
+    bounds, _memory = bounds_of.make_bounds(S, np.full((2, NU), 1.0))
     bounds.torque_range[:] = [[-50.0] * NU, [80.0] * NU]
     torque = np.zeros(NU) if torque is None else torque
-    x, y = centre_of_pressure(wrench, AXIS)
+    x, y = bounds_of.centre_of_pressure(wrench, AXIS)
     cop = turned(np.clip(x, -S.cop_x_max, S.cop_x_max), np.clip(y, -S.cop_y_max, S.cop_y_max))
-    return within_bounds(wrench, torque, AXIS, bounds), limits_met(
+    return bounds_of.within_bounds(wrench, torque, AXIS, bounds), limits_met(
         wrench, torque, AXIS, (cop[0], cop[1]), bounds
     )
 
 
 def test_the_cop_is_where_the_force_acts():
     wrench = wrench_at((0.03, -0.02), (40.0, -25.0), 3.0)
-    assert centre_of_pressure(wrench, AXIS) == pytest.approx((0.03, -0.02), abs=1e-12)
+    assert bounds_of.centre_of_pressure(wrench, AXIS) == pytest.approx((0.03, -0.02), abs=1e-12)
 
 
 YAW = S.yaw_friction * LOAD
@@ -149,16 +137,8 @@ CASES = [
     ("cop backward", lambda k: {"cop": (-k * S.cop_x_max, 0.0)}, SOLE_EDGE),
     ("cop left", lambda k: {"cop": (0.0, k * S.cop_y_max)}, SOLE_EDGE),
     ("cop right", lambda k: {"cop": (0.0, -k * S.cop_y_max)}, SOLE_EDGE),
-    (
-        "yaw",
-        lambda k: {"yaw": k * YAW, "cop": (0.03, 0.02), "force": (50.0, 90.0)},
-        CONTACT,
-    ),
-    (
-        "yaw back",
-        lambda k: {"yaw": -k * YAW, "cop": (0.0, 0.03), "force": (90.0, 0.0)},
-        CONTACT,
-    ),
+    ("yaw", lambda k: {"yaw": k * YAW, "cop": (0.03, 0.02), "force": (50.0, 90.0)}, CONTACT),
+    ("yaw back", lambda k: {"yaw": -k * YAW, "cop": (0.0, 0.03), "force": (90.0, 0.0)}, CONTACT),
     ("friction", lambda k: {"force": (0.6 * k * S.friction * LOAD, -0.8 * k * S.friction * LOAD)}, CONTACT),
     ("load", lambda k: {"load": (2.0 - k) * S.force_min}, CONTACT),
 ]
@@ -170,7 +150,7 @@ def test_each_bound_of_the_wrench_ends_where_it_says(case, meets):
     within, met = judged(wrench_at(**case(1.0 + SMALL)))
     assert not within
     assert met & meets
-    assert not met & JOINT_TORQUE
+    assert not met & bounds_of.JOINT_TORQUE
 
 
 @pytest.mark.parametrize("motor", [0, NU - 1])
@@ -180,7 +160,7 @@ def test_each_motor_has_a_least_and_a_largest_torque(motor, edge, out):
     torque[motor] = edge - 0.5 * out
     assert judged(wrench_at(), torque) == (True, 0)
     torque[motor] = edge + 0.5 * out
-    assert judged(wrench_at(), torque) == (False, JOINT_TORQUE)
+    assert judged(wrench_at(), torque) == (False, bounds_of.JOINT_TORQUE)
 
 
 EDGE = 0.065
@@ -188,18 +168,18 @@ FAR = 1.0  # [m], more than any CoP may move
 SETTINGS = BIPED_BOUNDS._replace(
     cop_x_max=EDGE, cop_y_max=1.0, yaw_friction=1e6, friction=10.0, force_min=-1e9
 )
-BOUNDS, _MEMORY = make_bounds(SETTINGS, np.full((2, NU), 1e9))
+BOUNDS, _MEMORY = bounds_of.make_bounds(SETTINGS, np.full((2, NU), 1e9))
 
 
 @pytest.mark.parametrize(("dcm", "goal", "cmp", "time"), [(0.3, 0.4, 0.1, 0.2), (-0.2, 0.1, -0.3, 0.4)])
 def test_with_what_is_missing_the_dcm_meets_its_goal(dcm, goal, cmp, time):
     growth = math.exp(BIPED.omega * time)
-    moved = cmp + missing_cmp(dcm, goal, cmp, growth)
+    moved = cmp + bounds_of.missing_cmp(dcm, goal, cmp, growth)
     assert moved + (dcm - moved) * growth == pytest.approx(goal)
 
 
 def test_at_touchdown_nothing_can_be_missing_without_bound():
-    assert math.isfinite(missing_cmp(0.3, 0.1, 0.0, 1.0))
+    assert math.isfinite(bounds_of.missing_cmp(0.3, 0.1, 0.0, 1.0))
 
 
 def test_the_cop_goes_to_the_edge_that_it_is_planned_at():
@@ -232,7 +212,7 @@ def test_the_share_ends_at_the_circle():
 
 def asked_of_the_sole(core, cop, missing, swing):
     """Wrench (6,) for a swing sole accelerating forward [m/s^2], the CoM resting."""
-    foot = sole_motion(core.physics, 0, 1, base_angular_velocity(core.physics, 0))
+    foot = sole_motion(core.physics, 0, 1, kinematics.base_angular_velocity(core.physics, 0))
     reference = np.array([*foot.position, *foot.velocity, swing, 0.0, 0.0])
     height = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, 0)[2]
     task = Task(
@@ -248,7 +228,7 @@ def test_what_a_braking_leg_adds_brakes_the_com(biped_core, begin):
     begin(core, 0, Scenario("still"))
     back, height = asked_of_the_sole(core, (0.0, 0.0), (FAR, 0.0), -12.0)
     kept, _ = asked_of_the_sole(core, (plan, 0.0), (FAR, 0.0), -12.0)
-    (before, aside), after = (centre_of_pressure(wrench, (1.0, 0.0)) for wrench in (back, kept))
+    (before, aside), after = (bounds_of.centre_of_pressure(wrench, (1.0, 0.0)) for wrench in (back, kept))
     moved = kept_cop(plan, before, EDGE, FAR)
     assert moved > EDGE > 0.0 > before
     # the legs turn with the CoM, which moves the CoP by another 8 %
@@ -261,14 +241,14 @@ def test_what_a_braking_leg_adds_brakes_the_com(biped_core, begin):
 
 def test_it_does_not_ask_for_more_friction_than_it_counts_on():
     wrench = np.array([-200.0, 0.0, 600.0, 0.0, 30.0, 0.0])
-    bounds, _memory = make_bounds(SETTINGS._replace(friction=0.5), np.full((2, NU), 1e9))
-    fx, fy = full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)
-    assert (wrench[0] + fx, fy) == pytest.approx((-SHARE_OF_GRIP * 0.5 * 600.0, 0.0))
+    bounds, _memory = bounds_of.make_bounds(SETTINGS._replace(friction=0.5), np.full((2, NU), 1e9))
+    fx, fy = bounds_of.full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)
+    assert (wrench[0] + fx, fy) == pytest.approx((-bounds_of.SHARE_OF_GRIP * 0.5 * 600.0, 0.0))
     bounds.grip[0] = 0.4
-    assert full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds) == (0.0, 0.0)
+    assert bounds_of.full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds) == (0.0, 0.0)
     bounds.grip[0] = 0.8
-    assert full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)[0] == pytest.approx(
-        -600.0 / 0.8 * (EDGE + 30.0 / 600.0)
-    )
+    assert bounds_of.full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds)[
+        0
+    ] == pytest.approx(-600.0 / 0.8 * (EDGE + 30.0 / 600.0))
     wrench[2] = -10.0
-    assert full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds) == (0.0, 0.0)
+    assert bounds_of.full_sole_force(wrench, (1.0, 0.0), (EDGE, 0.0), (FAR, 0.0), 0.8, bounds) == (0.0, 0.0)
