@@ -1,7 +1,5 @@
 """The functions that users call: `evaluate`, `compare`, `frontier` and `rollout`."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 from typing import Any

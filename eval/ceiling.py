@@ -3,13 +3,11 @@
 What policies and searches recover together is the row `ceiling`: a lower bound on what is possible.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -192,7 +190,7 @@ class Answers:
     sequences: Mapping[str, Sequence]
 
     @classmethod
-    def of(cls, found: Ceiling) -> Answers:
+    def of(cls, found: Ceiling) -> Self:
         """Answers that searches have found."""
         return cls(found.evaluation.suite.summary(), found.settings, _sequences(found.answered))
 
@@ -209,7 +207,7 @@ class Answers:
         write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
     @classmethod
-    def load(cls, path: Path) -> Answers:
+    def load(cls, path: Path) -> Self:
         """Read them from a file.
 
         Raises:
@@ -234,7 +232,7 @@ class Answers:
         return cls(suite, _settings(data["settings"]), sequences)
 
     @classmethod
-    def of_searches(cls, directory: Path) -> Answers:
+    def of_searches(cls, directory: Path) -> Self:
         """The best attempt at each push in the rows of a directory, whether it has recovered or not.
 
         Raises:

@@ -4,8 +4,6 @@ It begins in the last planning period before the push, and its row is the same w
 runs beside it. An answer is a sequence of corrections that a rollout of its own replays.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """`sampling-mpc`: the planner, and corrections of it that a simulation of the robot says it needs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple

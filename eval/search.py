@@ -3,8 +3,6 @@
 Corrections are a row of seven for each step from the present one on, in [-1, 1] of the largest ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Self
 

@@ -4,8 +4,6 @@ Both kinds of pool do the same jobs with the same results, end with the process 
 whatever goes wrong in a worker into one `WorkerError`.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle

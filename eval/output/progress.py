@@ -3,8 +3,6 @@
 On a terminal a bar for each name; in a log, where bars are of no use, a line every half minute.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

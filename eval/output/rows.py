@@ -1,7 +1,5 @@
 """Results on disk: rows of JSON that survive a kill, one writer a directory, versions of what wrote them."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib
@@ -14,7 +12,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import read_file, sync_names, write_text
@@ -126,7 +124,7 @@ class Writer:
             for folder in self._made:
                 folder.rmdir()
 
-    def __enter__(self) -> Writer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -278,7 +276,7 @@ class RowFile:
             self._file = None
         self._writer.release()
 
-    def __enter__(self) -> RowFile:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -5,13 +5,11 @@ are compared as Agarwal et al. (2021), Deep Reinforcement Learning at the Edge o
 NeurIPS, recommend.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,7 +107,7 @@ class PairedCounts:
     neither: int
 
     @classmethod
-    def of(cls, a: NDArray[np.bool_], b: NDArray[np.bool_]) -> PairedCounts:
+    def of(cls, a: NDArray[np.bool_], b: NDArray[np.bool_]) -> Self:
         """Count pairs from two (n,) arrays in the same order of scenarios."""
         if a.shape != b.shape:
             raise InvalidValueError(f"pairs need equal lengths, got {a.shape} and {b.shape}")
@@ -118,7 +116,7 @@ class PairedCounts:
     @classmethod
     def of_rows(
         cls, a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]], field: str = "recovered"
-    ) -> PairedCounts:
+    ) -> Self:
         """Count pairs of a field of rows in the same order of scenarios."""
         first, second = (np.array([row[field] for row in rows], dtype=bool) for rows in (a, b))
         return cls.of(first, second)

@@ -1,12 +1,10 @@
 """Corrections of a residual by direction of the push: collected, as tables, as a figure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -22,9 +20,6 @@ from ..rollout.episodes import rollout
 from .record import Array, EpisodeRecord, RecordedPolicy, record_episode
 from .style import POLICY_STYLES, new_figure, print_style, save
 from .words import sector_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 STEPS = 3  # that are looked at: the one that is pushed in, and those after it
 
@@ -185,7 +180,7 @@ def save_corrections(summary: Summary, directory: Path, stem: str = "corrections
         return save(figure, directory, stem)
 
 
-def _decision(axes: Axes, summary: Summary, decision: int, name: str) -> None:
+def _decision(axes: Any, summary: Summary, decision: int, name: str) -> None:
     """Mean correction against direction, one line a step, with a band of one standard deviation."""
     axes.axhline(0.0, color="#555555", lw=0.8)
     for step, (look, label) in enumerate(zip(LOOKS, STEP_NAMES, strict=True)):
@@ -196,7 +191,7 @@ def _decision(axes: Axes, summary: Summary, decision: int, name: str) -> None:
     axes.set_title(name.replace("acceleration", "acc."), loc="left")
 
 
-def _outcomes(axes: Axes, summary: Summary) -> None:
+def _outcomes(axes: Any, summary: Summary) -> None:
     """Endings of the pushes that either policy loses, by direction."""
     bottom = np.zeros(len(ANGLES))
     for name, colour, hatch in OUTCOMES:

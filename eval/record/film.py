@@ -1,14 +1,12 @@
 """Films of episodes as mp4 or GIF, several policies side by side, and contact sheets of a push."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence
 from functools import cache
 from itertools import chain, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +20,6 @@ from ..rollout.episodes import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 from ..score.evaluate import Evaluation
 from .words import ending_words, info_push_words
-
-if TYPE_CHECKING:
-    from PIL.ImageDraw import ImageDraw
-    from PIL.ImageFont import FreeTypeFont
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 FILM_RATE = 25.0  # frames per simulated second
@@ -134,7 +128,7 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     return np.asarray(sheet)
 
 
-def _title(draw: ImageDraw, centre: float, shot: Shot, after: float) -> None:
+def _title(draw: Any, centre: float, shot: Shot, after: float) -> None:
     draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
     if after >= shot.decided:
         words = shot.ending.partition(" (")[0]
@@ -142,7 +136,7 @@ def _title(draw: ImageDraw, centre: float, shot: Shot, after: float) -> None:
         draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
 
 
-def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
+def draw_legend(draw: Any, size: tuple[int, int], words: str) -> None:
     """The colours of the markers in the last line of a picture, and words at its right end."""
     letters, middle_line = font(13, False), size[1] - FOOT / 2
     left: float = 8
@@ -153,7 +147,7 @@ def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
     draw.text((size[0] - 8, middle_line), words, INK, letters, anchor="rm")
 
 
-def _fitting(draw: ImageDraw, text: str) -> str:
+def _fitting(draw: Any, text: str) -> str:
     """A text cut at its front to the width of a picture: paths of files differ at their ends."""
     while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
         text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
@@ -161,7 +155,7 @@ def _fitting(draw: ImageDraw, text: str) -> str:
 
 
 @cache
-def font(size: int, bold: bool) -> FreeTypeFont:
+def font(size: int, bold: bool) -> Any:
     """DejaVu Sans, which comes with matplotlib."""
     import matplotlib
     from PIL import ImageFont

@@ -1,21 +1,16 @@
 """Learning curves from the files of policies, and their figure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.policies.learned import policy_paths
 from ..output.statistics import wilson_interval
 from ..rollout.load_policy import named_file, training_note
 from .style import curve_style, new_figure, print_style, save
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MILLION = 1e6
 MARGIN = 0.05  # below the curves
@@ -83,7 +78,7 @@ def save_learning_curves(
         return save(figure, directory, stem)
 
 
-def _draw(axes: Axes, curve: LearningCurve) -> None:
+def _draw(axes: Any, curve: LearningCurve) -> None:
     look = curve_style(curve.name)
     x = [steps / MILLION for steps in curve.timesteps]
     bands = [wilson_interval(round(share * curve.pushes), curve.pushes) for share in curve.recovered]

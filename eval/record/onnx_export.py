@@ -1,7 +1,5 @@
 """A learned policy's network as an ONNX graph, written only where it computes what the policy does."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recorded episodes: the recorder, its time histories as columns with units, and their files."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -51,6 +49,51 @@ UNITS = {  # of the columns that every robot has; places are in the world, x for
     "push_x": "N", "push_y": "N", "push_z": "N",
 }  # fmt: skip
 NAN = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecord:
+    """Time histories of one episode; a sample after reset and after every environment step, n of them.
+
+    `record["dcm_y"]` is a column, `len(record)` the number of samples; iteration gives the columns' names.
+    """
+
+    scenario: Scenario
+    outcome: Outcome
+    columns: Mapping[str, Array]  # (n,) each, read-only
+    units: Mapping[str, str]  # of every column
+    bounds: Mapping[str, float]  # how far some columns may go both ways, in their units
+    sole: tuple[float, float]  # length, width [m]
+    push_starts: tuple[float, ...]  # of the scenario's pushes [s], inf: its gait event has not come
+    mass: float  # [kg]
+
+    def __getitem__(self, name: str) -> Array:
+        """One column.
+
+        Raises:
+            UnknownNameError: no such column; lists the valid ones.
+            TypeError: an index of samples.
+        """
+        if not isinstance(name, str):
+            raise TypeError(
+                f"a record is indexed by the name of a column, got {name!r}; for samples index the column: "
+                f"record['time'][{name if isinstance(name, int) else '...'}]"
+            )
+        if name not in self.columns:
+            raise UnknownNameError("column", name, self.columns)
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the columns, in their order."""
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.columns["time"])
+
+    def points(self, name: str) -> Array:
+        """The columns NAME_x and NAME_y side by side, (n, 2)."""
+        return np.column_stack([self[f"{name}_x"], self[f"{name}_y"]])
 
 
 class Recorder:
@@ -196,51 +239,6 @@ class RecordedPolicy:
         self.observations.append(np.asarray(observation, np.float64))
         self.actions.append(action)
         return action, state
-
-
-@dataclass(frozen=True, eq=False)
-class EpisodeRecord:
-    """Time histories of one episode; a sample after reset and after every environment step, n of them.
-
-    `record["dcm_y"]` is a column, `len(record)` the number of samples; iteration gives the columns' names.
-    """
-
-    scenario: Scenario
-    outcome: Outcome
-    columns: Mapping[str, Array]  # (n,) each, read-only
-    units: Mapping[str, str]  # of every column
-    bounds: Mapping[str, float]  # how far some columns may go both ways, in their units
-    sole: tuple[float, float]  # length, width [m]
-    push_starts: tuple[float, ...]  # of the scenario's pushes [s], inf: its gait event has not come
-    mass: float  # [kg]
-
-    def __getitem__(self, name: str) -> Array:
-        """One column.
-
-        Raises:
-            UnknownNameError: no such column; lists the valid ones.
-            TypeError: an index of samples.
-        """
-        if not isinstance(name, str):
-            raise TypeError(
-                f"a record is indexed by the name of a column, got {name!r}; for samples index the column: "
-                f"record['time'][{name if isinstance(name, int) else '...'}]"
-            )
-        if name not in self.columns:
-            raise UnknownNameError("column", name, self.columns)
-        return self.columns[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Names of the columns, in their order."""
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        return len(self.columns["time"])
-
-    def points(self, name: str) -> Array:
-        """The columns NAME_x and NAME_y side by side, (n, 2)."""
-        return np.column_stack([self[f"{name}_x"], self[f"{name}_y"]])
 
 
 def gait_episodes(env: gym.Env) -> GaitEpisodes:

@@ -3,8 +3,6 @@
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

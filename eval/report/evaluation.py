@@ -1,7 +1,5 @@
 """The page of `evaluate` and `compare`: policies on the same pushes, under one profile or several."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Frontiers here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Pages from templates: figures as SVG, short labels, commands to type; nothing is asked for elsewhere."""
 
-from __future__ import annotations
-
 import hashlib
 import html
 import io
@@ -13,7 +11,7 @@ from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
@@ -22,9 +20,6 @@ from ..output.rows import machine_kind, source_commit, versions
 from ..record.words import direction_words
 from ..rollout.environments import code_digest
 from ..score.report import KINDS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PROGRAM = "push-recovery"
 WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
@@ -94,7 +89,7 @@ POINTS = 72.0  # an inch
 
 
 @contextmanager
-def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
+def panel(height: float, polar: bool = False) -> Iterator[tuple[Any, Any]]:
     """A figure [in] with one pair of axes that needs no display; draw it, and turn it into SVG."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -112,7 +107,7 @@ def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
         yield figure, figure.add_subplot(projection="polar" if polar else None)
 
 
-def to_svg(figure: Figure, text: str) -> str:
+def to_svg(figure: Any, text: str) -> str:
     """The figure as an element of HTML, with words for those who cannot see it.
 
     Names are taken out but for those that are referred to, which are made from `text`, so that many figures

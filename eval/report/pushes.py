@@ -3,8 +3,6 @@
 Evaluations here have the labels of policies as their names.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

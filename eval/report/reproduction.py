@@ -1,7 +1,5 @@
 """The page of `reproduce`: the paper's claims and what became of them, pictures and tables."""
 
-from __future__ import annotations
-
 import base64
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Environments by name, as the command line gives them, and the digests that their results belong to."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import re
@@ -10,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
@@ -43,7 +41,7 @@ class EnvName:
     robot: str = ""  # robot file; empty: the id's own robot
 
     @classmethod
-    def parse(cls, text: str) -> EnvName:
+    def parse(cls, text: str) -> Self:
         """The parts of a name.
 
         Raises:

@@ -4,8 +4,6 @@
 all that share a core (`Slots`). Whoever looks on is an `Observer`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self

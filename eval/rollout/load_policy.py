@@ -6,8 +6,6 @@ rows of all others, as they are. How each came about stands in its JSON; its set
 `training.recipes`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import inspect

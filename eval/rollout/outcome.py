@@ -1,12 +1,10 @@
 """Outcome of one episode, scores over many, and measures of what an episode took: torque, energy, lean."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +60,7 @@ class Outcome:
     measures: Mapping[str, float | int | None] = field(default_factory=dict)  # by name, see MEASURES
 
     @classmethod
-    def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
+    def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Self:
         """The row of an episode that has ended after so many environment steps."""
         first = scenario.forces[0] if scenario.forces else None
         moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
@@ -112,7 +110,7 @@ class Score:
     failures: dict[str, int]  # reason -> episodes that did not recover
 
     @classmethod
-    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Score:
+    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Self:
         """Count rows as written to the outcome file."""
         rows = list(rows)
         failures = Counter(failure_label(row) for row in rows if not row["recovered"])

@@ -1,7 +1,5 @@
 """Where a policy comes from: a name, a file, MODULE:ATTRIBUTE, or an object in memory."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import os

@@ -1,7 +1,5 @@
 """Episodes and other jobs on several processes; results depend neither on how many nor on the order."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -9,8 +9,6 @@ nominal robot on a level floor, by further coordinates of its point. The ranges 
 two-stage on 64 pushes of another seed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

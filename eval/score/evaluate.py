@@ -1,7 +1,5 @@
 """Score policies on a suite: every policy meets the same pushes, in parallel, resumable, paired."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass

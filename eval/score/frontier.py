@@ -8,14 +8,12 @@ F* of the robot's own box of steps says what its controller could at best have r
 other limits.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import gymnasium as gym
 import numpy as np
@@ -55,7 +53,7 @@ class Scanned:
     failed: tuple[float, ...]  # rising
 
     @classmethod
-    def of(cls, survives: Mapping[float, bool]) -> Scanned:
+    def of(cls, survives: Mapping[float, bool]) -> Self:
         """From whether each strength was survived."""
         failed = tuple(sorted(strength for strength, ok in survives.items() if not ok))
         survived = [strength for strength, ok in survives.items() if ok]

@@ -4,8 +4,6 @@ A directory of `evaluate` is read and every row held against its scenario; a ran
 again, of which every bit has to be the same; the board has a file for each policy on a suite, and a page.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random

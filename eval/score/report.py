@@ -1,7 +1,5 @@
 """An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits, profiles side by side."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence

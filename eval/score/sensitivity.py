@@ -4,8 +4,6 @@ Each variation is a profile that changes one thing of the exact robot or its phy
 is held against the exact robot on the same pushes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Built-in suites have names, to which `register_suite` adds; `new_suite` draws one from a seed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
