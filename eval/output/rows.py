@@ -143,6 +143,20 @@ def _holder(path: Path) -> str:
 LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
 
 
+def read_content(path: Path, what: str = "") -> bytes:
+    """The content of a file of a kind; raises InvalidValueError where it can't be read."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        name = f"{what} {str(path)!r}".lstrip()
+        raise InvalidValueError(f"cannot read {name}: {error.strerror or error}") from error
+
+
+def read_json(path: Path, what: str = "") -> Any:
+    """The content of a JSON file of a kind; raises InvalidValueError where it can't be read or is none."""
+    return parse_json(f"{what} {str(path)!r}".lstrip(), read_content(path, what))
+
+
 class UnwrittenRowError(PushRecoveryError):
     """A row could not be written; those before it are kept."""
 

@@ -248,11 +248,6 @@ class SurvivalCurve:
     low: Array  # of its 95 % interval
     high: Array
 
-    def at(self, time: float) -> float:
-        """Share that has not fallen by a time."""
-        index = int(np.searchsorted(self.times, time, side="right")) - 1
-        return float(self.survival[index]) if index >= 0 else 1.0
-
 
 def kaplan_meier(ends: Sequence[float], fell: Sequence[bool]) -> SurvivalCurve:
     """Kaplan and Meier's (1958) estimate of survival from episodes of which some end without a fall.
@@ -297,8 +292,7 @@ def kaplan_meier(ends: Sequence[float], fell: Sequence[bool]) -> SurvivalCurve:
     )
 
 
-Statistic = Callable[..., float | Array]  # of one or more arrays (seeds, scenarios)
-DRAWS = 2000  # of a bootstrap
+LEVEL = 0.95  # of a bootstrap's interval
 
 
 def interquartile_mean(scores: ArrayLike) -> float:
@@ -342,27 +336,13 @@ def stratum_rates(scores: ArrayLike, strata: ArrayLike) -> Array:
 
 
 def bootstrap_interval(
-    statistic: Callable[..., float],
+    statistic: Callable[..., float | Array],
     scores: Sequence[ArrayLike],
     rng: np.random.Generator,
-    level: float = 0.95,
-    draws: int = DRAWS,
-    strata: ArrayLike | None = None,
-) -> tuple[float, float]:
-    """Percentile interval of a number, see `bootstrap_band`."""
-    low, high = bootstrap_band(statistic, scores, rng, level, draws, strata)
-    return float(low), float(high)
-
-
-def bootstrap_band(
-    statistic: Statistic,
-    scores: Sequence[ArrayLike],
-    rng: np.random.Generator,
-    level: float = 0.95,
-    draws: int = DRAWS,
+    draws: int = 2000,
     strata: ArrayLike | None = None,
 ) -> Array:
-    """Percentile interval of a statistic of one or more policies under another choice of seeds and scenarios.
+    """95 % percentile interval of a statistic of policies under another choice of seeds and scenarios.
 
     Each draw takes seeds of every policy with replacement, each policy for itself, then scenarios, the same
     for all, which keeps the pairs, and each from its own stratum. With few seeds it is too narrow: the
@@ -372,7 +352,6 @@ def bootstrap_band(
         statistic: of arrays (seeds, scenarios), as many as `scores` has, in the order of the strata.
         scores: of the policies, over the same scenarios.
         rng: of the draws.
-        level: of the interval.
         draws: how many.
         strata: number of the stratum of each scenario; one of all without.
 
@@ -380,10 +359,8 @@ def bootstrap_band(
         Low and high end (2, shape of the statistic).
 
     Raises:
-        InvalidValueError: policies over different numbers of scenarios, or a level outside (0, 1).
+        InvalidValueError: policies over different numbers of scenarios.
     """
-    if not 0.0 < level < 1.0:
-        raise InvalidValueError(f"level must be in (0, 1), got {level}")
     policies = _scores(*scores)
     group = np.zeros(policies[0].shape[1], dtype=np.int64) if strata is None else np.asarray(strata)
     order = np.argsort(group, kind="stable")
@@ -395,7 +372,7 @@ def bootstrap_band(
         columns = order[first + rng.integers(sizes[number])]  # for each scenario one of its stratum
         drawn = (one[np.ix_(rows, columns)] for one, rows in zip(policies, seeds, strict=True))
         found.append(statistic(*drawn))
-    return np.quantile(np.array(found), (0.5 * (1.0 - level), 0.5 * (1.0 + level)), axis=0)
+    return np.quantile(np.array(found), (0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)), axis=0)
 
 
 def _scores(*scores: ArrayLike) -> list[Array]:

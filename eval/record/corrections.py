@@ -8,7 +8,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.gait_box import GAIT_NAMES, GAIT_SIZE
@@ -37,12 +36,7 @@ class PushCorrections:
 
 
 def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterator[PushCorrections]:
-    """Run every scenario with the residual and without it.
-
-    Args:
-        env: in which both act.
-        policy: a residual on gait actions.
-        scenarios: with one push or more, of which the first counts.
+    """Run every scenario, of whose pushes the first counts, with the residual and without it.
 
     Raises:
         InvalidValueError: the policy is no residual on gait actions.
@@ -61,13 +55,7 @@ def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterato
 
 
 def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) -> PushCorrections:
-    """Corrections of the residual from the first push on.
-
-    Args:
-        episode: with a sample before each action, and one after the last.
-        added: (n, 7) gait variables of the actions less those of the actions below.
-        below_recovered: whether the policy below recovers.
-    """
+    """Corrections from the first push on; `added` (n, 7) are gait variables less those of the base."""
     n = len(added)
     time, step = episode["time"][:n], episode["step"][:n]
     pushed = int(np.searchsorted(time, episode.push_starts[0], side="right")) - 1
@@ -125,17 +113,9 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
             if len(values):
                 mean[step, sector], spread[step, sector] = values.mean(axis=0), values.std(axis=0)
 
-    def count(which: NDArray[np.bool_]) -> Array:
-        return np.bincount(sectors[which], minlength=len(SECTORS)).astype(np.float64)
-
-    return Summary(
-        count(np.ones(len(found), np.bool_)),
-        count(with_it & ~below),
-        count(below & ~with_it),
-        count(~below & ~with_it),
-        mean,
-        spread,
-    )
+    groups = np.full_like(below, True), with_it & ~below, below & ~with_it, ~below & ~with_it
+    counts = (np.bincount(sectors[one], minlength=len(SECTORS)).astype(np.float64) for one in groups)
+    return Summary(*counts, mean, spread)
 
 
 def outcome_table(summary: Summary) -> str:

@@ -54,10 +54,7 @@ def rendered(robot: GymRobot) -> Frame:
 class Shot:
     """One policy's episode as a camera sees it: frames at a rate of simulated time, and how it ends.
 
-    Args:
-        policy: its name.
-        period: of planning [s].
-        rate: frames per simulated second.
+    `period` is that of planning [s], `rate` in frames per simulated second.
     """
 
     def __init__(self, policy: str, period: float, rate: float = FILM_RATE):
@@ -88,11 +85,6 @@ class Shot:
         """The push in words."""
         push = self.info.get("push")
         return "no push" if push is None else info_push_words(push)
-
-    @property
-    def ending(self) -> str:
-        """Ending of the episode in words."""
-        return ending_words(self.info)
 
     @property
     def fell(self) -> bool:
@@ -131,7 +123,7 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
 def _title(draw: Any, centre: float, shot: Shot, after: float) -> None:
     draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
     if after >= shot.decided:
-        words = shot.ending.partition(" (")[0]
+        words = ending_words(shot.info).partition(" (")[0]
         colour = BAD if shot.fell else GOOD
         draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
 
@@ -200,15 +192,10 @@ def mp4_bytes(frames: Sequence[Frame], rate: float) -> bytes:
 def gif_bytes(
     frames: Sequence[Frame], rate: float, keep: Sequence[Colour] = (), limit: int = GIF_LIMIT
 ) -> bytes:
-    """Frames as a GIF that loops, at so many a second; smaller pictures where it would pass the limit.
+    """Frames of one shape as a GIF that loops, so many a second; smaller ones to stay below a limit [bytes].
 
-    All pictures share one palette without dithering, so that what stands still costs nothing.
-
-    Args:
-        frames: of one shape.
-        rate: a second.
-        keep: colours that must stay what they are, however small the things that have them.
-        limit: of the size [bytes].
+    All pictures share one palette without dithering, so that what stands still costs nothing; the colours to
+    `keep` stay what they are, however small the things that have them.
     """
     from PIL import Image
 
@@ -259,27 +246,20 @@ def strip(shot: Shot) -> bytes:
         sheet.paste(frame.resize(STRIP_PANEL, Image.Resampling.LANCZOS), (left, LINE))
         time = f"{shot.times[index] - shot.push_start:+.2f} s"
         draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
-    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
+    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {ending_words(shot.info)}")
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 
 SLOW = 0.5  # speed of a film of two policies against time
-RATE = 25.0  # pictures a second of an mp4
-GIF_RATE = 12.5  # and of a GIF
+RATE = 25.0  # pictures a second of an mp4; a GIF has every second one
 BEFORE, LONGEST = 0.4, 3.2  # seen before the push began and at most after it [s]
 LINGER = 0.6  # seen after all is decided [s]
 
 
 def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
-    """Run a scenario before a camera.
-
-    Args:
-        env_id: of the environment.
-        policy: a name, a file, or MODULE:ATTRIBUTE.
-        scenario: what happens.
-        rate: frames per simulated second.
+    """Run a scenario before a camera, at so many frames per simulated second.
 
     Raises:
         PushRecoveryError: the policy can't act, or nothing can be drawn here.
@@ -299,11 +279,11 @@ def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame
 def write_pair(shots: Sequence[Shot], stem: Path) -> list[Path]:
     """STEM.gif and STEM.mp4 of the same push under several policies; returns their paths."""
     frames = side_by_side(shots, SLOW, RATE)
-    every = round(RATE / GIF_RATE)
-    contents = {".gif": gif_bytes(frames[::every], GIF_RATE, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
-    for suffix, content in contents.items():
-        write_atomically(stem.with_name(stem.name + suffix), content)
-    return [stem.with_name(stem.name + suffix) for suffix in contents]
+    contents = {".gif": gif_bytes(frames[::2], RATE / 2, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
+    paths = [stem.with_name(stem.name + suffix) for suffix in contents]
+    for path, content in zip(paths, contents.values(), strict=True):
+        write_atomically(path, content)
+    return paths
 
 
 def episode_film(shot: Shot, suffix: str) -> bytes:
@@ -407,11 +387,7 @@ def disagreements(evaluation: Evaluation) -> list[Disagreement]:
 
 
 def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
-    """Film at most `count` of the pushes on which the policies disagree; returns the paths of the films.
-
-    Args:
-        evaluation: of two policies or more, each by its name, file or MODULE:ATTRIBUTE.
-        count: of pushes; each makes a GIF and an mp4.
+    """Film at most `count` of the pushes on which the policies disagree, as GIF and mp4; returns the paths.
 
     Raises:
         PushRecoveryError: nothing can be drawn here.

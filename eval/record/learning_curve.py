@@ -51,13 +51,9 @@ def learning_curve(policy: str) -> LearningCurve:
 def save_learning_curves(
     curves: Sequence[LearningCurve], lines: Sequence[tuple[str, float]], directory: Path, stem: str
 ) -> list[Path]:
-    """Write STEM.png and STEM.svg: recovered against learned actions.
+    """Write STEM.png and STEM.svg: recovered against learned actions, with Wilson's 95 % intervals as bands.
 
-    Args:
-        curves: to draw; the bands are Wilson's 95 % intervals.
-        lines: names and shares of what does not learn.
-        directory: of the files.
-        stem: of their names.
+    `lines` are names and shares of what does not learn.
     """
     with print_style():
         figure = new_figure(7.2, 4.6)

@@ -36,9 +36,6 @@ def onnx_model(policy: NetworkPolicy) -> Any:
 
     The normalisation clip((x - mean) / sqrt(variance + epsilon), -clip, clip) is in double precision, as
     numpy's is: a large mean over a small deviation would cost digits. The metadata say how to use the output.
-
-    Args:
-        policy: of a file, or from Stable-Baselines3.
     """
     require_onnx()
     from onnx import TensorProto, helper
@@ -124,14 +121,9 @@ class ExportError(PushRecoveryError):
 
 
 def export_onnx(policy: NetworkPolicy, env: gym.Env, path: Path) -> float:
-    """Write a policy as ONNX; returns the largest difference from numpy that was met.
+    """Write a policy, which acts in `env`, as ONNX; returns the largest difference from numpy that was met.
 
     It is compared on random inputs and on those that the policy meets in an episode with a push.
-
-    Args:
-        policy: of a file, or from Stable-Baselines3.
-        env: that it acts in.
-        path: of the file.
 
     Raises:
         MissingExtraError: onnx is not installed.

@@ -46,7 +46,7 @@ def ending_figure(evaluation: Evaluation) -> str:
         axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.invert_yaxis()
         axes.set(xlabel="pushes", xlim=(0, len(evaluation.suite.scenarios)))
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        page.legend_below(figure)
         return page.to_svg(
             figure, "Pushes of each policy by what became of them; the numbers stand in the table"
         )

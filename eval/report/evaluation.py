@@ -30,13 +30,7 @@ def labelled(evaluations: Evaluations) -> dict[str, Evaluation]:
 def write_evaluation_page(
     evaluations: Evaluations, command: Command, directory: Path, pictures: PicturePart = NONE
 ) -> Path:
-    """Write report.html into a directory; returns its path.
-
-    Args:
-        evaluations: of the same policies, by profile.
-        command: that led to them.
-        directory: where the page goes.
-        pictures: of pushes that set two policies apart.
+    """Write report.html into a directory, for evaluations of the same policies by profile; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.

@@ -83,7 +83,7 @@ def rate_figure(evaluations: Evaluations) -> str:
         axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="share of the pushes [%]")
         axes.grid(axis="x", color="#e4e4e4", linewidth=0.6)
         axes.set_axisbelow(True)
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        page.legend_below(figure)
         return page.to_svg(
             figure, "Share of pushes recovered from and survived; the numbers stand in the table"
         )
@@ -257,19 +257,16 @@ def _improvement(a: Array, b: Array, strata: NDArray[np.int64]) -> str:
 
 
 def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> str:
-    """Share of strata in which a recipe recovers from more than a share of the pushes, over that share.
-
-    Args:
-        scores: by recipe (seeds, scenarios).
-        strata: of the scenarios.
-    """
+    """Share of strata in which a recipe recovers from more than a share of the pushes, over that share."""
 
     def profile(drawn: Array) -> Array:
         return seeds.performance_profile(seeds.stratum_rates(drawn, strata), THRESHOLDS)
 
     with page.panel(2.6) as (figure, axes):
         for (name, mine), look in zip(scores.items(), SEED_LOOKS, strict=False):
-            band = seeds.bootstrap_band(profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata)
+            band = seeds.bootstrap_interval(
+                profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata
+            )
             axes.fill_between(
                 100.0 * THRESHOLDS, *(100.0 * band), color=look["color"], alpha=0.15, linewidth=0
             )
@@ -280,7 +277,7 @@ def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> st
             xlim=(0.0, 100.0), ylim=(-3.0, 103.0), xlabel="recovered from more than [%]",
             ylabel="of groups and seeds [%]",
         )  # fmt: skip
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        page.legend_below(figure)
         return page.to_svg(
             figure, "Share of strata in which more than a share of the pushes is recovered from"
         )

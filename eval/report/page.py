@@ -43,9 +43,8 @@ class Command:
 
     def replay(self, profile: str, scenario_id: str, policy: str) -> str:
         """The line that draws one scenario of a suite under a profile and says what became of it."""
-        more = {"--scenario": scenario_id} if profile == "exact" else {
-            "--profile": profile, "--scenario": scenario_id
-        }  # fmt: skip
+        under = {} if profile == "exact" else {"--profile": profile}
+        more = {**under, "--scenario": scenario_id}
         return self._play(OF_SUITE, more, scenario_id, policy)
 
     def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
@@ -62,22 +61,15 @@ class Command:
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
-    """The command that a dataclass of options stands for.
-
-    Args:
-        name: of the command.
-        options: its fields are the options, as in `cli/options.py`.
-        positional: fields whose values stand without an option.
-    """
+    """The command of a dataclass of options; the values of `positional` fields stand without an option."""
     given = []
     for entry in fields(options):
         value = getattr(options, entry.name)
         default = entry.default if entry.default_factory is MISSING else entry.default_factory()
         if value == default or entry.name in {*positional, *WITHOUT_RESULT}:
             continue
-        values = (
-            () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
-        )
+        several = value if isinstance(value, tuple) else () if value is True else (value,)
+        values = tuple(map(str, several))
         given.append(("--" + entry.name.replace("_", "-"), values))
     return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(given))
 
@@ -86,6 +78,11 @@ BLUE, ORANGE, INK, GREY, PALE = "#0b5394", "#c4610a", "#1c1c1c", "#6f6f6f", "#d9
 PANEL = 3.55  # width of a figure [in]; 340 pixels, less than a phone has
 LONGEST_LABEL = 22  # characters beside an axis
 POINTS = 72.0  # an inch
+
+
+def legend_below(figure: Any) -> None:
+    """A legend below the axes, two marks beside each other."""
+    figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
 
 
 @contextmanager
@@ -188,12 +185,7 @@ def require_report() -> None:
 
 
 def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Path:
-    """Write report.html from a template; returns its path.
-
-    Args:
-        directory: where the page goes.
-        template: file of `templates`; every text of `content` is escaped but for the figures of `figure`.
-        content: what the template shows.
+    """Write report.html from a template, which escapes every text but the SVG of figures; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -219,13 +211,7 @@ def rows_hash(directory: Path) -> tuple[str, str]:
 
 
 def manifest(command: Command, hashes: Sequence[tuple[str, str]], seeds: str) -> list[tuple[str, str]]:
-    """Names and values of all that a page is made from.
-
-    Args:
-        command: that wrote it.
-        hashes: of what the numbers come from besides the code, by name.
-        seeds: what stands for the random part of the pushes.
-    """
+    """Names and values of all that a page is made from; `seeds` tells what is random."""
     return [
         ("command", command.text),
         *hashes,

@@ -20,7 +20,7 @@ from ..record.words import DIRECTIONS, sector_of
 from ..score.evaluate import Evaluation
 from ..score.frontier import limit_share
 from ..score.report import KINDS
-from .page import BLUE, GREY, INK, ORANGE, beside_axis, panel, to_svg
+from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_svg
 
 Row = Mapping[str, Any]
 FAINT = "#b4b4b4"
@@ -40,12 +40,11 @@ def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPus
     """The single pushes of a suite that come at a moment of the gait and have a limit."""
     found = []
     for scenario in scenarios:
-        if len(scenario.pushes) != 1:
-            continue
-        (push,) = scenario.pushes
-        share = limit_share(env, push, scenario.command)
-        if share is not None:
-            found.append(MappedPush(scenario.id, stance_direction(push), share))
+        if len(scenario.pushes) == 1:
+            (push,) = scenario.pushes
+            share = limit_share(env, push, scenario.command)
+            if share is not None:
+                found.append(MappedPush(scenario.id, stance_direction(push), share))
     return found
 
 
@@ -56,13 +55,7 @@ def stance_direction(push: Push) -> float:
 
 
 def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> str:
-    """The map of one policy: every push, and at the rim how many of each sector were recovered from.
-
-    Args:
-        policy: its label.
-        pushes: of the map.
-        rows: of the policy, by scenario.
-    """
+    """The map of one policy: every push, and at the rim how many of each sector were recovered from."""
     furthest = max(1.0, *(push.share for push in pushes))
     with panel(3.5, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
@@ -170,11 +163,9 @@ def curves_table(curves: Iterable[Curve]) -> Table:
 
 
 def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
-    """The curves of one policy, their bands, and the shares of BINS groups of pushes with their intervals.
+    """The curves of one policy by body, their bands, and the shares of BINS groups with their intervals.
 
-    Args:
-        curves: of one policy, one a body.
-        furthest: largest impulse on the axis [N s].
+    The axis goes up to `furthest` [N s].
     """
     policy = curves[0].policy
     with panel(2.35) as (figure, axes):
@@ -267,12 +258,7 @@ def share_at(curve: SurvivalCurve, time: float) -> str:
 
 
 def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
-    """A staircase for each policy, down where one of its robots falls.
-
-    Args:
-        curves: by label.
-        longest: of the episodes [s].
-    """
+    """A staircase for each policy, down where one of its robots falls; `longest` episode [s]."""
     with panel(2.2 + 0.1 * len(curves)) as (figure, axes):
         for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
@@ -282,5 +268,5 @@ def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
             )  # fmt: skip
         axes.set(xlim=(0.0, longest), xlabel="time since the walk began [s]", ylabel="standing [%]")
         axes.grid(axis="y", color="#e4e4e4", linewidth=0.6)
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        legend_below(figure)
         return to_svg(figure, "Share of robots still standing, over time, under repeated pushes")

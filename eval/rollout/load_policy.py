@@ -11,7 +11,6 @@ import importlib
 import inspect
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,12 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.policies import two_stage
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.learned import NetworkPolicy, policy_paths
-from ...controllers.validation import parse_json
-from ..sampling_mpc import NAME as SAMPLING_MPC
+from ...envs.wrappers import ResidualAction, ResidualVectorEnv
+from .. import sampling_mpc
+from ..output.rows import read_json
 from .names import DEFAULT_ENV
 
 FOLDER = Path(__file__).parent / "policies"
@@ -55,10 +56,7 @@ def training_note(path: Path) -> Any:
     Raises:
         InvalidValueError: the file can't be read, or is no JSON.
     """
-    try:
-        about = parse_json(f"the policy description {path}", read_file(path))
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    about = read_json(path, "the policy description")
     return about.get("training") if isinstance(about, dict) else None
 
 
@@ -184,9 +182,6 @@ def make_policy(name: str, env: Any) -> Policy:
         InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
             policy was made for another environment, or its file is not there.
     """
-    from ...controllers.policies.two_stage import RandomPolicy
-    from ...controllers.policies.two_stage import make_policy as make_analytic
-
     if name in NAMES:
         return load_policy(name, env)
     if name.endswith(".zip"):
@@ -209,24 +204,20 @@ def make_policy(name: str, env: Any) -> Policy:
                 f"policy {name!r} gives gait actions, but {episodes.name} takes {episodes.action_size} of "
                 f"the joints; score it on {DEFAULT_ENV}, and here random, {' or '.join(FORMS)}"
             )
-        return RandomPolicy(name, episodes.observation_size, episodes.action_size)
+        return two_stage.RandomPolicy(name, episodes.observation_size, episodes.action_size)
     if acts_on_residual(env):
         raise InvalidValueError(
             f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
             f"environment below, such as {DEFAULT_ENV}"
         )
-    if name == SAMPLING_MPC:
-        from ..sampling_mpc import SamplingMpcPolicy
-
-        return SamplingMpcPolicy(env)
-    return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
+    if name == sampling_mpc.NAME:
+        return sampling_mpc.SamplingMpcPolicy(env)
+    return two_stage.make_policy(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
 
 
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
-    from ...controllers.policies.two_stage import POLICY_NAMES
-
-    return (*POLICY_NAMES, SAMPLING_MPC, *shipped_names())
+    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names())
 
 
 def is_policy_file(name: str) -> bool:
@@ -241,8 +232,6 @@ def is_attribute(name: str) -> bool:
 
 def acts_on_residual(env: Any) -> bool:
     """Whether the actions of an environment are residuals on a policy of its own."""
-    from ...envs.wrappers import ResidualAction, ResidualVectorEnv
-
     layer: Any = env
     while isinstance(layer, gym.Wrapper) and not isinstance(layer, ResidualAction):
         layer = layer.env
@@ -260,7 +249,7 @@ def _load_object(policy: Any, env: gym.Env) -> Policy:
     kinds = {(kind.__module__, kind.__name__) for kind in type(policy).__mro__}
     if not (kinds & OF_MODELS or type(policy).__name__ == ARCHIVE):
         return as_policy(policy)
-    return import_module(MODELS, __package__).model_policy(policy, env)
+    return importlib.import_module(MODELS, __package__).model_policy(policy, env)
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:

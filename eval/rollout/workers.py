@@ -29,14 +29,10 @@ SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are writte
 
 
 class Runner:
-    """Runs jobs in one environment, making it and its policies once.
+    """Runs jobs in one environment, making it and its policies once; a label without a source is its name.
 
     A policy that has a robot of its own in the environment's preset, or that acts on the joints of the same
     robot, acts in an environment of its own.
-
-    Args:
-        env_id: environment.
-        sources: of the policies by label; a label without one is a name or file.
     """
 
     def __init__(self, env_id: str, sources: Sources = MappingProxyType({})):
@@ -76,13 +72,9 @@ class Runner:
         observer: Observer | None = None,
         side_by_side: bool = True,
     ) -> Iterator[Outcome]:
-        """Episodes of one policy as they finish; one such run at a time.
+        """Episodes of one policy as they finish, on many robots where that changes no outcome.
 
-        Args:
-            name: label of the policy.
-            scenarios: taken when there is room for one: outcomes so far may decide what comes.
-            observer: looks on.
-            side_by_side: on many robots, where that changes no outcome.
+        Scenarios are taken when there is room for one: outcomes so far may decide what comes.
         """
         env, policy, _ = self.acting(name)
         robots = self.robots(name) if side_by_side else None
@@ -106,10 +98,7 @@ def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
 
 
 def chunk_sizes(env_id: str, sources: Sources) -> dict[str, int]:
-    """How many scenarios are worth a job of each policy.
-
-    Every policy is made for it: names and files fail here, before any work, and caches are warm for workers.
-    """
+    """How many scenarios are worth a job of each policy; what can't be made fails here, before any work."""
     with closing(Runner(env_id, sources)) as runner:
         return {name: runner.chunk(name) for name in sources}
 
@@ -172,15 +161,9 @@ def parallel(
     workers: int,
     sources: Sources = MappingProxyType({}),
 ) -> Iterator[R]:
-    """Results of the jobs as they finish; in this process for one worker, else in others.
+    """Results of the jobs, which pickle, as they finish; the task is a function of a module.
 
-    Args:
-        env_id: environment that every worker makes.
-        task: module-level function of a runner and a job.
-        jobs: picklable.
-        workers: number of processes, or those of a Ray cluster; one process, this one, where a policy is an
-            object that cannot be handed to others.
-        sources: of the policies by label.
+    They run in this process for one worker and where a policy can't be handed to others, else in others.
 
     Raises:
         WorkerError: a job raised in a worker, or a worker ended.

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -98,14 +98,7 @@ def evaluate(
 ) -> Evaluation:
     """Run every policy on every scenario of the suite; rows present in the directory are kept.
 
-    Args:
-        suite: scenarios.
-        env_id: environment.
-        policies: names, files, MODULE:ATTRIBUTE or objects, or a mapping of labels to them.
-        workers: processes.
-        directory: where outcomes.jsonl, config.json and the reports go; by default under runs/.
-        overwrite: start over where the directory holds rows.
-        on_row: called after each new row is on disk.
+    Arguments as those of `eval.api.evaluate`; `on_row` is called after each new row is on disk.
 
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
@@ -174,10 +167,7 @@ class Comparison:
             "b": self.b,
             "suite": self.suite.name,
             "pairs": counts.pairs,
-            "both": counts.both,
-            "only_a": counts.only_a,
-            "only_b": counts.only_b,
-            "neither": counts.neither,
+            **asdict(counts),
             "mcnemar_p": counts.p_value,
             "rate_difference": counts.rate_difference,
             "ci95": list(counts.interval),
@@ -196,15 +186,6 @@ def compare(
     overwrite: bool = False,
 ) -> Comparison:
     """Evaluate both on the suite (rows in the directory are kept) and pair their outcomes.
-
-    Args:
-        a: a name, a file, MODULE:ATTRIBUTE, an object, or a mapping of one label to one of them.
-        b: the same.
-        suite: scenarios.
-        env_id: environment.
-        workers: processes.
-        directory: where outcomes.jsonl and config.json go; by default under runs/.
-        overwrite: start over where the directory holds rows.
 
     Raises:
         PushRecoveryError: as `evaluate`; InvalidValueError too where these are not two policies.

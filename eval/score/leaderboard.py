@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import read_file, write_text
+from ...controllers.files import write_text
 from ...controllers.validation import parse_json
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
+from ..output.rows import read_content, read_json
 from ..output.tables import markdown_table
 from ..rollout.environments import EnvName, profile_on
 from ..rollout.names import DEFAULT_ENV
@@ -74,15 +75,8 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     return Submission(directory, pushes, env_id, config["code"], rows)
 
 
-def _content(path: Path) -> bytes:
-    try:
-        return read_file(path)
-    except OSError as error:
-        raise InvalidValueError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
-
-
 def _object(path: Path) -> dict[str, Any]:
-    content = parse_json(repr(str(path)), _content(path))
+    content = read_json(path)
     if not isinstance(content, dict):
         raise InvalidValueError(f"{str(path)!r} holds no JSON object")
     return content
@@ -105,7 +99,7 @@ def _suite(name: str, given: str | None, env_id: str) -> Suite:
 def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
     """Rows by policy in the suite's order, every one of them there once."""
     scenarios, found = {s.id: s for s in suite.scenarios}, {}
-    for number, line in enumerate(_content(path).splitlines(), start=1):
+    for number, line in enumerate(read_content(path).splitlines(), start=1):
         row = parse_json(f"{str(path)!r} line {number}", line)
         policy, scenario_id = (
             row.get(key) if isinstance(row, dict) else None for key in ("policy", "scenario_id")
@@ -273,7 +267,7 @@ def read_board(board: Path) -> list[Entry]:
     """
     entries = []
     for path in sorted(board.glob("*/*.json")):
-        entry = parse_json(repr(str(path)), read_file(path))
+        entry = read_json(path)
         if not isinstance(entry, dict) or not entry.keys() >= FIELDS:
             raise InvalidValueError(f"{str(path)!r} is no entry of a leaderboard")
         place = entry["suite"]["sha256"][:KEY], f"{policy_key(entry)[:KEY]}.json"

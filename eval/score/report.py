@@ -328,11 +328,9 @@ def evaluation_tables(evaluation: Evaluation) -> dict[str, Table]:
 
 
 def write_evaluation_reports(evaluation: Evaluation, reported: Evaluation) -> Path:
-    """Write report.json of an evaluation, and report.md of what is reported of it; returns the latter's path.
+    """Write report.json of an evaluation, and report.md, whose path is returned.
 
-    Args:
-        evaluation: whose directory the reports go to.
-        reported: the same, or with a stored ceiling among its policies.
+    The latter is of `reported`: the same, or with a stored ceiling among its policies.
     """
     content = evaluation.to_dict()
     for name, entry in content["policies"].items():

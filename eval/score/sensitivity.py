@@ -130,12 +130,7 @@ def sample_of(suite: Suite, count: int) -> Suite:
 
 
 def varied_by(suite: Suite, variations: Sequence[str]) -> Suite:
-    """The scenarios of a suite under each variation in turn, with ids of their own.
-
-    Raises:
-        UnknownNameError: a variation that does not exist; lists those that do.
-        InvalidValueError: the first is not EXACT, or one comes twice.
-    """
+    """The scenarios of a suite under each variation, EXACT first, with ids of their own."""
     for name in variations:
         require_choice("variation", name, list(VARIATIONS))
     if variations[0] != EXACT.name or len(set(variations)) < len(variations):
@@ -162,15 +157,8 @@ def sensitivity(
 ) -> Sensitivity:
     """Run a sample of a suite under every variation; a run that was stopped goes on where it was.
 
-    Args:
-        suite: that the sample is of; model errors and physics that its scenarios have themselves stand.
-        count: scenarios of the sample.
-        env_id: environment.
-        policies: as those of `evaluate`.
-        variations: of VARIATIONS; the exact robot comes first whether it is named or not.
-        workers: processes.
-        directory: of rows and reports; by default under runs/.
-        overwrite: start over where the directory holds rows.
+    Model errors and physics that the scenarios have themselves stand; the exact robot comes first whether it
+    is named or not.
 
     Raises:
         PushRecoveryError: as `evaluate`, `sample_of` and `varied_by`.

@@ -15,12 +15,13 @@ from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
-from ...controllers.files import is_file, read_file, write_text
+from ...controllers.files import is_file, write_text
 from ...controllers.model.robot import SAME, Similarity
-from ...controllers.validation import parse_json, require_choice, require_integer, require_keys
+from ...controllers.validation import require_choice, require_integer, require_keys
 from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
+from ..output.rows import read_json
 from ..protocols.kick import every_kick
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
@@ -76,12 +77,8 @@ class Suite:
 
     def summary(self) -> dict[str, Any]:
         """Name, version, hash and number of scenarios."""
-        return {
-            "name": self.name,
-            "version": self.version,
-            "sha256": self.sha256,
-            "scenarios": len(self.scenarios),
-        }
+        head = {"name": self.name, "version": self.version, "sha256": self.sha256}
+        return {**head, "scenarios": len(self.scenarios)}
 
     def save(self, path: Path) -> None:
         """Write the suite as JSON, whole or not at all."""
@@ -95,19 +92,16 @@ def load_suite(path: Path) -> Suite:
     Raises:
         InvalidValueError: the file is missing, no suite, or its hash does not match.
     """
-    try:
-        content = read_file(path)
-    except OSError as error:
-        raise InvalidValueError(f"cannot read suite file {str(path)!r}: {error}") from error
-    data = parse_json(f"suite file {str(path)!r}", content)
-    content = require_keys(f"suite file {str(path)!r}", data, {"name", "version", "scenarios"}, {"sha256"})
+    what = f"suite file {str(path)!r}"
+    data = read_json(path, "suite file")
+    content = require_keys(what, data, {"name", "version", "scenarios"}, {"sha256"})
     if not isinstance(content["scenarios"], list):
-        raise InvalidValueError(f"suite file {str(path)!r}: scenarios must be a list")
+        raise InvalidValueError(f"{what}: scenarios must be a list")
     scenarios = tuple(Scenario.from_dict(entry) for entry in content["scenarios"])
     suite = Suite(str(content["name"]), str(content["version"]), scenarios)
     if "sha256" in content and content["sha256"] != suite.sha256:
         raise InvalidValueError(
-            f"suite file {str(path)!r} states sha256 {content['sha256']} but its content has {suite.sha256}: "
+            f"{what} states sha256 {content['sha256']} but its content has {suite.sha256}: "
             "it was changed; remove the sha256 key to use it as a suite of your own"
         )
     return suite

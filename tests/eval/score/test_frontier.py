@@ -351,11 +351,6 @@ def test_limit_curves_name_both_yardsticks():
         assert curves[POINT_FOOT][k] < limit.own
 
 
-def test_share_of_no_limit_is_none():
-    assert DirectionLimits.share(50.0, 200.0) == 0.25
-    assert DirectionLimits.share(50.0, 0.0) is None
-
-
 def row(psi, survived, largest):
     return {"policy": "p", "psi_deg": psi, "survived_N": survived, "largest_survived_N": largest, "falls": []}
 
