@@ -143,6 +143,11 @@ def _holder(path: Path) -> str:
 LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
 
 
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Names of the entries in which two records differ, sorted."""
+    return [name for name in sorted({*one, *other}) if one.get(name) != other.get(name)]
+
+
 def read_content(path: Path, what: str = "") -> bytes:
     """The content of a file of a kind; raises InvalidValueError where it can't be read."""
     try:
@@ -302,8 +307,7 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
     present = parse_json(repr(str(path)), read_file(path))
     if present != json.loads(json.dumps(config)):
         known = present if isinstance(present, dict) else {}
-        differs = [k for k in sorted({*known, *config}) if known.get(k) != config.get(k)]
         raise InvalidValueError(
             f"{str(path.parent)!r} holds results of another configuration (differs in: "
-            f"{', '.join(differs)}); choose another --out, or --overwrite to start over"
+            f"{', '.join(differing(known, config))}); choose another --out, or --overwrite to start over"
         )

@@ -157,19 +157,15 @@ class LogisticFit:
 
     def probability(self, x: ArrayLike) -> Array:
         """P(yes) at each x."""
-        from scipy.special import expit
-
-        return expit(self.intercept + self.slope * np.asarray(x, dtype=np.float64))
+        return _expit(self.intercept + self.slope * np.asarray(x, dtype=np.float64))
 
     def band(self, x: ArrayLike) -> tuple[Array, Array]:
         """95 % band of P(yes) at each x, low and high: that of a + b x by its normal distribution (Wald)."""
-        from scipy.special import expit
-
         x = np.asarray(x, dtype=np.float64)
         (aa, ab), (_, bb) = self.covariance
         half = Z * np.sqrt(aa + 2.0 * ab * x + bb * x**2)
         middle = self.intercept + self.slope * x
-        return expit(middle - half), expit(middle + half)
+        return _expit(middle - half), _expit(middle + half)
 
     def input_at(self, share: float) -> float:
         """The x at which P(yes) = share, (log(share / (1 - share)) - a) / b."""
@@ -211,7 +207,6 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
     if not (yes.any() and (~yes).any() and x[yes].min() < x[~yes].max() and x[~yes].min() < x[yes].max()):
         return None
     from scipy.optimize import minimize
-    from scipy.special import expit
 
     middle, spread = float(x.mean()), float(x.std())
     design = np.column_stack([np.ones_like(x), (x - middle) / spread])
@@ -220,10 +215,10 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
         return float(np.logaddexp(0.0, np.where(yes, -1.0, 1.0) * (design @ at)).sum())
 
     def gradient(at: Array) -> Array:
-        return design.T @ (expit(design @ at) - yes)
+        return design.T @ (_expit(design @ at) - yes)
 
     def information(at: Array) -> Array:
-        share = expit(design @ at)
+        share = _expit(design @ at)
         return (design * (share * (1.0 - share))[:, None]).T @ design
 
     found = minimize(
@@ -233,6 +228,12 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
     intercept, slope = back @ found.x
     covariance = back @ np.linalg.inv(information(found.x)) @ back.T
     return LogisticFit(float(intercept), float(slope), np.asarray(covariance, dtype=np.float64))
+
+
+def _expit(x: Array) -> Array:
+    from scipy.special import expit
+
+    return expit(x)
 
 
 def _logit(share: float) -> float:

@@ -114,8 +114,10 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
                 mean[step, sector], spread[step, sector] = values.mean(axis=0), values.std(axis=0)
 
     groups = np.full_like(below, True), with_it & ~below, below & ~with_it, ~below & ~with_it
-    counts = (np.bincount(sectors[one], minlength=len(SECTORS)).astype(np.float64) for one in groups)
-    return Summary(*counts, mean, spread)
+    pushes, repaired, lost, left = (
+        np.bincount(sectors[one], minlength=len(SECTORS)).astype(np.float64) for one in groups
+    )
+    return Summary(pushes, repaired, lost, left, mean, spread)
 
 
 def outcome_table(summary: Summary) -> str:

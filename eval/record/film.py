@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_atomically
@@ -105,8 +106,6 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     The push is written over all of them, each policy's name over its own picture, and below the name how it
     has ended once that is decided; a robot that has fallen stays as it fell.
     """
-    from PIL import Image, ImageDraw
-
     width, height = PANEL
     sheet = Image.new("RGB", (len(shots) * (width + GAP) - GAP, HEAD + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -150,7 +149,6 @@ def _fitting(draw: Any, text: str) -> str:
 def font(size: int, bold: bool) -> Any:
     """DejaVu Sans, which comes with matplotlib."""
     import matplotlib
-    from PIL import ImageFont
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     data: Any = matplotlib.get_data_path()
@@ -197,8 +195,6 @@ def gif_bytes(
     All pictures share one palette without dithering, so that what stands still costs nothing; the colours to
     `keep` stay what they are, however small the things that have them.
     """
-    from PIL import Image
-
     pictures = [Image.fromarray(frame) for frame in frames]
     palette = _palette(frames, keep)
     width, height = map(float, pictures[0].size)
@@ -215,8 +211,6 @@ def gif_bytes(
 
 def _palette(frames: Sequence[Frame], keep: Sequence[Colour]) -> Any:
     """A picture that holds the palette of pictures from all over the film."""
-    from PIL import Image
-
     samples = Image.fromarray(np.concatenate(frames[:: max(1, len(frames) // SAMPLES)]))
     found = samples.quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE).getpalette() or []
     palette = Image.new("P", (1, 1))
@@ -233,8 +227,6 @@ def strip(shot: Shot) -> bytes:
 
     Below them stand what the markers mean, the push, and how it has ended.
     """
-    from PIL import Image, ImageDraw
-
     width, height = STRIP_PANEL
     sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)

@@ -23,12 +23,13 @@ INPUT = "inputs"
 NODES = {"tanh": "Tanh", "relu": "Relu"}
 
 
-def require_onnx() -> None:
-    """Raise MissingExtraError, naming the command that installs it, unless onnx is there."""
+def require_onnx() -> Any:
+    """Onnx; raises MissingExtraError, naming the command that installs it, where it is not there."""
     try:
-        import onnx  # noqa: F401
+        import onnx
     except ImportError as error:
         raise MissingExtraError("onnx", "onnx") from error
+    return onnx
 
 
 def onnx_model(policy: NetworkPolicy) -> Any:
@@ -37,15 +38,14 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     The normalisation clip((x - mean) / sqrt(variance + epsilon), -clip, clip) is in double precision, as
     numpy's is: a large mean over a small deviation would cost digits. The metadata say how to use the output.
     """
-    require_onnx()
-    from onnx import TensorProto, helper
-
-    parts, n = _Parts(), policy.normalisation
-    row = parts.add("Cast", INPUT, to=TensorProto.DOUBLE)
+    onnx = require_onnx()
+    helper, kinds = onnx.helper, onnx.TensorProto
+    parts, n = _Parts(onnx), policy.normalisation
+    row = parts.add("Cast", INPUT, to=kinds.DOUBLE)
     row = parts.add("Sub", row, parts.constant(n.mean))
     row = parts.add("Div", row, parts.constant(np.sqrt(n.variance + n.epsilon)))
     row = parts.add("Clip", row, *(parts.constant(np.float64(end)) for end in (-n.clip, n.clip)))
-    row = parts.add("Cast", row, to=TensorProto.FLOAT)
+    row = parts.add("Cast", row, to=kinds.FLOAT)
     network, last = policy.network, len(policy.network.weights) - 1
     for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         row = parts.add("Gemm", row, parts.constant(weight), parts.constant(bias), transB=1)
@@ -55,7 +55,7 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     name = "action" if policy.description.residual is None else "correction"
     parts.add("Clip", row, *bounds, output=name)
     begin, end = (
-        helper.make_tensor_value_info(end, TensorProto.FLOAT, ["n", size])
+        helper.make_tensor_value_info(end, kinds.FLOAT, ["n", size])
         for end, size in ((INPUT, network.sizes[0]), (name, network.sizes[-1]))
     )
     graph = helper.make_graph(parts.nodes, "push-recovery policy", [begin], [end], parts.constants)
@@ -67,24 +67,21 @@ def onnx_model(policy: NetworkPolicy) -> Any:
 class _Parts:
     """Nodes and constants of a graph, in the order in which they are made."""
 
-    def __init__(self) -> None:
+    def __init__(self, onnx: Any):
+        self._onnx = onnx
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
     def constant(self, value: Any) -> str:
         """The name of a constant."""
-        from onnx import numpy_helper
-
         name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(value), name))
+        self.constants.append(self._onnx.numpy_helper.from_array(np.asarray(value), name))
         return name
 
     def add(self, kind: str, *inputs: str, output: str = "", **attributes: Any) -> str:
         """The name of the output of a node."""
-        from onnx import helper
-
         name = output or f"row_{len(self.nodes)}"
-        self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
+        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], **attributes))
         return name
 
 

@@ -13,7 +13,7 @@ from ...controllers.errors import InvalidValueError
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..output.processes import Pool, RayPool, RayWorkers, WorkerPool
-from ..output.rows import versions
+from ..output.rows import differing, versions
 from .environments import code_digest, make_env, own_env, preset_digest
 from .episodes import Observer, Slots, action_rule, batch_episodes, plans_batches, rollout, run_episodes
 from .outcome import Outcome
@@ -140,7 +140,7 @@ def same_installation(installed: Mapping[str, str], start: Callable[..., S], *ar
 
 def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) -> None:
     """Raise InvalidValueError where a worker has other files or versions than the process that asks."""
-    if differs := sorted(name for name in {*there, *here} if there.get(name) != here.get(name)):
+    if differs := differing(there, here):
         raise InvalidValueError(
             f"a worker on {platform.node()!r} would give other rows: {', '.join(differs)} differ there, and "
             f"all machines need {what}"

@@ -12,7 +12,7 @@ two-stage on 64 pushes of another seed.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -46,11 +46,8 @@ def orthogonal_array(factors: int) -> NDArray[np.int64]:
     Row (a, b) holds a, b, a + b, a + 2 b, ... in the field of 16 elements: any two columns take each of the
     256 pairs of levels exactly once.
     """
-    rows = [
-        [a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))]
-        for a in range(LEVELS)
-        for b in range(LEVELS)
-    ]
+    pairs = product(range(LEVELS), repeat=2)
+    rows = [[a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))] for a, b in pairs]
     return np.array(rows, dtype=np.int64)
 
 
@@ -141,12 +138,10 @@ class Target:
 
 
 Targets = Mapping[Body, Target]
-TARGETS: Targets = MappingProxyType(
-    {
-        "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
-        "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
-    }
-)
+TARGETS: Targets = {
+    "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
+    "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
+}
 
 
 def harder(pelvis: float, trunk: float) -> Targets:
@@ -362,16 +357,14 @@ class Shift:
     ranges: PushDistribution = HARD
 
 
-SHIFTS: Mapping[str, Shift] = MappingProxyType(
-    {
-        "shift-duration": Shift(longer_or_shorter, 1, 20261201),
-        "shift-body": Shift(elsewhere, 4, 20261202),
-        "shift-model": Shift(another_robot, 9, 20261205),
-        "shift-magnitude": Shift(None, 0, 20261206, BEYOND),
-        "shift-floor": Shift(another_floor, 3, 20261207),
-        "shift-repeated": Shift(repeated, 3, 20261208),
-    }
-)
+SHIFTS: Mapping[str, Shift] = {
+    "shift-duration": Shift(longer_or_shorter, 1, 20261201),
+    "shift-body": Shift(elsewhere, 4, 20261202),
+    "shift-model": Shift(another_robot, 9, 20261205),
+    "shift-magnitude": Shift(None, 0, 20261206, BEYOND),
+    "shift-floor": Shift(another_floor, 3, 20261207),
+    "shift-repeated": Shift(repeated, 3, 20261208),
+}
 
 
 def shifted_scenarios(kind: str, name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:

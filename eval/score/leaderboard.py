@@ -18,7 +18,7 @@ from ...controllers.validation import parse_json
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
-from ..output.rows import read_content, read_json
+from ..output.rows import differing, read_content, read_json
 from ..output.tables import markdown_table
 from ..rollout.environments import EnvName, profile_on
 from ..rollout.names import DEFAULT_ENV
@@ -65,7 +65,7 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     env_id = str(config.get("env"))
     pushes = _suite(str(summary.get("name")), suite, env_id)
     known = configuration(pushes, env_id)
-    if differs := [name for name in sorted({*known, *config}) if known.get(name) != config.get(name)]:
+    if differs := differing(known, config):
         raise InvalidValueError(
             f"{str(directory)!r} can't be checked by running it again: it belongs to another "
             f"{' and another '.join(differs)} than this installation has"
@@ -133,14 +133,10 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
         bounds = LimitsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
+        names = "end_time", "recovered_at", "failure_reason", "total_reward"
+        end, settled, reason, reward = (outcome[name] for name in names)
         ending = Ending(
-            not outcome["survived"],
-            outcome["end_time"],
-            outcome["recovered_at"],
-            outcome["failure_reason"],
-            outcome["total_reward"],
-            bounds,
-            outcome.get("measures", {}),
+            not outcome["survived"], end, settled, reason, reward, bounds, outcome.get("measures", {})
         )
         follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
         if DIGEST not in row:
@@ -149,7 +145,7 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
         raise InvalidValueError(
             f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error!r}"
         ) from error
-    differs = [key for key in sorted({*outcome, *follows}) if outcome.get(key) != follows.get(key)]
+    differs = differing(outcome, follows)
     if differs or not isinstance(outcome["survived"], bool):
         raise InvalidValueError(
             f"row {scenario.id!r} of {row['policy']!r} contradicts its scenario or itself in: "
@@ -210,7 +206,7 @@ def _compare(given: Row, outcome: dict[str, Any]) -> None:
     """Raise InvalidValueError where an outcome is not the row that was handed in."""
     again = json.loads(json.dumps(outcome))
     stated = {key: value for key, value in given.items() if key != DIGEST}
-    if differs := [key for key in sorted({*stated, *again}) if stated.get(key) != again.get(key)]:
+    if differs := differing(stated, again):
         key = "recovered" if "recovered" in differs else differs[0]
         raise InvalidValueError(
             f"row {given['scenario_id']!r} of {given['policy']!r} is not what running it again gives: {key} "

@@ -7,7 +7,6 @@ is held against the exact robot on the same pushes.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
@@ -53,14 +52,12 @@ BODIES = (  # of which a robot has some
     ("continuous-0.4", ModelErrors(continuous_torque=0.4)),
 )
 SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own sensors
-VARIATIONS: Mapping[str, Profile] = MappingProxyType(
-    {
-        EXACT.name: EXACT,
-        **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
-        **{name: Profile(name, errors) for name, errors in BODIES},
-        **{profile.name: profile for profile in (SENSES, HARDWARE)},
-    }
-)
+VARIATIONS: Mapping[str, Profile] = {
+    EXACT.name: EXACT,
+    **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
+    **{name: Profile(name, errors) for name, errors in BODIES},
+    **{profile.name: profile for profile in (SENSES, HARDWARE)},
+}
 
 
 @dataclass(frozen=True)

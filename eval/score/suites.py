@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
@@ -165,54 +164,9 @@ def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     return Suite(name, VERSION, pelvis_scenarios(name, ranges, BLOCKS, seed))
 
 
-@cache
-def standard_suite() -> Suite:
-    """1024 pushes of 5-80 N s, 0.1 s at the pelvis, after four nominal steps."""
-    return _stratified_suite("standard", PushDistribution(), SEED)
-
-
-@cache
-def quick_suite() -> Suite:
-    """256 pushes of every kind like those of `varied`, up to harder ones."""
-    return Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST)))
-
-
-@cache
-def hard_suite() -> Suite:
-    """Like `standard`, but 80-200 N s: pushes that separate strong controllers."""
-    return _stratified_suite("hard", HARD, HARD_SEED)
-
-
-@cache
-def varied_suite() -> Suite:
-    """1024 pushes of every kind, see `varied_scenarios`."""
-    return Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED))
-
-
 def sealed_seed() -> int:
     """Seed of the sealed suites: whoever changes the code or a shipped policy meets other pushes."""
     return int(hashlib.sha256(f"{code_digest()} {shipped_digest()}".encode()).hexdigest(), 16)
-
-
-@cache
-def varied_sealed_suite() -> Suite:
-    """1024 more, whose seed is the hash of planner, control and simulation: other code meets other pushes.
-
-    So nobody can have looked at them while designing the code that they are drawn for.
-    """
-    return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed()))
-
-
-@cache
-def hard_sealed_suite() -> Suite:
-    """Like `hard`, drawn as `varied-sealed` is; the policies that ship are part of the code."""
-    return _stratified_suite("hard-sealed", HARD, sealed_seed())
-
-
-@cache
-def hardware_suite() -> Suite:
-    """The pushes of `varied`, by the same ids, on robots of the profile `hardware`."""
-    return with_profile(varied_suite(), HARDWARE)
 
 
 def _shift_suite(name: str) -> Suite:
@@ -220,21 +174,32 @@ def _shift_suite(name: str) -> Suite:
 
 
 SUITES: dict[str, Callable[[], Suite]] = {
-    "quick": quick_suite,  # 256 of every kind
-    "standard": standard_suite,
-    "hard": hard_suite,
-    "varied": varied_suite,
-    "hardware": hardware_suite,
-    "varied-sealed": varied_sealed_suite,
-    "hardware-sealed": cache(lambda: with_profile(varied_sealed_suite(), HARDWARE)),
-    "hard-sealed": hard_sealed_suite,
-    # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
-    "quick-1": cache(lambda: Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])),
-    # 256 pushes like those of `hard`, one thing changed of each
-    **{name: cache(partial(_shift_suite, name)) for name in SHIFTS},
-    # 1200 jumps of the velocity in place
-    "kick": cache(lambda: Suite("kick", VERSION, every_kick("stated"))),
-    "kick-coded": cache(lambda: Suite("kick-coded", VERSION, every_kick("coded"))),
+    name: cache(maker)
+    for name, maker in {
+        # 256 pushes of every kind like those of `varied`, up to harder ones
+        "quick": lambda: Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST))),
+        # 1024 of 5-80 N s, 0.1 s at the pelvis, after four nominal steps
+        "standard": lambda: _stratified_suite("standard", PushDistribution(), SEED),
+        # the same, but 80-200 N s: pushes that separate strong controllers
+        "hard": lambda: _stratified_suite("hard", HARD, HARD_SEED),
+        # 1024 of every kind, see `varied_scenarios`
+        "varied": lambda: Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED)),
+        # these, by the same ids, on robots of the profile `hardware`
+        "hardware": lambda: with_profile(SUITES["varied"](), HARDWARE),
+        # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
+        "varied-sealed": lambda: Suite(
+            "varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed())
+        ),
+        "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
+        "hard-sealed": lambda: _stratified_suite("hard-sealed", HARD, sealed_seed()),
+        # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
+        "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
+        # 256 pushes like those of `hard`, one thing changed of each
+        **{name: partial(_shift_suite, name) for name in SHIFTS},
+        # 1200 jumps of the velocity in place
+        "kick": lambda: Suite("kick", VERSION, every_kick("stated")),
+        "kick-coded": lambda: Suite("kick-coded", VERSION, every_kick("coded")),
+    }.items()
 }
 
 
@@ -275,7 +240,7 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])
 
 
-RANGES: Mapping[str, PushDistribution] = MappingProxyType({"standard": PushDistribution(), "hard": HARD})
+RANGES: Mapping[str, PushDistribution] = {"standard": PushDistribution(), "hard": HARD}
 KINDS = (*RANGES, "varied", *SHIFTS)
 LARGEST = 65536  # scenarios
 # Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration

@@ -14,11 +14,11 @@ from push_recovery.controllers.model.observation import DCM
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 from push_recovery import compare, evaluate, frontier, load_policy, make_policy, rollout
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:6])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:6])
 PENDULUM = "PushRecovery/Pendulum-v0"
 
 

@@ -19,13 +19,13 @@ from push_recovery.eval.output.processes import RayPool, RayWorkers, WorkerError
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import installation, named_files, same_installation, same_runner
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 from push_recovery.eval.tuning.scorer import PENDULUM, Scorer
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra ray is not installed")
 
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:16])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:16])
 MORTAL = """
 import os, pathlib, signal
 import numpy as np

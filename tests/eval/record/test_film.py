@@ -31,7 +31,7 @@ from push_recovery.eval.record.film import (
     strip,
 )
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
@@ -138,7 +138,7 @@ def test_an_mp4_has_every_frame_at_its_rate():
 
 def evaluation(tmp_path, **recovered):
     """Rows of which nothing is known but who recovers."""
-    suite = Suite("few", "1", standard_suite().scenarios[: len(next(iter(recovered.values())))])
+    suite = Suite("few", "1", get_suite("standard").scenarios[: len(next(iter(recovered.values())))])
     rows = {name: [{"recovered": end == "R"} for end in ends] for name, ends in recovered.items()}
     return Evaluation(suite, PENDULUM, rows, tmp_path, 0.0)
 
@@ -161,7 +161,7 @@ def test_names_of_films_hold_no_path():
 def test_compare_films_what_its_rows_say(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
     suite = tmp_path / "suite.json"
-    (first, *_) = standard_suite().scenarios
+    (first, *_) = get_suite("standard").scenarios
     Suite("few", "1", (first,)).save(suite)
     argv = ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", str(suite), "--workers", "1"]
     out = tmp_path / "out"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.suites import Suite, quick_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 
 @pytest.fixture
@@ -15,7 +15,7 @@ def evaluation(tmp_path) -> Callable[..., Evaluation]:
     """Of policies given as words of r (recovers), s (survives), f (falls), one letter a push of `quick`."""
 
     def make(policies: dict[str, str], env_id: str = "PushRecovery/Pendulum-v0") -> Evaluation:
-        scenarios = quick_suite().scenarios[: len(next(iter(policies.values())))]
+        scenarios = get_suite("quick").scenarios[: len(next(iter(policies.values())))]
         suite = Suite("head", "1", scenarios)
         rows = {name: [row(name, *pair) for pair in zip(scenarios, word, strict=True)]
                 for name, word in policies.items()}  # fmt: skip

@@ -18,7 +18,7 @@ from push_recovery.eval.report.headline import (
 )
 from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
 from push_recovery.eval.score.report import p_words, pairs_table, points, ranked
-from push_recovery.eval.score.suites import quick_suite
+from push_recovery.eval.score.suites import get_suite
 from scipy import stats
 
 
@@ -119,7 +119,7 @@ def test_a_line_for_every_push(evaluation):
 
 
 def test_a_scenario_in_words():
-    scenario = next(s for s in quick_suite().scenarios if len(s.pushes) == 2 and s.command.turn)
+    scenario = next(s for s in get_suite("quick").scenarios if len(s.pushes) == 2 and s.command.turn)
     push, words = scenario.pushes[0], scenario_words(scenario)
     assert words.startswith(f"{push.body}, {push.impulse_magnitude:.0f} N s ")
     assert words.endswith(f" within {push.duration:.2f} s, double, turning")

@@ -23,7 +23,7 @@ from push_recovery.eval.report.pushes import (
 )
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.frontier import limit_share
-from push_recovery.eval.score.suites import quick_suite
+from push_recovery.eval.score.suites import get_suite
 
 
 def event(side):
@@ -93,7 +93,7 @@ def test_all_or_none_recovered():
 
 
 def test_a_curve_for_each_body_over_its_single_pushes():
-    scenarios = quick_suite().scenarios
+    scenarios = get_suite("quick").scenarios
     sizes = [s.pushes[0].impulse_magnitude for s in scenarios]
     rows = [{"impulse": size, "recovered": size < 100.0 + 50.0 * (i % 2)} for i, size in enumerate(sizes)]
     pelvis, trunk = curves_of(scenarios, rows, "p")

@@ -32,7 +32,7 @@ from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout.outcome import Ending
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import SLOTS, Runner
-from push_recovery.eval.score.suites import standard_suite
+from push_recovery.eval.score.suites import get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
@@ -242,7 +242,7 @@ SCENARIOS = (
     Scenario("three", (polar_push(90.0, 1.0, 0.1, 0.2), LATE, polar_push(60.0, 3.0, 0.1, 1.1)), Command(0.3)),
     Scenario("right", (LATE,), Command(0.1, -0.1), "right"),
     Scenario("calm", (), Command(0.2), settle_time=2.0),
-    *standard_suite().scenarios[:4],
+    *get_suite("standard").scenarios[:4],
 )
 
 

@@ -21,11 +21,11 @@ from push_recovery.eval.rollout import load_policy as policies
 from push_recovery.eval.rollout.environments import make_env, own_form
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import Runner
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 from push_recovery import compare, evaluate, frontier, load_policy, make_policy, rollout
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:4])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:4])
 ROOT = Path(__file__).parents[3]
 
 

@@ -22,7 +22,7 @@ from push_recovery.eval.rollout.outcome import Score, failure_label
 from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, Runner, make_chunks
 from push_recovery.eval.score.evaluate import compare, evaluate, limit_summary
 from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, fall_cell, scan
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 
 def row(survived, first, **shares):
@@ -80,7 +80,7 @@ def test_an_environment_without_a_record_meets_nothing():
     assert (out.first_limit, out.limits_met, out.limit_shares) == (None, {}, {})
 
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:24])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:24])
 
 
 @pytest.fixture
@@ -253,7 +253,7 @@ def test_bad_names_fail_before_any_work(policies, tmp_path):
     assert isinstance(make_env(toy.ENV_ID), gym.Env)
 
 
-SUITE_COMPARE = Suite("ten", "1", standard_suite().scenarios[:10])
+SUITE_COMPARE = Suite("ten", "1", get_suite("standard").scenarios[:10])
 #        both  only a    only b  neither
 OF_A = [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]  # recovered
 OF_B = [1, 1, 0, 0, 0, 0, 1, 0, 0, 0]
@@ -291,7 +291,7 @@ def test_pairs_are_counted_by_what_recovered(tmp_path):
 
 
 ENV_ID = "PushRecovery/Biped-v0"
-SUITE_BIPED = Suite("head", "1", standard_suite().scenarios[:3])
+SUITE_BIPED = Suite("head", "1", get_suite("standard").scenarios[:3])
 
 
 def test_workers_and_order_change_nothing_biped(tmp_path):
@@ -311,7 +311,7 @@ def test_bench_has_the_keys_of_the_contract(capsys):
 
 
 ENV_ID_PENDULUM = "PushRecovery/Pendulum-v0"
-SUITE_PENDULUM = Suite("head", "1", standard_suite().scenarios[:12])
+SUITE_PENDULUM = Suite("head", "1", get_suite("standard").scenarios[:12])
 
 
 @pytest.fixture(scope="module")
@@ -392,7 +392,7 @@ def test_an_id_with_a_preset_makes_robot_and_arm_of_the_file(preset):
 
 def test_rows_of_a_preset_that_has_changed_are_refused(tmp_path, preset, capsys):
     suite, out = str(tmp_path / "suite.json"), str(tmp_path / "out")
-    Suite("two", "1", standard_suite().scenarios[:2]).save(Path(suite))
+    Suite("two", "1", get_suite("standard").scenarios[:2]).save(Path(suite))
     options = ["evaluate", "--env", PENDULUM, "--policies", "stage-1", "--workers", "1", "--json"]
     options += ["--suite", suite, "--preset", str(preset), "--out", out]
     assert main(options) == 0

@@ -21,9 +21,9 @@ from push_recovery.eval.score.leaderboard import (
     sample_of,
 )
 from push_recovery.eval.score.report import write_evaluation_reports
-from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
+from push_recovery.eval.score.suites import Suite, get_suite, with_profile
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:12])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:12])
 
 
 @pytest.fixture

@@ -30,9 +30,9 @@ from push_recovery.eval.score.report import (
     recovered_after,
     write_profiles,
 )
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
-SCENARIOS = standard_suite().scenarios[:3]
+SCENARIOS = get_suite("standard").scenarios[:3]
 
 
 def row(recovered_at, energy, **more):
@@ -126,7 +126,7 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(groups_of(standard_suite().scenarios)) == {"backward", "forward", "in place", "sideways"}
+    assert set(groups_of(get_suite("standard").scenarios)) == {"backward", "forward", "in place", "sideways"}
     assert groups_of(EVERY_KIND[:1]) == {}
 
 
@@ -141,7 +141,7 @@ ROWS = [
 
 
 def five(**rows):
-    return Evaluation(Suite("five", "1", standard_suite().scenarios[:5]), "env", rows, Path("out"), 0.0)
+    return Evaluation(Suite("five", "1", get_suite("standard").scenarios[:5]), "env", rows, Path("out"), 0.0)
 
 
 def test_recovered_survived_and_why_not():

@@ -22,7 +22,7 @@ from push_recovery.eval.score.sensitivity import (
     varied_by,
     write_sensitivity_reports,
 )
-from push_recovery.eval.score.suites import Suite, hard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2),)) for i in range(5)))
 
@@ -43,7 +43,7 @@ def test_one_thing_is_varied_at_a_time():
 
 
 def test_a_sample_is_spread_over_the_suite():
-    hard = hard_suite()
+    hard = get_suite("hard")
     assert sample_of(hard, 128).scenarios == hard.scenarios[::8]
     assert sample_of(hard, 1024).scenarios == hard.scenarios
     assert [s.id for s in sample_of(CALM, 3).scenarios] == ["c0", "c1", "c3"]

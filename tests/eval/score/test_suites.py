@@ -3,6 +3,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,14 +26,9 @@ from push_recovery.eval.score.suites import (
     Suite,
     default_suite,
     get_suite,
-    hard_suite,
-    hardware_suite,
     load_suite,
     new_suite,
-    quick_suite,
     register_suite,
-    standard_suite,
-    varied_suite,
     with_errors,
     with_profile,
 )
@@ -48,23 +44,23 @@ HARDWARE_SHA256 = "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf
 
 
 def test_content_hash_is_that_of_the_version():
-    assert quick_suite().sha256 == QUICK_SHA256
+    assert get_suite("quick").sha256 == QUICK_SHA256
     assert get_suite("quick-1").sha256 == QUICK_1_SHA256
-    assert hardware_suite().sha256 == HARDWARE_SHA256
-    assert standard_suite().sha256 == STANDARD_SHA256
-    assert hard_suite().sha256 == HARD_SHA256
-    assert varied_suite().sha256 == VARIED_SHA256
+    assert get_suite("hardware").sha256 == HARDWARE_SHA256
+    assert get_suite("standard").sha256 == STANDARD_SHA256
+    assert get_suite("hard").sha256 == HARD_SHA256
+    assert get_suite("varied").sha256 == VARIED_SHA256
     versions = {name: get_suite(name).version for name in SUITES if not name.endswith("sealed")}
     assert versions == {**dict.fromkeys(versions, "1"), "quick": "2"}
 
 
 def test_quick_was_the_head_of_standard():
-    assert len(standard_suite().scenarios) == 1024
-    assert get_suite("quick-1").scenarios == standard_suite().scenarios[:256]
+    assert len(get_suite("standard").scenarios) == 1024
+    assert get_suite("quick-1").scenarios == get_suite("standard").scenarios[:256]
 
 
 def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
-    scenarios = quick_suite().scenarios
+    scenarios = get_suite("quick").scenarios
     assert len(scenarios) == 256
     assert Counter(map(count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
     assert set(map(walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
@@ -73,7 +69,7 @@ def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
         impulse = [push.impulse_magnitude for push in single]
         assert least <= min(impulse) < least + 10.0
         assert most - 10.0 < max(impulse) <= most
-    others = {s.pushes for s in varied_suite().scenarios}
+    others = {s.pushes for s in get_suite("varied").scenarios}
     assert not others & {s.pushes for s in scenarios}
 
 
@@ -83,7 +79,7 @@ def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
 
     def mine() -> Suite:
         made.append(1)
-        return Suite("head", "1", standard_suite().scenarios[:2])
+        return Suite("head", "1", get_suite("standard").scenarios[:2])
 
     register_suite("mine", mine)
     assert not made
@@ -109,19 +105,14 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
         assert all(HARDWARE.applied(a) == b for a, b in pairs)
         assert get_suite(real).name == real
         assert with_profile(get_suite(name), HARDWARE) == get_suite(real)
-    assert {s.sensing for s in hardware_suite().scenarios} == {"onboard"}
+    assert {s.sensing for s in get_suite("hardware").scenarios} == {"onboard"}
 
 
-@pytest.mark.parametrize(
-    ("name", "make", "like"),
-    [
-        ("varied-sealed", suites.varied_sealed_suite, suites.varied_suite),
-        ("hard-sealed", suites.hard_sealed_suite, suites.hard_suite),
-    ],
-)
-def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
+@pytest.mark.parametrize("kind", ["varied", "hard"])
+def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, kind):
     """And of the shipped policies: no push of one state of these two is met by another."""
-    drawn = []
+    drawn, name, like = [], f"{kind}-sealed", get_suite(kind)
+    make: Any = suites.SUITES[name]
     for code, policies in (("1", "1"), ("2", "1"), ("1", "1"), ("1", "2")):
         monkeypatch.setattr(suites, "code_digest", lambda digest=code: digest)
         monkeypatch.setattr(suites, "shipped_digest", lambda digest=policies: digest)
@@ -129,13 +120,13 @@ def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
         drawn.append(get_suite(name))
     make.cache_clear()
     assert drawn[0] == drawn[2]
-    assert len(drawn[0].scenarios) == len(like().scenarios) == 1024
-    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like())]
+    assert len(drawn[0].scenarios) == len(like.scenarios) == 1024
+    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like)]
     for i, j in itertools.combinations(range(4), 2):
         assert not pushes[i] & pushes[j]
     assert drawn[0].scenarios[0].id == f"{name}-0000"
     impulses = [
-        [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())
+        [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like)
     ]
     for of in (min, max):
         assert of(impulses[0]) == pytest.approx(of(impulses[1]), abs=3.0)
@@ -199,7 +190,7 @@ def test_suite_covers_its_ranges_evenly(name, least, most):
 
 
 def test_file_round_trip_and_tampering(tmp_path):
-    suite = Suite("mine", "3", quick_suite().scenarios[:4])
+    suite = Suite("mine", "3", get_suite("quick").scenarios[:4])
     path = tmp_path / "mine.json"
     suite.save(path)
     assert load_suite(path) == suite
@@ -231,24 +222,24 @@ def test_unknown_names_list_the_valid_ones(tmp_path):
     with pytest.raises(InvalidValueError, match=r"absent\.json"):
         get_suite(str(tmp_path / "absent.json"))
     with pytest.raises(InvalidValueError, match="more than once"):
-        Suite("twice", "1", quick_suite().scenarios[:1] * 2)
+        Suite("twice", "1", get_suite("quick").scenarios[:1] * 2)
 
 
 def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
-    off = with_errors(quick_suite(), errors)
+    off = with_errors(get_suite("quick"), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
-    assert off.sha256 not in {QUICK_SHA256, with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
-    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
+    assert off.sha256 not in {QUICK_SHA256, with_errors(get_suite("quick"), ModelErrors(mass=0.2)).sha256}
+    for before, after in zip(get_suite("quick").scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
-    assert with_errors(quick_suite(), ModelErrors()) is quick_suite()
+    assert with_errors(get_suite("quick"), ModelErrors()) is get_suite("quick")
     with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
         with_errors(off, errors)
 
 
 def test_a_suite_with_errors_survives_a_file(tmp_path):
-    off = with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
+    off = with_errors(get_suite("quick"), ModelErrors(friction=0.6, delay=0.01))
     off.save(tmp_path / "off.json")
     assert load_suite(tmp_path / "off.json") == off
 
@@ -259,13 +250,13 @@ def test_a_suite_with_errors_survives_a_file(tmp_path):
 )
 def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
     with pytest.raises(InvalidValueError, match="a suite's name must be"):
-        Suite(name, "1", quick_suite().scenarios[:1])
+        Suite(name, "1", get_suite("quick").scenarios[:1])
     with pytest.raises(InvalidValueError, match="a suite's version must be"):
-        Suite("mine", name, quick_suite().scenarios[:1])
+        Suite("mine", name, get_suite("quick").scenarios[:1])
 
 
 def test_a_suite_of_a_profile_keeps_ids_and_has_a_hash_of_its_own():
-    suite = Suite("few", "1", quick_suite().scenarios[:3])
+    suite = Suite("few", "1", get_suite("quick").scenarios[:3])
     assert with_profile(suite, EXACT) is suite
     real = with_profile(suite, HARDWARE)
     assert real.name == "few+hardware"
@@ -290,7 +281,7 @@ def test_a_suite_follows_from_its_seed(like):
 
 def test_the_draw_is_that_of_the_named_suite():
     drawn = new_suite("hard", HARD_SEED, 1024, "hard")
-    assert drawn.sha256 == hard_suite().sha256
+    assert drawn.sha256 == get_suite("hard").sha256
     assert new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
 
 
