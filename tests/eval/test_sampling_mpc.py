@@ -131,10 +131,7 @@ def test_bodies_that_collide_do_so_in_its_copies(env):
     assert since == 41 * [10**9] + 11 * [0] + list(range(1, 29))
 
 
-@pytest.mark.parametrize(
-    "scenario",
-    [HARDWARE.applied(HARD), replace(HARD, errors=ModelErrors(mass=0.05))],
-)
+@pytest.mark.parametrize("scenario", [HARDWARE.applied(HARD), replace(HARD, errors=ModelErrors(mass=0.05))])
 def test_a_robot_that_is_not_exact_is_refused(env, scenario):
     with pytest.raises(InvalidValueError) as error:
         rollout(env, SamplingMpcPolicy(env, FEW), scenario, "")

@@ -188,8 +188,7 @@ class Still:
 
 
 @pytest.mark.parametrize(
-    ("terminated", "truncated", "survived"),
-    [(True, False, False), (False, True, True), (True, True, False)],
+    ("terminated", "truncated", "survived"), [(True, False, False), (False, True, True), (True, True, False)]
 )
 def test_a_fall_is_what_terminates(terminated, truncated, survived):
     env = Scripted(terminated, truncated, {"recovered_at": 0.02, "failure_reason": "low"})

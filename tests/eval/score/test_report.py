@@ -9,27 +9,8 @@ from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
+from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import (
-    MEASURES,
-    Measure,
-    effort_summary,
-    effort_table,
-    evaluation_tables,
-    first_limits,
-    groups_of,
-    kept_table,
-    kinds_table,
-    limit_details,
-    limits_table,
-    pairs_table,
-    profiles_table,
-    rates_table,
-    reasons_of,
-    reasons_table,
-    recovered_after,
-    write_profiles,
-)
 from push_recovery.eval.score.suites import Suite, get_suite
 
 SCENARIOS = get_suite("standard").scenarios[:3]
@@ -53,13 +34,13 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
         p=[row(4.0, 1000.0), row(5.0, 9000.0), row(4.5, 3000.0, smallest_margin=None)],
         q=[row(5.5, 2000.0, steps=11), row(None, 1.0), row(6.5, 2500.0, steps=14)],
     )
-    together, summary = effort_summary(found)
+    together, summary = report.effort_summary(found)
     assert (together, SCENARIOS[0].settle_time) == (2, 4.0)  # so that the last push ended at 3 s
     assert summary["p"]["recovered_after"] == pytest.approx((1.0 + 1.5) / 2)
     assert summary["q"]["recovered_after"] == pytest.approx((2.5 + 3.5) / 2)
     assert (summary["p"]["energy"], summary["q"]["energy"]) == (2000.0, 2250.0)
     assert (summary["p"]["smallest_margin"], summary["q"]["steps"]) == (0.125, 12.5)
-    table = effort_table(found)
+    table = report.effort_table(found)
     assert table.columns == (
         "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
         "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
@@ -72,9 +53,9 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
 
 
 def test_a_new_measure_is_one_entry(monkeypatch):
-    lasted = Measure("lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
-    monkeypatch.setitem(MEASURES, "lasted", lasted)
-    table = effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
+    lasted = report.Measure("lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
+    monkeypatch.setitem(report.MEASURES, "lasted", lasted)
+    table = report.effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
     assert (table.columns[-1], table.rows[0][-1]) == ("lasted [ms]", "7000")
 
 
@@ -82,16 +63,16 @@ def test_rows_that_tell_of_no_effort_make_no_table():
     bare = [{**row(4.0, 1.0), "measures": {}} for _ in SCENARIOS]
     for one in bare:
         del one["measures"]
-    assert not effort_table(evaluation(p=bare))
+    assert not report.effort_table(evaluation(p=bare))
     lost = evaluation(p=[row(None, 1.0)] * 3)
-    assert effort_summary(lost)[0] == 0
-    assert not effort_table(lost)
+    assert report.effort_summary(lost)[0] == 0
+    assert not report.effort_table(lost)
 
 
 def test_recovery_during_the_push_counts_as_at_once():
     assert SCENARIOS[0].settle_time == 4.0
-    assert recovered_after(row(2.9, 1.0), SCENARIOS[0]) == 0.0
-    assert recovered_after(row(None, 1.0), SCENARIOS[0]) is None
+    assert report.recovered_after(row(2.9, 1.0), SCENARIOS[0]) == 0.0
+    assert report.recovered_after(row(None, 1.0), SCENARIOS[0]) is None
 
 
 FORCE = (100.0, 0.0, 0.0)
@@ -109,7 +90,7 @@ def test_recovered_and_survived_are_counted_in_each_group():
     rows = [{"recovered": recovered, "survived": survived} for recovered, survived in words.values()]
     lost = [{"recovered": False, "survived": False}] * 4
     found = Evaluation(Suite("kinds", "1", EVERY_KIND), "env", {"p": rows, "q": lost}, Path("out"), 0.0)
-    table = kinds_table(found)
+    table = report.kinds_table(found)
     assert table.columns == ("kind of push", "p", "q")
     assert {group: of_p for group, of_p, _ in table.rows} == {
         "pelvis": "1 / 1 of 1",
@@ -126,8 +107,13 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(groups_of(get_suite("standard").scenarios)) == {"backward", "forward", "in place", "sideways"}
-    assert groups_of(EVERY_KIND[:1]) == {}
+    assert set(report.groups_of(get_suite("standard").scenarios)) == {
+        "backward",
+        "forward",
+        "in place",
+        "sideways",
+    }
+    assert report.groups_of(EVERY_KIND[:1]) == {}
 
 
 def report_row(impulse, recovered, survived=True, reason=None):
@@ -147,21 +133,21 @@ def five(**rows):
 def test_recovered_survived_and_why_not():
     found = five(p=ROWS, q=ROWS[3:])
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
-    assert rates_table(found).rows == [
+    assert report.rates_table(found).rows == [
         ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
     ]  # fmt: skip
-    assert reasons_of(found) == ["not_settled", "low"]
-    assert reasons_table(found).rows == [("p", "2", "1", "2", "-"), ("q", "0", "0", "2", "-")]
+    assert report.reasons_of(found) == ["not_settled", "low"]
+    assert report.reasons_table(found).rows == [("p", "2", "1", "2", "-"), ("q", "0", "0", "2", "-")]
 
 
 def test_every_two_policies_are_paired():
     none = [{**row, "recovered": False} for row in ROWS]
-    first, *_, last = pairs_table(five(q=none, p=ROWS, r=none)).rows
+    first, *_, last = report.pairs_table(five(q=none, p=ROWS, r=none)).rows
     assert first[:5] == ("p and q", "0", "2", "0", "3")  # the one that recovers more comes first
     assert first[5].startswith("+40.0 (")
     assert first[6:] == ("0.5", "1")  # two that differ: p = 2 / 2^2; Holm: three times that
     assert last == ("q and r", "0", "0", "0", "5", last[5], "1", "1")
-    assert not pairs_table(five(p=ROWS))
+    assert not report.pairs_table(five(p=ROWS))
 
 
 def limit_row(survived, first, **shares):
@@ -180,15 +166,15 @@ LIMIT_ROWS = [
 
 def test_limits_are_told_of_falls_and_of_recoveries():
     found = five(p=LIMIT_ROWS, q=[LIMIT_ROWS[4]] * 5)
-    assert first_limits(LIMIT_ROWS) == "cop 2, contact 1"
-    assert first_limits(LIMIT_ROWS[3:]) == "-"
-    assert reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
-    table = limits_table(found)
+    assert report.first_limits(LIMIT_ROWS) == "cop 2, contact 1"
+    assert report.first_limits(LIMIT_ROWS[3:]) == "-"
+    assert report.reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
+    table = report.limits_table(found)
     assert table.columns == ("limit", "met while", "p", "q")
     assert [(one[0], *one[2:]) for one in table.rows] == [
         ("cop", "20 % / 10 %", "0 % / 0 %"), ("contact", "20 % / 0 %", "0 % / 0 %")
     ]  # fmt: skip
-    of_p, of_q = limit_details(found)
+    of_p, of_q = report.limit_details(found)
     assert of_p.columns == (
         "limit", "first in falls", "met in falls", "time in falls", "met in recovered", "time in recovered"
     )  # fmt: skip
@@ -200,8 +186,8 @@ def test_limits_are_told_of_falls_and_of_recoveries():
 
 def test_a_report_has_the_tables_that_have_rows(tmp_path):
     found = five(p=ROWS)
-    assert list(evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
-    text = markdown_page("Evaluation", evaluation_tables(found).values())
+    assert list(report.evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
+    text = markdown_page("Evaluation", report.evaluation_tables(found).values())
     assert text.startswith("# Evaluation\n\n## env: suite five v1, 5 pushes, sha256 ")
     assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text
     assert "## Pairs" not in text
@@ -227,7 +213,7 @@ EXACT, REAL = (
 
 def test_recovered_and_survived_of_each_profile_stand_side_by_side():
     found = {"exact": EXACT, "hardware": REAL}
-    table = profiles_table(found)
+    table = report.profiles_table(found)
     assert table.columns == (
         "policy", "recovered, exact", "survived", "recovered, hardware", "survived"
     )  # fmt: skip
@@ -236,13 +222,13 @@ def test_recovered_and_survived_of_each_profile_stand_side_by_side():
 
 
 def test_what_is_kept_is_a_share_of_its_own(tmp_path):
-    assert kept_table(EXACT, REAL, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
+    assert report.kept_table(EXACT, REAL, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
     nothing = profiles_evaluation("0000", "0000")
-    assert kept_table(nothing, REAL, "").rows == [("p", "-", "-", "0", "2", "0.5")]
-    page = write_profiles({"exact": EXACT, "hardware": REAL}, tmp_path).read_text()
+    assert report.kept_table(nothing, REAL, "").rows == [("p", "-", "-", "0", "2", "0.5")]
+    page = report.write_profiles({"exact": EXACT, "hardware": REAL}, tmp_path).read_text()
     assert "## hardware against exact" in page
     assert "| p | 0.667 | 0.750 | 2 | 1 | 1 |" in page
-    assert "against" not in write_profiles({"exact": EXACT}, tmp_path).read_text()
+    assert "against" not in report.write_profiles({"exact": EXACT}, tmp_path).read_text()
 
 
 def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):
