@@ -9,8 +9,9 @@ import gymnasium as gym
 
 from ..record.film import STRIP
 from ..rollout.environments import make_env
+from ..rollout.outcome import MEASURES
 from ..score.evaluate import Evaluation
-from ..score.report import MEASURES, REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
+from ..score.report import REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
 from . import headline, pushes
 from .episodes import SIGNS, PicturePart, ending_figure, picture_part, scenario_lines
 from .page import Command, manifest, require_report, rows_hash, short_labels, write_page

@@ -1,7 +1,7 @@
 """Score policies on a suite: every policy meets the same pushes, in parallel, resumable, paired."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
@@ -14,12 +14,11 @@ from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.statistics import PairedCounts
 from ..rollout.environments import code_digest, env_label, preset_digest
-from ..rollout.outcome import Score
+from ..rollout.outcome import Row, Score
 from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .suites import Suite
 
-Row = Mapping[str, Any]
 FORMAT = 3  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of

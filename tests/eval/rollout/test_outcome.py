@@ -224,7 +224,7 @@ def test_joints_that_are_held_take_no_effort():
 
 
 def test_a_measure_from_outside_stands_in_every_row_after_those_of_the_package(biped, monkeypatch):
-    fallen = measured.Measure("m", lambda seen, k: 1.0 - seen.core.margin.item(k))
+    fallen = measured.Measure(lambda seen, k: 1.0 - seen.core.margin.item(k))
     monkeypatch.setitem(measured.MEASURES, "from_outside", fallen)
     (alone,) = rollout_all(biped, load_policy("stage-1", biped), [BRIEF], "p", 1)
     row = rollout(biped, load_policy("stage-1", biped), BRIEF, "p").to_dict()

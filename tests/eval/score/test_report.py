@@ -9,6 +9,7 @@ from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
+from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, get_suite
@@ -53,7 +54,7 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
 
 
 def test_a_new_measure_is_one_entry(monkeypatch):
-    lasted = report.Measure("lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
+    lasted = report.Measure(None, "lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
     monkeypatch.setitem(report.MEASURES, "lasted", lasted)
     table = report.effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
     assert (table.columns[-1], table.rows[0][-1]) == ("lasted [ms]", "7000")
@@ -71,8 +72,8 @@ def test_rows_that_tell_of_no_effort_make_no_table():
 
 def test_recovery_during_the_push_counts_as_at_once():
     assert SCENARIOS[0].settle_time == 4.0
-    assert report.recovered_after(row(2.9, 1.0), SCENARIOS[0]) == 0.0
-    assert report.recovered_after(row(None, 1.0), SCENARIOS[0]) is None
+    assert recovered_after(row(2.9, 1.0), SCENARIOS[0]) == 0.0
+    assert recovered_after(row(None, 1.0), SCENARIOS[0]) is None
 
 
 FORCE = (100.0, 0.0, 0.0)
