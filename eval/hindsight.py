@@ -14,7 +14,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError, UnknownNameError, shown
 from ..controllers.model.gait_box import GAIT_SIZE
@@ -175,7 +174,7 @@ class Attempts(NamedTuple):
     """Results of n attempts, in their order."""
 
     outcomes: list[Outcome]  # times since reset; steps and reward since the snapshot
-    values: NDArray[np.float64]  # (n,) see `run_attempts`
+    values: np.ndarray  # (n,) see `run_attempts`
 
 
 class _Standing(Observer):

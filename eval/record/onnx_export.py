@@ -7,7 +7,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError
 from ...controllers.files import write_atomically
@@ -16,7 +15,7 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import require_place
 from ..rollout.episodes import rollout
-from .record import RecordedPolicy
+from .record import Array, RecordedPolicy
 
 OPSET, IR = 17, 8  # which runtimes of 2022 and later read
 INPUT = "inputs"
@@ -143,21 +142,21 @@ def export_onnx(policy: NetworkPolicy, env: gym.Env, path: Path) -> float:
     return difference
 
 
-def random_inputs(policy: NetworkPolicy) -> NDArray[np.float64]:
+def random_inputs(policy: NetworkPolicy) -> Array:
     """RANDOM inputs (n, i), normal, with twice the deviation that those of the training had."""
     n = policy.normalisation
     draws = np.random.default_rng(0).normal(size=(RANDOM, n.mean.size))
     return n.mean + 2.0 * np.sqrt(n.variance) * draws
 
 
-def met_inputs(policy: NetworkPolicy, env: gym.Env) -> NDArray[np.float64]:
+def met_inputs(policy: NetworkPolicy, env: gym.Env) -> Array:
     """Inputs of the network (n, i) in an episode with a push."""
     recorded = RecordedPolicy(policy)
     rollout(env, recorded, PUSHED, "export")
     return np.concatenate([policy.network_inputs(seen) for seen in recorded.observations])
 
 
-def largest_difference(content: bytes, policy: NetworkPolicy, inputs: NDArray[np.float32]) -> float:
+def largest_difference(content: bytes, policy: NetworkPolicy, inputs: np.ndarray) -> float:
     """Largest difference of a file's outputs from numpy's for inputs (n, i), in units of the action."""
     import onnx
     from onnx.reference import ReferenceEvaluator

@@ -10,11 +10,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import Scenario
-from ..output.statistics import LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
+from ..output.statistics import Array, LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..score.evaluate import Evaluation
@@ -96,7 +95,6 @@ def _draw_pushes(axes: Any, pushes: Sequence[MappedPush], rows: Mapping[str, Row
         axes.scatter([push.psi for push in inside], [push.share for push in inside], **looks[kind])
 
 
-Array = NDArray[np.float64]
 SHARES = (0.5, 0.95)  # of pushes recovered from, at J50 and J95
 BINS = 6  # of equally many pushes
 BODY_LOOKS: tuple[dict[str, Any], ...] = (  # of the bodies in turn
@@ -113,7 +111,7 @@ class Curve:
     policy: str
     body: str
     impulse: Array  # of a push, (n,) [N s]
-    recovered: NDArray[np.bool_]  # (n,)
+    recovered: np.ndarray  # (n,)
     fit: LogisticFit | None  # none where there is no finite one
 
     def threshold(self, share: float) -> str:
@@ -195,7 +193,7 @@ def _draw(axes: Any, curve: Curve, look: Mapping[str, Any]) -> None:
         )
 
 
-def binned(impulse: Array, recovered: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+def binned(impulse: Array, recovered: np.ndarray) -> tuple[Array, Array, Array, Array]:
     """Groups of equally many pushes: mean impulse, share recovered, and how far Wilson's interval reaches.
 
     Returns:

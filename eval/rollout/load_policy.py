@@ -253,6 +253,10 @@ def _load_object(policy: Any, env: gym.Env) -> Policy:
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
+    """A file's policy; refused where whole actions and residuals would be taken for one another.
+
+    A residual's file adds the planner below by itself, so that it acts on the plain environment.
+    """
     policy = NetworkPolicy.load(name)
     sizes = (policy.observation_size, policy.action_size)
     spaces = (env.observation_space.shape, env.action_space.shape)
@@ -261,17 +265,6 @@ def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
             f"policy {name!r} was made for {sizes[0]} observations and {sizes[1]} actions; the environment "
             f"has observation shape {spaces[0]} and action shape {spaces[1]}"
         )
-    _check_kind(name, policy, env)
-    unwrapped: Any = env.unwrapped
-    policy.check_made_for(unwrapped.robot, unwrapped.limits)
-    return policy
-
-
-def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
-    """Raise InvalidValueError where whole actions and residuals would be taken for one another.
-
-    A residual's file adds the planner below by itself, so that it acts on the plain environment.
-    """
     about = policy.description
     here = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
     if about.residual is not None and acts_on_residual(env):
@@ -283,3 +276,6 @@ def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
         raise InvalidValueError(
             f"policy {name!r} acts alone and was made for {about.env_id}, not for {here}: score it there"
         )
+    unwrapped: Any = env.unwrapped
+    policy.check_made_for(unwrapped.robot, unwrapped.limits)
+    return policy

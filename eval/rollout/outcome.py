@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
@@ -16,7 +15,7 @@ from ...envs.biped.limits_record import LimitsReport
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
-from ..output.statistics import wilson_interval
+from ..output.statistics import Array, wilson_interval
 
 Row = Mapping[str, Any]  # an outcome as its file holds it
 NO_LIMITS = LimitsReport({}, {})
@@ -144,7 +143,6 @@ class Score:
         }
 
 
-Array = NDArray[np.float64]
 DIGITS = 6  # of a measure in a row, after the point
 
 
@@ -215,9 +213,7 @@ class EffortMeter:
 class Measure:
     """A number of an episode: how a row gets it, and how tables and pages show it."""
 
-    of: Callable[[EffortMeter, int], float | int] | None = (
-        None  # of robot k; not finite: not known
-    )
+    of: Callable[[EffortMeter, int], float | int] | None = None  # of robot k; not finite: not known
     label: str = ""  # of its column; what has none stands in rows alone
     unit: str = ""  # of the column
     digits: int = 0

@@ -16,7 +16,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
@@ -40,7 +39,7 @@ def gf16_multiply(a: int, b: int) -> int:
     return product
 
 
-def orthogonal_array(factors: int) -> NDArray[np.int64]:
+def orthogonal_array(factors: int) -> np.ndarray:
     """Strength-2 orthogonal array (256, factors) of 16 levels (Bush 1952), up to 17 factors.
 
     Row (a, b) holds a, b, a + b, a + 2 b, ... in the field of 16 elements: any two columns take each of the
@@ -51,13 +50,13 @@ def orthogonal_array(factors: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64)
 
 
-def _uniforms(generator: np.random.PCG64, *shape: int) -> NDArray[np.float64]:
+def _uniforms(generator: np.random.PCG64, *shape: int) -> np.ndarray:
     """Uniforms in [0, 1) from raw bits, whose stream numpy guarantees across versions."""
     raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
     return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
 
 
-def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.float64]:
+def stratified_uniforms(blocks: int, factors: int, seed: int) -> np.ndarray:
     """Points (256 blocks, factors) in the unit cube, stratified in every block of 256.
 
     In each block every pair of factors falls once into each of 16 x 16 cells, and each factor once into each
@@ -89,7 +88,7 @@ def uniform_force(ranges: PushDistribution) -> ForceOf:
 
 
 def stratified_scenario(
-    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
+    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: np.ndarray, noise_seed: int
 ) -> Scenario:
     """Scenario of one stratified point: direction, force, phase, command speed, kind and sides.
 

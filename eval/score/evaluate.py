@@ -115,11 +115,8 @@ def evaluate(
             for name in sources
         }
         whose = f"each of {len(sources)} policies" if len(sources) > 1 else next(iter(sources))
-        work = Work(
-            f"{suite.name}: {len(suite.scenarios)} episodes of {whose}",
-            about(guessed_seconds(env_id, missing, sources, workers)),
-            store.directory,
-        )
+        what = f"{suite.name}: {len(suite.scenarios)} episodes of {whose}"
+        work = Work(what, about(guessed_seconds(env_id, missing, sources, workers)), store.directory)
         begun = {name: len(rows) for name, rows in done.items()}
         chunks = make_chunks(missing, sizes, workers)
         with progress_bars(list(sources), len(suite.scenarios), work, begun) as bars:

@@ -18,7 +18,6 @@ from typing import Any, Self, TypeVar
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import write_atomically
@@ -179,8 +178,8 @@ class PushedStart:
     """A nominal step when a push begins, in its canonical frame."""
 
     elapsed: float  # of the step [s]
-    dcm: NDArray[np.float64]  # (2,) [m]
-    shift: NDArray[np.float64]  # (2,) that the push counts as [m]
+    dcm: np.ndarray  # (2,) [m]
+    shift: np.ndarray  # (2,) that the push counts as [m]
 
 
 def pushed_start(robot: RobotModel, limits: GaitLimits, push: Push, command: Command) -> PushedStart | None:

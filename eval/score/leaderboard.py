@@ -101,9 +101,8 @@ def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
     scenarios, found = {s.id: s for s in suite.scenarios}, {}
     for number, line in enumerate(read_content(path).splitlines(), start=1):
         row = parse_json(f"{str(path)!r} line {number}", line)
-        policy, scenario_id = (
-            row.get(key) if isinstance(row, dict) else None for key in ("policy", "scenario_id")
-        )
+        told = row if isinstance(row, dict) else {}
+        policy, scenario_id = told.get("policy"), told.get("scenario_id")
         if not isinstance(policy, str) or scenario_id not in scenarios:
             raise InvalidValueError(f"{str(path)!r} line {number} is no row of suite {suite.name!r}")
         if scenario_id in found.setdefault(policy, {}):

@@ -67,14 +67,12 @@ def measure_of(name: str, row: Row, scenario: Scenario) -> float | None:
 
 def brief_measures(row: Row) -> str:
     """Measures of an episode in few words; empty where the row lacks one of the measures for it."""
-    words = []
-    for name, measure in MEASURES.items():
-        if measure.brief:
-            value = row.get("measures", {}).get(name)
-            if value is None:
-                return ""
-            words.append(measure.brief.format(value * measure.factor))
-    return ", ".join(words)
+    brief = {name: one for name, one in MEASURES.items() if one.brief}
+    values = [row.get("measures", {}).get(name) for name in brief]
+    if None in values:
+        return ""
+    pairs = zip(brief.values(), values, strict=True)
+    return ", ".join(measure.brief.format(value * measure.factor) for measure, value in pairs)
 
 
 def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, float | None]]]:
@@ -86,11 +84,8 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
         for name in shown_measures():
-            values = [
-                measure_of(name, rows[place], scenario)
-                for scenario, rows in together
-                if scenario.duration is None
-            ]
+            free = ((scenario, rows) for scenario, rows in together if scenario.duration is None)
+            values = (measure_of(name, rows[place], scenario) for scenario, rows in free)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None
     return len(together), found
@@ -104,15 +99,12 @@ def effort_table(evaluation: Evaluation) -> Table:
     measured = any(one[name] is not None for one in summary.values() for name in in_rows)
     headings = (f"{one.label} [{one.unit}]" if one.unit else one.label for one in shown.values())
     pushes = f"{together} of {len(evaluation.suite.scenarios)} pushes"
-    return Table(
-        "Effort",
-        ("policy", *headings),
-        [
-            (policy, *(measure.text(one[name]) for name, measure in shown.items()))
-            for policy, one in (summary.items() if measured else ())
-        ],
-        f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is.",
-    )
+    lines = [
+        (policy, *(measure.text(one[name]) for name, measure in shown.items()))
+        for policy, one in (summary.items() if measured else ())
+    ]
+    note = f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is."
+    return Table("Effort", ("policy", *headings), lines, note)
 
 
 def groups_of(scenarios: Sequence[Scenario]) -> dict[str, tuple[str, ...]]:
@@ -137,15 +129,9 @@ def kinds_table(evaluation: Evaluation) -> Table:
         )
         return f"{recovered} / {survived} of {len(ids)}"
 
-    return Table(
-        "Kinds of push",
-        ("kind of push", *evaluation.rows),
-        [
-            (group, *(cell(rows, ids) for rows in evaluation.rows.values()))
-            for group, ids in groups_of(evaluation.suite.scenarios).items()
-        ],
-        "Recovered / survived.",
-    )
+    groups = groups_of(evaluation.suite.scenarios)
+    lines = [(name, *(cell(rows, ids) for rows in evaluation.rows.values())) for name, ids in groups.items()]
+    return Table("Kinds of push", ("kind of push", *evaluation.rows), lines, "Recovered / survived.")
 
 
 def rate_cells(score: Score) -> tuple[str, str]:
@@ -165,16 +151,12 @@ def evaluation_title(evaluation: Evaluation) -> str:
 
 def rates_table(evaluation: Evaluation) -> Table:
     """Recovered and survived of each policy."""
-    scores = {name: evaluation.score(name) for name in evaluation.rows}
-    return Table(
-        evaluation_title(evaluation),
-        ("policy", "recovered", "rate", "95 % interval", "survived"),
-        [
-            (name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}")
-            for name, score in scores.items()
-        ],
-        RECOVERED_NOTE,
-    )
+    lines = []
+    for name in evaluation.rows:
+        score = evaluation.score(name)
+        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}"))
+    columns = ("policy", "recovered", "rate", "95 % interval", "survived")
+    return Table(evaluation_title(evaluation), columns, lines, RECOVERED_NOTE)
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:
