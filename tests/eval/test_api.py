@@ -98,21 +98,10 @@ def test_module_and_attribute_on_the_command_line(attribute, file_rows, tmp_path
         f"sys.path.append({str(Path(toy.__file__).parent)!r})\n"
         "from push_recovery.eval.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
     )
-    argv = [
-        "evaluate",
-        "--env",
-        toy.ENV_ID,
-        "--policies",
-        name,
-        "--suite",
-        "head.json",
-        "--out",
-        "out",
-        "--json",
-    ]
+    words = f"evaluate --env {toy.ENV_ID} --policies {name} --suite head.json --out out --json"
     for workers in "1", "2":
         done = subprocess.run(
-            [sys.executable, "-c", program, *argv, "--workers", workers, "--overwrite"],
+            [sys.executable, "-c", program, *words.split(), "--workers", workers, "--overwrite"],
             cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr

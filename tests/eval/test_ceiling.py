@@ -9,16 +9,6 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval import ceiling as stored
-from push_recovery.eval.ceiling import (
-    Answers,
-    Ceiling,
-    ceiling,
-    ceiling_table,
-    load_answers,
-    search_lines,
-    shares_table,
-    write_ceiling_reports,
-)
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.hindsight import CEILING, CeilingSettings
 from push_recovery.eval.output.progress import about, episode_seconds
@@ -38,8 +28,8 @@ FALLS = "passive"  # without a push, so that all pushes are searched
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory) -> Ceiling:
-    return ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
+def found(tmp_path_factory) -> stored.Ceiling:
+    return stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
 
 
 def evaluated(found, directory):
@@ -62,14 +52,14 @@ def test_what_all_policies_lose_is_searched_and_counts_where_it_is_answered(foun
 
 
 def test_what_one_policy_recovers_is_not_searched(found):
-    both = ceiling(SUITE, ENV, [FALLS, "two-stage"], SETTINGS, directory=found.evaluation.directory)
+    both = stored.ceiling(SUITE, ENV, [FALLS, "two-stage"], SETTINGS, directory=found.evaluation.directory)
     assert [row["scenario_id"] for row in both.searched] == ["hopeless"]
     assert both.score.recovered == 2
     assert both.rows[CEILING][0]["policy"] == "two-stage"
 
 
 def test_rows_are_the_same_on_two_processes(found, tmp_path):
-    ceiling(SUITE, ENV, FALLS, SETTINGS, workers=2, directory=evaluated(found, tmp_path))
+    stored.ceiling(SUITE, ENV, FALLS, SETTINGS, workers=2, directory=evaluated(found, tmp_path))
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
 
@@ -78,12 +68,12 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        ceiling(SUITE, ENV, FALLS, SETTINGS, directory=evaluated(found, tmp_path), on_row=stop)
+        stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=evaluated(found, tmp_path), on_row=stop)
     assert len(rows_in(tmp_path)) == 1
     with (tmp_path / CEILING / "outcomes.jsonl").open("a") as file:
         file.write('{"scenario_id": "hopel')  # torn by a kill
     new = []
-    ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
+    stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
     assert len(new) == 2
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
@@ -99,7 +89,7 @@ def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp
     monkeypatch.setattr(stored, "parallel", known)
     directory, seen = evaluated(found, tmp_path), []
     for ids in (["light-0", "hopeless", "light-1"], []):
-        again = ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory, on_row=seen.append)
+        again = stored.ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory, on_row=seen.append)
         assert again.searched == found.searched
         assert asked[-1] == (ENV, ids, {SETTINGS} if ids else set())
         said = [
@@ -115,11 +105,11 @@ def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp
 
 def test_searches_of_other_settings_are_not_mixed(found):
     with pytest.raises(InvalidValueError, match=r"another configuration \(differs in: ceiling\)"):
-        ceiling(SUITE, ENV, FALLS, CeilingSettings(seed=1), directory=found.evaluation.directory)
+        stored.ceiling(SUITE, ENV, FALLS, CeilingSettings(seed=1), directory=found.evaluation.directory)
 
 
 def test_stored_answers_replay_in_an_ordinary_evaluation_to_the_same_rows(found, tmp_path):
-    policy = load_answers(found.directory, make_env(ENV))
+    policy = stored.load_answers(found.directory, make_env(ENV))
     again = evaluate(SUITE, ENV, {CEILING: policy}, directory=tmp_path)
     for row, searched in zip(again.rows[CEILING], found.searched, strict=True):
         assert {name: searched[name] for name in row if name != "policy_sha256"} == {
@@ -130,16 +120,16 @@ def test_stored_answers_replay_in_an_ordinary_evaluation_to_the_same_rows(found,
 def test_a_directory_without_searches_is_refused(found, tmp_path):
     for place in (tmp_path, found.evaluation.directory):
         with pytest.raises(InvalidValueError, match="holds no searches"):
-            load_answers(place, make_env(ENV))
+            stored.load_answers(place, make_env(ENV))
 
 
 def test_answers_go_through_a_file(found, tmp_path):
     path = tmp_path / "answers.json"
-    answers = Answers.of(found)
+    answers = stored.Answers.of(found)
     answers.save(path)
-    assert Answers.load(path) == answers
+    assert stored.Answers.load(path) == answers
     assert list(answers.sequences) == ["light-0", "light-1"]
-    assert load_answers(path, make_env(ENV)).sequences == answers.sequences
+    assert stored.load_answers(path, make_env(ENV)).sequences == answers.sequences
     faults = (
         ('"format": 1', '"format": 7', "has format 7"),
         ('"light-0": [', '"l": [3, [1.0]], "x": [', "rows of 7 numbers"),
@@ -149,7 +139,7 @@ def test_answers_go_through_a_file(found, tmp_path):
     for good, bad, message in faults:
         (tmp_path / "bad.json").write_text(path.read_text().replace(good, bad))
         with pytest.raises(InvalidValueError, match=message):
-            Answers.load(tmp_path / "bad.json")
+            stored.Answers.load(tmp_path / "bad.json")
 
 
 def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path, monkeypatch, capsys):
@@ -161,7 +151,7 @@ def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path
     there = str(evaluated(found, tmp_path))
     assert main([*words, there]) == 0
     assert "ceiling" not in json.loads(capsys.readouterr().out)
-    answers = Answers.of(found)
+    answers = stored.Answers.of(found)
     answers.save(tmp_path / "mixed.json")
     assert main([*words, there]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -172,7 +162,7 @@ def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path
     assert stored.stored_answers(SUITE) is None
 
 
-def hand_written() -> Ceiling:
+def hand_written() -> stored.Ceiling:
     """Four pushes: a recovers 0, b 0 and 1 (and survives 2), a search answers 2 and none 3."""
 
     def row(name, recovered, survived=False, **more):
@@ -186,17 +176,19 @@ def hand_written() -> Ceiling:
     a = [row(name, name == "s0") for name in names]
     b = [row("s0", True), row("s1", True), row("s2", False, True), row("s3", False)]
     searched = [row("s2", True, attempts=64, neighbours=18), row("s3", False, attempts=1280, neighbours=None)]
-    return Ceiling(Evaluation(suite, ENV, {"a": a, "b": b}, None, 0.0), CeilingSettings(), searched, None)  # type: ignore[arg-type]
+    return stored.Ceiling(
+        Evaluation(suite, ENV, {"a": a, "b": b}, None, 0.0), CeilingSettings(), searched, None
+    )  # type: ignore[arg-type]
 
 
 def test_the_ceiling_is_what_policies_and_searches_recover_together():
     found = hand_written()
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, True, True, False]
-    rates, shares = ceiling_table(found).rows, shares_table(found).rows
+    rates, shares = stored.ceiling_table(found).rows, stored.shares_table(found).rows
     assert [cells[:2] for cells in rates] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
     assert [cells[:4] for cells in shares] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
     assert found.robust == [0.75]
-    text = search_lines(found)
+    text = stored.search_lines(found)
     for part in ("2 pushes lost by all policies, 1 of them answered", "at most 1280 attempts", "Median 64",
                  "recovers 75% of the 24 pushes within 2% of the force and 2 degrees"):  # fmt: skip
         assert part in text
@@ -211,7 +203,7 @@ def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads(json.dumps(found.to_dict()))
     assert json.loads((found.directory / "report.json").read_text()) == told
-    assert "| ceiling | 2/3 |" in write_ceiling_reports(found).read_text()
+    assert "| ceiling | 2/3 |" in stored.write_ceiling_reports(found).read_text()
 
 
 @pytest.mark.parametrize(

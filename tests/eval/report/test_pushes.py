@@ -8,19 +8,7 @@ from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
 from push_recovery.eval.record.words import sector_of
-from push_recovery.eval.report.pushes import (
-    Curve,
-    MappedPush,
-    binned,
-    curve_figure,
-    curves_of,
-    curves_table,
-    direction_figure,
-    mapped_pushes,
-    share_at,
-    stance_direction,
-    survival_part,
-)
+from push_recovery.eval.report import pushes as figures
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.frontier import limit_share
 from push_recovery.eval.score.suites import get_suite
@@ -31,8 +19,8 @@ def event(side):
 
 
 def test_pushes_on_a_right_stance_are_mirrored():
-    assert stance_direction(polar_push(100.0, 0.7, 0.1, event("left"))) == pytest.approx(0.7)
-    assert stance_direction(polar_push(100.0, 0.7, 0.1, event("right"))) == pytest.approx(-0.7)
+    assert figures.stance_direction(polar_push(100.0, 0.7, 0.1, event("left"))) == pytest.approx(0.7)
+    assert figures.stance_direction(polar_push(100.0, 0.7, 0.1, event("right"))) == pytest.approx(-0.7)
 
 
 def test_a_sector_is_the_nearest_of_eight_directions():
@@ -45,16 +33,20 @@ def test_only_single_pushes_with_a_limit_are_mapped():
     scenarios = [Scenario("one", (push,)), Scenario("two", (push, push)), Scenario("none", ()),
                  Scenario("timed", (late,))]  # fmt: skip
     env = make_env("PushRecovery/Pendulum-v0")
-    (found,) = mapped_pushes(env, scenarios)
+    (found,) = figures.mapped_pushes(env, scenarios)
     share = limit_share(env, push, scenarios[0].command)
     env.close()
-    assert found == MappedPush("one", pytest.approx(-1.0), share)
+    assert found == figures.MappedPush("one", pytest.approx(-1.0), share)
 
 
 def test_the_rim_counts_what_each_sector_recovers():
-    pushes = [MappedPush("a", 0.1, 0.4), MappedPush("b", -0.2, 0.9), MappedPush("c", math.pi / 2, 1.4)]
+    pushes = [
+        figures.MappedPush("a", 0.1, 0.4),
+        figures.MappedPush("b", -0.2, 0.9),
+        figures.MappedPush("c", math.pi / 2, 1.4),
+    ]
     rows = {name: {"recovered": ok, "survived": ok} for name, ok in (("a", True), ("b", False), ("c", True))}
-    drawn = direction_figure("p", pushes, rows)
+    drawn = figures.direction_figure("p", pushes, rows)
     for text in ("1/2", "forward", "1/1", "stance", "swing", "0/0", "F*"):
         assert f">{text}</text>" in drawn
 
@@ -63,9 +55,11 @@ IMPULSE = np.linspace(50.0, 200.0, 40)
 SURE = np.diag([1e-6, 1e-12])
 
 
-def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> Curve:
+def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> figures.Curve:
     recovered = np.arange(40) % 2 == 0 if yes is None else np.full(40, yes)
-    return Curve("p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance)))
+    return figures.Curve(
+        "p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance))
+    )
 
 
 def test_a_threshold_is_where_the_curve_meets_the_share():
@@ -84,7 +78,7 @@ def test_nothing_is_told_beyond_the_pushes_given():
 def test_no_threshold_without_a_slope_downwards():
     assert curve(-12.0, 0.1).threshold(0.5) == "not told"
     assert curve(12.0, -0.1, np.diag([1e-6, 1.0])).threshold(0.5) == "not told"
-    assert Curve("p", "pelvis", IMPULSE, IMPULSE < 100.0, None).threshold(0.5) == "not told"
+    assert figures.Curve("p", "pelvis", IMPULSE, IMPULSE < 100.0, None).threshold(0.5) == "not told"
 
 
 def test_all_or_none_recovered():
@@ -96,7 +90,7 @@ def test_a_curve_for_each_body_over_its_single_pushes():
     scenarios = get_suite("quick").scenarios
     sizes = [s.pushes[0].impulse_magnitude for s in scenarios]
     rows = [{"impulse": size, "recovered": size < 100.0 + 50.0 * (i % 2)} for i, size in enumerate(sizes)]
-    pelvis, trunk = curves_of(scenarios, rows, "p")
+    pelvis, trunk = figures.curves_of(scenarios, rows, "p")
     single = [s.pushes[0] for s in scenarios if len(s.pushes) == 1]
     assert (pelvis.body, trunk.body) == ("pelvis", "trunk")
     assert pelvis.impulse.tolist() == [p.impulse_magnitude for p in single if p.body == "pelvis"]
@@ -105,13 +99,13 @@ def test_a_curve_for_each_body_over_its_single_pushes():
     assert expected is not None
     assert pelvis.fit is not None
     assert pelvis.fit.slope == expected.slope < 0.0
-    cells = curves_table([pelvis, trunk]).rows
+    cells = figures.curves_table([pelvis, trunk]).rows
     assert cells[0][:3] == ("p", "pelvis", str(pelvis.impulse.size))
-    assert curve_figure([pelvis, trunk], 200.0).startswith("<svg")
+    assert figures.curve_figure([pelvis, trunk], 200.0).startswith("<svg")
 
 
 def test_groups_are_equally_large_and_reach_as_far_as_wilson():
-    centres, share, below, above = binned(np.arange(12.0), np.arange(12) < 5)
+    centres, share, below, above = figures.binned(np.arange(12.0), np.arange(12) < 5)
     assert centres.tolist() == [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]
     assert share.tolist() == [1.0, 1.0, 0.5, 0.0, 0.0, 0.0]
     assert above[0] == 0.0
@@ -126,7 +120,7 @@ def test_only_scenarios_with_several_pushes_count(evaluation):
     assert 0 < falls < sum(several) < 24
     for row, many in zip(found.rows["a"], several, strict=True):
         row["end_time"] = 9.0 if row["survived"] else 4.0 if many else 1.0
-    part = survival_part(found)
+    part = figures.survival_part(found)
     assert part is not None
     assert part.episodes == sum(several)
     assert part.table.columns == [
@@ -149,14 +143,16 @@ def test_nothing_is_shown_of_single_pushes(evaluation):
     single = [i for i, scenario in enumerate(found.suite.scenarios) if len(scenario.pushes) == 1]
     suite = type(found.suite)("single", "1", tuple(found.suite.scenarios[i] for i in single))
     rows = {"a": [found.rows["a"][i] for i in single]}
-    assert survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0)) is None
+    assert figures.survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0)) is None
 
 
 def test_a_share_is_told_with_its_interval():
     curve = kaplan_meier([1.0, 2.0, 3.0, 3.0], [True, False, True, False])
-    assert share_at(curve, 0.5) == "100.0 %"
-    assert share_at(curve, 1.0).startswith("75.0 % (")
-    assert share_at(curve, 3.0).startswith("37.5 % (")  # 3/4 of those before, and of two at risk one falls
-    low, high = (float(part) for part in share_at(curve, 3.0).split("(")[1].rstrip(")").split(" to "))
+    assert figures.share_at(curve, 0.5) == "100.0 %"
+    assert figures.share_at(curve, 1.0).startswith("75.0 % (")
+    assert figures.share_at(curve, 3.0).startswith(
+        "37.5 % ("
+    )  # 3/4 of those before, and of two at risk one falls
+    low, high = (float(part) for part in figures.share_at(curve, 3.0).split("(")[1].rstrip(")").split(" to "))
     assert np.isclose(low, 100.0 * curve.low[-1], atol=0.05)
     assert np.isclose(high, 100.0 * curve.high[-1], atol=0.05)

@@ -21,39 +21,16 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
-from push_recovery.eval.score.frontier import (
-    BEYOND,
-    FORCE_CAP,
-    OWN,
-    POINT_FOOT,
-    DirectionLimits,
-    Frontier,
-    FrontierSettings,
-    ScanJob,
-    Scanned,
-    default_grid,
-    direction_limits,
-    directions_deg,
-    fall_cell,
-    frontier,
-    frontier_table,
-    limit_curves,
-    limit_force,
-    limit_share,
-    multiples,
-    own_limit_force,
-    scan,
-    scan_upwards,
-)
+from push_recovery.eval.score import frontier as scans
 from push_recovery.eval.score.frontier import PAPER as PAPER_FORM
 
 
 def test_the_largest_before_the_first_failure_and_at_all():
-    found = Scanned.of({30.0: False, 10.0: True, 20.0: True, 40.0: True, 50.0: False})
-    assert found == Scanned(survived=20.0, largest_survived=40.0, failed=(30.0, 50.0))
-    assert Scanned.of({10.0: False, 20.0: True}) == Scanned(0.0, 20.0, (10.0,))
-    assert Scanned.of({10.0: True, 20.0: True}) == Scanned(20.0, 20.0, ())
-    assert Scanned.of({}) == Scanned(0.0, 0.0, ())
+    found = scans.Scanned.of({30.0: False, 10.0: True, 20.0: True, 40.0: True, 50.0: False})
+    assert found == scans.Scanned(survived=20.0, largest_survived=40.0, failed=(30.0, 50.0))
+    assert scans.Scanned.of({10.0: False, 20.0: True}) == scans.Scanned(0.0, 20.0, (10.0,))
+    assert scans.Scanned.of({10.0: True, 20.0: True}) == scans.Scanned(20.0, 20.0, ())
+    assert scans.Scanned.of({}) == scans.Scanned(0.0, 0.0, ())
 
 
 @pytest.mark.parametrize("at_once", [1, 2, 5, 50])
@@ -65,23 +42,23 @@ def test_a_scan_ends_so_far_past_the_first_failure_whatever_runs_at_once(at_once
             asked.extend(chunk)
             yield from ((strength, strength not in {7.0, 9.0}) for strength in reversed(chunk))
 
-    found = scan_upwards(run, (float(k) for k in count(1)), 3.0, bool)
+    found = scans.scan_upwards(run, (float(k) for k in count(1)), 3.0, bool)
     assert found == {float(k): k not in {7, 9} for k in range(1, 11)}
     assert list(found) == sorted(found)
     assert len(asked) < 11 + at_once
 
 
 def test_a_scan_without_failure_takes_every_strength():
-    assert scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool) == {
+    assert scans.scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool) == {
         1.0: True, 2.0: True,
     }  # fmt: skip
 
 
 def test_multiples_end_at_the_cap():
-    assert list(multiples(1500.0)) == [1500.0, 3000.0]
-    assert list(multiples(20.0))[-1] == FORCE_CAP
-    assert list(multiples(FORCE_CAP)) == [FORCE_CAP]
-    assert len(list(multiples(0.1))) == 40000  # 4000 / 0.1 is 40000 but for rounding
+    assert list(scans.multiples(1500.0)) == [1500.0, 3000.0]
+    assert list(scans.multiples(20.0))[-1] == scans.FORCE_CAP
+    assert list(scans.multiples(scans.FORCE_CAP)) == [scans.FORCE_CAP]
+    assert len(list(scans.multiples(0.1))) == 40000  # 4000 / 0.1 is 40000 but for rounding
 
 
 PAPER, PAPER_LIMITS = RobotModel(), GaitLimits.of(RobotModel())
@@ -109,19 +86,19 @@ def test_the_limit_starts_from_the_gait_of_the_command(command):
     }
     for psi, room in rooms.items():
         expected = pytest.approx(force_for(PAPER, room))
-        assert limit_force(env, psi, DURATION, command) == expected
-        assert own_limit_force(env, psi, DURATION, command) == expected
+        assert scans.limit_force(env, psi, DURATION, command) == expected
+        assert scans.own_limit_force(env, psi, DURATION, command) == expected
 
 
 def test_the_own_limit_is_of_the_robots_box_and_the_papers_is_not():
     small = GaitLimits(length_min=-0.3, length_max=0.3)
     env = make_env("PushRecovery/Pendulum-v0", limits=small)
     x, _ = step_start_dcm(nominal_gait(PAPER, small), PAPER.pelvis_width, PAPER.omega)
-    for found, limits in ((own_limit_force, small), (limit_force, PAPER_LIMITS)):
+    for found, limits in ((scans.own_limit_force, small), (scans.limit_force, PAPER_LIMITS)):
         room = recoverable_offset(PAPER, limits).high[0] - x
         assert found(env, 0.0, DURATION, Command()) == pytest.approx(force_for(PAPER, room))
     point = recoverable_offset(PAPER, small, foot=False, flywheel=False).high[0] - x
-    found = own_limit_force(env, 0.0, DURATION, Command(), point_foot=True)
+    found = scans.own_limit_force(env, 0.0, DURATION, Command(), point_foot=True)
     assert found == pytest.approx(force_for(PAPER, point))
 
 
@@ -139,7 +116,9 @@ def env():
 @pytest.mark.parametrize("psi", [0.0, 0.7, -2.1, 3.0])
 def test_at_the_start_of_a_left_stance_it_is_the_force_by_the_limit(env, command, psi):
     push = polar_push(120.0, psi, 0.1, GaitEvent(4, "left"))
-    assert limit_share(env, push, command) == pytest.approx(120.0 / own_limit_force(env, psi, 0.1, command))
+    assert scans.limit_share(env, push, command) == pytest.approx(
+        120.0 / scans.own_limit_force(env, psi, 0.1, command)
+    )
 
 
 @pytest.mark.parametrize("command", WALKS)
@@ -147,7 +126,7 @@ def test_at_the_start_of_a_left_stance_it_is_the_force_by_the_limit(env, command
 def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
     robot, limits = env.unwrapped.robot, env.unwrapped.limits
     push = polar_push(100.0, psi, 0.2, GaitEvent(4, "left", 0.6))
-    share = limit_share(env, push, command)
+    share = scans.limit_share(env, push, command)
     assert share is not None
     gait = nominal_gait(robot, limits, (command.vx, -command.vy))
     elapsed = 0.6 * gait.duration
@@ -159,13 +138,15 @@ def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
 
 def test_a_mirrored_push_has_the_same_share(env):
     push, command = polar_push(90.0, 1.1, 0.1, GaitEvent(4, "right", 0.3)), Command(0.2, 0.1)
-    mirrored = limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
-    assert limit_share(env, push, command) == pytest.approx(mirrored)
-    assert limit_share(env, push, command) != pytest.approx(limit_share(env, push.mirrored(), command))
+    mirrored = scans.limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
+    assert scans.limit_share(env, push, command) == pytest.approx(mirrored)
+    assert scans.limit_share(env, push, command) != pytest.approx(
+        scans.limit_share(env, push.mirrored(), command)
+    )
 
 
 def test_no_share_of_a_push_at_a_time(env):
-    assert limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
+    assert scans.limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
 
 
 class Holes:
@@ -203,7 +184,7 @@ class Holes:
 
 def scan_with(survives, grid=20.0):
     runner = Holes(survives)
-    return scan(runner, ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
+    return scans.scan(runner, scans.ScanJob(scans.FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
 
 
 def test_scan_goes_100_newtons_past_the_first_failure():
@@ -211,7 +192,7 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert (row["survived_N"], row["largest_survived_N"]) == (200.0, 280.0)
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
-    assert forces[-1] == 220.0 + BEYOND
+    assert forces[-1] == 220.0 + scans.BEYOND
 
 
 def test_scan_keeps_the_limits_of_every_failed_force():
@@ -224,8 +205,8 @@ def test_scan_keeps_the_limits_of_every_failed_force():
         "limits_met": {"cop": 1.0, "contact": 1.1},
         "limit_shares": {"cop": 0.25, "contact": 0.32},
     }
-    assert fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
-    assert fall_cell([]) == "-"
+    assert scans.fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
+    assert scans.fall_cell([]) == "-"
 
 
 class SideBySide(Holes):
@@ -242,8 +223,8 @@ def test_forces_side_by_side_change_nothing(first):
     def survives(force):
         return force < first or first + 45 < force < first + 90 or force > first + 150
 
-    job = ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
-    rows = [scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
+    job = scans.ScanJob(scans.FrontierSettings("env", 20.0), "p", 30.0)
+    rows = [scans.scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
     assert rows[0] == rows[1]
 
 
@@ -254,16 +235,16 @@ def test_scan_of_one_that_always_falls():
 
 
 def test_a_frontier_may_be_that_of_another_profile():
-    settings = FrontierSettings(DEFAULT_ENV, errors=ModelErrors(friction=0.5), profile="hardware")
+    settings = scans.FrontierSettings(DEFAULT_ENV, errors=ModelErrors(friction=0.5), profile="hardware")
     scenario, exact = settings.scenario(90.0, 140.0), replace(settings, profile="exact")
     assert scenario == HARDWARE.applied(exact.scenario(90.0, 140.0))
     assert (scenario.sensing, scenario.errors.friction) == ("onboard", 0.5)
     with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, hardware"):
-        FrontierSettings("env", profile="real")
+        scans.FrontierSettings("env", profile="real")
 
 
 def test_push_of_the_contract():
-    scenario = FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
+    scenario = scans.FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
     push = scenario.pushes[0]
     assert push.force == pytest.approx((0.0, 140.0, 0.0), abs=1e-12)
     assert push.start == GaitEvent(4, "left", 0.0)
@@ -277,13 +258,13 @@ def test_push_of_the_contract():
 
 
 def test_grid_and_directions():
-    assert default_grid("PushRecovery/Pendulum-v0") == 10.0
-    assert default_grid("PushRecovery/Biped-v0") == default_grid(toy.ENV_ID) == 20.0
-    assert directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
+    assert scans.default_grid("PushRecovery/Pendulum-v0") == 10.0
+    assert scans.default_grid("PushRecovery/Biped-v0") == scans.default_grid(toy.ENV_ID) == 20.0
+    assert scans.directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
     with pytest.raises(InvalidValueError, match="directions"):
-        directions_deg(0)
+        scans.directions_deg(0)
     with pytest.raises(InvalidValueError, match="grid"):
-        FrontierSettings("env", grid=0.0)
+        scans.FrontierSettings("env", grid=0.0)
 
 
 def test_json_and_pictures(tmp_path, capsys):
@@ -316,9 +297,9 @@ def test_json_and_pictures(tmp_path, capsys):
 
 def test_workers_change_nothing(tmp_path):
     policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
-    settings = FrontierSettings(toy.ENV_ID, grid=50.0)
-    one = frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
-    two = frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
+    settings = scans.FrontierSettings(toy.ENV_ID, grid=50.0)
+    one = scans.frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
+    two = scans.frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
     assert one == two
 
 
@@ -326,7 +307,7 @@ def test_workers_change_nothing(tmp_path):
 def test_limit_is_the_papers_in_place(psi, force):
     # l_p 0.2 m, foot 0.2 x 0.1 m, T 0.65 s; on the left stance a push to the left is the hard one
     env = make_env(toy.ENV_ID)
-    assert limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
+    assert scans.limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
 
 
 def test_own_limit_is_that_of_the_environments_own_box():
@@ -336,38 +317,44 @@ def test_own_limit_is_that_of_the_environments_own_box():
     mass, omega = 60.0, math.sqrt(9.81 / env.unwrapped.robot.com_height)  # type: ignore[attr-defined]
     offset = 0.3 / (math.exp(0.4 * omega) - 1.0)
     expected = mass * omega**2 * offset / (1.0 - math.exp(-0.1 * omega))
-    assert own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
-    found = direction_limits(env, 0.0, 0.1, Command())
-    assert expected < found.own < found.paper == limit_force(env, 0.0, 0.1, Command())
+    assert scans.own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
+    found = scans.direction_limits(env, 0.0, 0.1, Command())
+    assert expected < found.own < found.paper == scans.limit_force(env, 0.0, 0.1, Command())
 
 
 def test_limit_curves_name_both_yardsticks():
     env = make_env(toy.ENV_ID)
-    curves = limit_curves(env, [0.0, -90.0], 0.1, Command())
-    assert list(curves) == [OWN, PAPER_FORM, POINT_FOOT]
+    curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
+    assert list(curves) == [scans.OWN, PAPER_FORM, scans.POINT_FOOT]
     for k, psi in enumerate((0.0, -90.0)):
-        limit = direction_limits(env, psi, 0.1, Command())
-        assert (curves[OWN][k], curves[PAPER_FORM][k]) == (limit.own, limit.paper)
-        assert curves[POINT_FOOT][k] < limit.own
+        limit = scans.direction_limits(env, psi, 0.1, Command())
+        assert (curves[scans.OWN][k], curves[PAPER_FORM][k]) == (limit.own, limit.paper)
+        assert curves[scans.POINT_FOOT][k] < limit.own
 
 
 def row(psi, survived, largest):
     return {"policy": "p", "psi_deg": psi, "survived_N": survived, "largest_survived_N": largest, "falls": []}
 
 
-FRONTIER = Frontier(
-    FrontierSettings("env"),
+FRONTIER = scans.Frontier(
+    scans.FrontierSettings("env"),
     {"p": [row(0.0, 100.0, 100.0), row(180.0, 150.0, 240.0)]},
-    {0.0: DirectionLimits(own=400.0, paper=200.0), 180.0: DirectionLimits(own=300.0, paper=0.0)},
+    {0.0: scans.DirectionLimits(own=400.0, paper=200.0), 180.0: scans.DirectionLimits(own=300.0, paper=0.0)},
     Path("out"),
 )
 
 
 def test_shares_are_of_the_own_box_then_of_the_papers():
-    first, second = frontier_table(FRONTIER).rows
+    first, second = scans.frontier_table(FRONTIER).rows
     assert first == ("0", "400", "200", "100 (0.25, 0.50)", "-")
     assert second == ("180", "300", "0", "150 (0.50, -; 240)", "-")  # more survived beyond the first failure
-    assert frontier_table(FRONTIER).columns == ("psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by")
+    assert scans.frontier_table(FRONTIER).columns == (
+        "psi [deg]",
+        "own F* [N]",
+        "paper's F* [N]",
+        "p",
+        "falls by",
+    )
 
 
 def test_the_contracts_object_holds_both_limits():
