@@ -93,12 +93,10 @@ def print_style() -> Iterator[None]:
 
 def new_figure(width: float, height: float, pixels: float = PIXELS) -> Any:
     """An empty figure [in] on a canvas that needs no display and leaves no state behind."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure: Any = Figure(figsize=(width, height), dpi=pixels, layout="constrained", facecolor="white")
     figure.get_layout_engine().set(h_pad=0.07, w_pad=0.06)
-    FigureCanvasAgg(figure)
     return figure
 
 

@@ -89,7 +89,6 @@ def legend_below(figure: Any) -> None:
 def panel(height: float, polar: bool = False) -> Iterator[tuple[Any, Any]]:
     """A figure [in] with one pair of axes that needs no display; draw it, and turn it into SVG."""
     import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     settings: Any = {
@@ -100,7 +99,6 @@ def panel(height: float, polar: bool = False) -> Iterator[tuple[Any, Any]]:
     }  # fmt: skip
     with matplotlib.rc_context(settings):
         figure = Figure(figsize=(PANEL, height), layout="constrained")
-        FigureCanvasSVG(figure)
         yield figure, figure.add_subplot(projection="polar" if polar else None)
 
 

@@ -437,11 +437,9 @@ def save_pictures(frontier: Frontier) -> list[Path]:
 
     Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5, 7.5), layout="constrained")
-    FigureCanvasAgg(figure)
     axes: Any = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")
     settings = frontier.settings
