@@ -9,6 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval import ceiling as stored
+from push_recovery.eval.ceiling import Answers, ceiling
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.hindsight import CEILING, CeilingSettings
 from push_recovery.eval.output.progress import about, episode_seconds
@@ -29,7 +30,7 @@ FALLS = "passive"  # without a push, so that all pushes are searched
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory) -> stored.Ceiling:
-    return stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
+    return ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
 
 
 def evaluated(found, directory):

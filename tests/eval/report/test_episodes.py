@@ -9,14 +9,8 @@ from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.eval.record.film import StripCamera
+from push_recovery.eval.report import episodes
 from push_recovery.eval.report import episodes as pictures
-from push_recovery.eval.report.episodes import (
-    PicturePart,
-    ending_figure,
-    opponents,
-    picture_part,
-    telling_pushes,
-)
 from push_recovery.eval.report.evaluation import labelled
 from push_recovery.eval.score.report import LIMITS, limits_table, reasons_of, reasons_table
 
@@ -26,7 +20,7 @@ def test_reasons_are_counted_and_explained(evaluation):
     found.rows["p"][3]["failure_reason"] = "of_its_own"
     assert reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
     assert reasons_table(found).rows == [("p", "1", "1", "1", "1", "cop 2"), ("q", "4", "0", "0", "0", "-")]
-    assert "<pattern" in ending_figure(found)  # grey print tells the parts apart
+    assert "<pattern" in episodes.ending_figure(found)  # grey print tells the parts apart
 
 
 def test_limits_of_falls_and_recoveries(evaluation):
@@ -50,17 +44,23 @@ def drawn() -> StripCamera:
 
 def test_the_best_is_shown_beside_another_recipe(evaluation):
     found = evaluation({"two-stage": "rrff", "residual": "rrrr", "residual-seed1": "rrrf"})
-    assert opponents(found) == ("residual", "two-stage")
-    assert opponents(evaluation({"residual": "rr", "residual-seed1": "rf"})) is None
+    assert episodes.opponents(found) == ("residual", "two-stage")
+    assert episodes.opponents(evaluation({"residual": "rr", "residual-seed1": "rf"})) is None
 
 
 def test_the_weakest_push_of_either_side_tells(evaluation):
     found = evaluation({"a": "rrfrfr", "b": "frrffr"})  # only a: pushes 0 and 3; only b: push 2
     rows = found.rows["a"]
     weakest = min((0, 3), key=lambda k: rows[k]["impulse"])
-    assert telling_pushes(found, "a", "b") == [found.suite.scenarios[weakest], found.suite.scenarios[2]]
-    assert telling_pushes(found, "b", "a") == [found.suite.scenarios[2], found.suite.scenarios[weakest]]
-    assert telling_pushes(evaluation({"a": "rf", "b": "ff"}), "b", "a") == [found.suite.scenarios[0]]
+    assert episodes.telling_pushes(found, "a", "b") == [
+        found.suite.scenarios[weakest],
+        found.suite.scenarios[2],
+    ]
+    assert episodes.telling_pushes(found, "b", "a") == [
+        found.suite.scenarios[2],
+        found.suite.scenarios[weakest],
+    ]
+    assert episodes.telling_pushes(evaluation({"a": "rf", "b": "ff"}), "b", "a") == [found.suite.scenarios[0]]
 
 
 def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, monkeypatch):
@@ -69,7 +69,7 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     (found,) = labelled({"exact": replace(found, rows=rows)}).values()
     watched = []
     monkeypatch.setattr(pictures, "watch", lambda env_id, policy, scenario: watched.append(policy) or drawn())
-    ((caption, address),) = picture_part(found).pictures
+    ((caption, address),) = episodes.picture_part(found).pictures
     assert watched == ["a", "b"]  # by the names in the rows
     assert "x/first recovers; b falls at 3.2 s" in caption
     kind, content = address.split(",")
@@ -80,5 +80,7 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
         raise InvalidValueError("no OpenGL here")
 
     monkeypatch.setattr(pictures, "watch", fails)
-    assert picture_part(found) == PicturePart(reason="no OpenGL here")
-    assert picture_part(evaluation({"a": "rr", "b": "rf"})) == PicturePart()  # of the pendulum none
+    assert episodes.picture_part(found) == episodes.PicturePart(reason="no OpenGL here")
+    assert (
+        episodes.picture_part(evaluation({"a": "rr", "b": "rf"})) == episodes.PicturePart()
+    )  # of the pendulum none

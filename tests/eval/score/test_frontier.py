@@ -22,7 +22,7 @@ from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score import frontier as scans
-from push_recovery.eval.score.frontier import PAPER as PAPER_FORM
+from push_recovery.eval.score.frontier import FrontierSettings
 
 
 def test_the_largest_before_the_first_failure_and_at_all():
@@ -184,7 +184,7 @@ class Holes:
 
 def scan_with(survives, grid=20.0):
     runner = Holes(survives)
-    return scans.scan(runner, scans.ScanJob(scans.FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
+    return scans.scan(runner, scans.ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
 
 
 def test_scan_goes_100_newtons_past_the_first_failure():
@@ -223,7 +223,7 @@ def test_forces_side_by_side_change_nothing(first):
     def survives(force):
         return force < first or first + 45 < force < first + 90 or force > first + 150
 
-    job = scans.ScanJob(scans.FrontierSettings("env", 20.0), "p", 30.0)
+    job = scans.ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
     rows = [scans.scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
     assert rows[0] == rows[1]
 
@@ -297,7 +297,7 @@ def test_json_and_pictures(tmp_path, capsys):
 
 def test_workers_change_nothing(tmp_path):
     policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
-    settings = scans.FrontierSettings(toy.ENV_ID, grid=50.0)
+    settings = FrontierSettings(toy.ENV_ID, grid=50.0)
     one = scans.frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
     two = scans.frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
     assert one == two
@@ -325,11 +325,16 @@ def test_own_limit_is_that_of_the_environments_own_box():
 def test_limit_curves_name_both_yardsticks():
     env = make_env(toy.ENV_ID)
     curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
-    assert list(curves) == [scans.OWN, PAPER_FORM, scans.POINT_FOOT]
+    assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT]
     for k, psi in enumerate((0.0, -90.0)):
         limit = scans.direction_limits(env, psi, 0.1, Command())
-        assert (curves[scans.OWN][k], curves[PAPER_FORM][k]) == (limit.own, limit.paper)
+        assert (curves[scans.OWN][k], curves[scans.PAPER][k]) == (limit.own, limit.paper)
         assert curves[scans.POINT_FOOT][k] < limit.own
+
+
+def test_share_of_no_limit_is_none():
+    assert scans.DirectionLimits.share(50.0, 200.0) == 0.25
+    assert scans.DirectionLimits.share(50.0, 0.0) is None
 
 
 def row(psi, survived, largest):
@@ -337,7 +342,7 @@ def row(psi, survived, largest):
 
 
 FRONTIER = scans.Frontier(
-    scans.FrontierSettings("env"),
+    FrontierSettings("env"),
     {"p": [row(0.0, 100.0, 100.0), row(180.0, 150.0, 240.0)]},
     {0.0: scans.DirectionLimits(own=400.0, paper=200.0), 180.0: scans.DirectionLimits(own=300.0, paper=0.0)},
     Path("out"),

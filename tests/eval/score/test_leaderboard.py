@@ -10,16 +10,8 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout.names import DEFAULT_ENV
+from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.leaderboard import (
-    add_entry,
-    board_page,
-    entry_of,
-    read_board,
-    read_submission,
-    run_again,
-    sample_of,
-)
 from push_recovery.eval.score.report import write_evaluation_reports
 from push_recovery.eval.score.suites import Suite, get_suite, with_profile
 
@@ -45,8 +37,8 @@ def write_rows(out, rows: list[dict]) -> None:
 
 
 def check(out, suite, size: int = 12) -> None:
-    submission = read_submission(out, suite)
-    run_again(submission, sample_of(submission, size, seed=1))
+    submission = leaderboard.read_submission(out, suite)
+    leaderboard.run_again(submission, leaderboard.sample_of(submission, size, seed=1))
 
 
 def test_true_results_are_taken_and_ranked(given, tmp_path, capsys):
@@ -63,9 +55,9 @@ def test_true_results_are_taken_and_ranked(given, tmp_path, capsys):
         assert entry["checked"] == 5
         assert entry["score"]["recovered"] == sum(r["recovered"] for r in rows_in(out) if r["policy"] == name)
     assert main(argv) == 0  # once more changes nothing
-    assert len(read_board(board)) == 2
+    assert len(leaderboard.read_board(board)) == 2
     page = (board / "README.md").read_text()
-    assert page == board_page(read_board(board))
+    assert page == leaderboard.board_page(leaderboard.read_board(board))
     assert page.index(strong) < page.index(weak)  # the better one first
     assert f"Suite SHA-256 `{SUITE.sha256}`" in page
 
@@ -78,7 +70,7 @@ def test_an_altered_row_that_is_sampled_is_refused(given):
     row |= {"survived": True, "recovered": True, "recovered_at": 3.0, "failure_reason": None}
     write_rows(out, rows)
     (out / "report.json").unlink()
-    read_submission(out, suite)
+    leaderboard.read_submission(out, suite)
     with pytest.raises(InvalidValueError, match=f"{row['scenario_id']}.*recovered is True, again False"):
         check(out, suite)
 
@@ -112,7 +104,7 @@ def test_a_row_that_contradicts_its_scenario_or_itself_is_refused_unrun(given, c
     row |= change
     write_rows(out, rows)
     with pytest.raises(InvalidValueError, match=row["scenario_id"]):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
 
 
 def test_rows_that_lack_or_come_twice(given):
@@ -122,16 +114,16 @@ def test_rows_that_lack_or_come_twice(given):
     with pytest.raises(
         InvalidValueError, match=f"lacks 1 rows of '{weak}', such as '{rows[0]['scenario_id']}'"
     ):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
     write_rows(out, [*rows, rows[4]])
     with pytest.raises(InvalidValueError, match="more than once"):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
     write_rows(out, [*rows[:-1], {**rows[-1], "policy_sha256": "0" * 64}])
     with pytest.raises(InvalidValueError, match="several contents"):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
     write_rows(out, [*rows[:-1], {**rows[-1], "scenario_id": "other"}])
     with pytest.raises(InvalidValueError, match="no row of suite 'head'"):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
 
 
 def test_a_report_with_other_counts_is_refused(given):
@@ -140,7 +132,7 @@ def test_a_report_with_other_counts_is_refused(given):
     report["policies"][weak]["recovered"] += 1
     (out / "report.json").write_text(json.dumps(report))
     with pytest.raises(InvalidValueError, match="recovered"):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
 
 
 @pytest.mark.parametrize(("key", "value"), [("code", "0" * 64), ("env", "PushRecovery/Biped-v0")])
@@ -156,9 +148,9 @@ def test_another_suite_is_refused(given, tmp_path):
     out, _, _ = given
     Suite("head", "1", SUITE.scenarios[:11]).save(tmp_path / "other.json")
     with pytest.raises(InvalidValueError, match="another suite"):
-        read_submission(out, str(tmp_path / "other.json"))
+        leaderboard.read_submission(out, str(tmp_path / "other.json"))
     with pytest.raises(InvalidValueError, match="not built in"):
-        read_submission(out)  # no built-in suite of that name
+        leaderboard.read_submission(out)  # no built-in suite of that name
 
 
 def test_a_policy_file_that_is_another_one_now_is_refused(given):
@@ -177,25 +169,33 @@ def test_a_built_in_suite_is_found_with_its_profile(tmp_path):
 
 
 def test_samples_are_of_the_size_asked_for_and_new_each_time(given):
-    submission = read_submission(given[0], given[1])
-    assert [len(sample) for sample in sample_of(submission, 5).values()] == [5, 5]
-    assert [len(sample) for sample in sample_of(submission, 99).values()] == [12, 12]
-    assert sample_of(submission, 5, seed=3) == sample_of(submission, 5, seed=3)
-    assert len({tuple(s.id for s in next(iter(sample_of(submission, 5).values()))) for _ in range(9)}) > 1
+    submission = leaderboard.read_submission(given[0], given[1])
+    assert [len(sample) for sample in leaderboard.sample_of(submission, 5).values()] == [5, 5]
+    assert [len(sample) for sample in leaderboard.sample_of(submission, 99).values()] == [12, 12]
+    assert leaderboard.sample_of(submission, 5, seed=3) == leaderboard.sample_of(submission, 5, seed=3)
+    assert (
+        len(
+            {tuple(s.id for s in next(iter(leaderboard.sample_of(submission, 5).values()))) for _ in range(9)}
+        )
+        > 1
+    )
 
 
 def test_entries_of_other_code_stand_beside(given, tmp_path):
     out, suite, (weak, _) = given
-    entry = entry_of(read_submission(out, suite), weak, 5)
+    entry = leaderboard.entry_of(leaderboard.read_submission(out, suite), weak, 5)
     board = tmp_path / "board"
-    first, second = add_entry(board, entry), add_entry(board, {**entry, "code": "1" * 64})
+    first, second = (
+        leaderboard.add_entry(board, entry),
+        leaderboard.add_entry(board, {**entry, "code": "1" * 64}),
+    )
     assert first != second
-    assert len(read_board(board)) == 2
-    assert add_entry(board, {**entry, "checked": 12}) == first
-    assert {entry["checked"] for entry in read_board(board)} == {12, 5}
+    assert len(leaderboard.read_board(board)) == 2
+    assert leaderboard.add_entry(board, {**entry, "checked": 12}) == first
+    assert {entry["checked"] for entry in leaderboard.read_board(board)} == {12, 5}
     first.rename(first.with_name("0000.json"))
     with pytest.raises(InvalidValueError, match="belongs in"):
-        read_board(board)
+        leaderboard.read_board(board)
 
 
 def test_what_is_no_directory_of_results(tmp_path, capsys):
@@ -217,8 +217,8 @@ def test_a_second_writer_of_a_board_is_refused(given, tmp_path, capsys):
 
 def test_the_page_of_the_documentation_is_made_of_its_entries():
     board = Path(__file__).parents[3] / "docs" / "leaderboard"
-    assert (board / "README.md").read_text() == board_page(read_board(board))
+    assert (board / "README.md").read_text() == leaderboard.board_page(leaderboard.read_board(board))
 
 
 def test_an_empty_board_says_so(tmp_path):
-    assert "No results yet" in board_page(read_board(tmp_path))
+    assert "No results yet" in leaderboard.board_page(leaderboard.read_board(tmp_path))

@@ -12,7 +12,7 @@ from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.suites import Suite, get_suite
+from push_recovery.eval.score.suites import Suite, standard_suite
 
 SCENARIOS = get_suite("standard").scenarios[:3]
 
@@ -108,7 +108,7 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(report.groups_of(get_suite("standard").scenarios)) == {
+    assert set(report.groups_of(standard_suite().scenarios)) == {
         "backward",
         "forward",
         "in place",

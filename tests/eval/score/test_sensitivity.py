@@ -11,50 +11,51 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.score import sensitivity as study
-from push_recovery.eval.score.suites import Suite, get_suite
+from push_recovery.eval.score import sensitivity as varying
+from push_recovery.eval.score.sensitivity import sensitivity
+from push_recovery.eval.score.suites import Suite, hard_suite
 
 CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2),)) for i in range(5)))
 
 
 def test_one_thing_is_varied_at_a_time():
-    assert next(iter(study.VARIATIONS)) == "exact"
+    assert next(iter(varying.VARIATIONS)) == "exact"
     assert (
-        len(study.VARIATIONS) == len(study.NUMERICS) + len(study.BODIES) + 3
+        len(varying.VARIATIONS) == len(varying.NUMERICS) + len(varying.BODIES) + 3
     )  # exact, onboard, hardware: no name comes twice
-    exact = [name for name, profile in study.VARIATIONS.items() if profile.sensing == "exact"]
-    assert exact == [name for name in study.VARIATIONS if name not in {"onboard", "hardware"}]
-    assert replace(study.VARIATIONS["onboard"], name="exact", sensing="exact") == EXACT
-    for name, _ in study.NUMERICS:
-        assert study.VARIATIONS[name].errors == EXACT.errors
-        assert study.VARIATIONS[name].physics != EXACT.physics
-    for name, _ in study.BODIES:
-        assert len(study.VARIATIONS[name].errors.names) == 1
-        assert study.VARIATIONS[name].physics == EXACT.physics
-    assert study.VARIATIONS["hardware"] is HARDWARE
+    exact = [name for name, profile in varying.VARIATIONS.items() if profile.sensing == "exact"]
+    assert exact == [name for name in varying.VARIATIONS if name not in {"onboard", "hardware"}]
+    assert replace(varying.VARIATIONS["onboard"], name="exact", sensing="exact") == EXACT
+    for name, _ in varying.NUMERICS:
+        assert varying.VARIATIONS[name].errors == EXACT.errors
+        assert varying.VARIATIONS[name].physics != EXACT.physics
+    for name, _ in varying.BODIES:
+        assert len(varying.VARIATIONS[name].errors.names) == 1
+        assert varying.VARIATIONS[name].physics == EXACT.physics
+    assert varying.VARIATIONS["hardware"] is HARDWARE
 
 
 def test_a_sample_is_spread_over_the_suite():
-    hard = get_suite("hard")
-    assert study.sample_of(hard, 128).scenarios == hard.scenarios[::8]
-    assert study.sample_of(hard, 1024).scenarios == hard.scenarios
-    assert [s.id for s in study.sample_of(CALM, 3).scenarios] == ["c0", "c1", "c3"]
+    hard = hard_suite()
+    assert varying.sample_of(hard, 128).scenarios == hard.scenarios[::8]
+    assert varying.sample_of(hard, 1024).scenarios == hard.scenarios
+    assert [s.id for s in varying.sample_of(CALM, 3).scenarios] == ["c0", "c1", "c3"]
     for bad in (0, 6, 2.5):
         with pytest.raises(InvalidValueError, match=r"sample must be an integer in \[1, 5\]"):
-            study.sample_of(CALM, bad)
+            varying.sample_of(CALM, bad)
 
 
 def test_every_variation_has_all_pushes_under_ids_of_its_own():
-    suite = study.varied_by(CALM, ["exact", "floor-0.6", "step-1ms"])
+    suite = varying.varied_by(CALM, ["exact", "floor-0.6", "step-1ms"])
     assert [s.id for s in suite.scenarios[4:7]] == ["c4/exact", "c0/floor-0.6", "c1/floor-0.6"]
     assert [s.pushes for s in suite.scenarios] == 3 * [s.pushes for s in CALM.scenarios]
     assert {s.errors for s in suite.scenarios[5:10]} == {ModelErrors(friction=0.6)}
     assert {s.physics.time_step for s in suite.scenarios[10:]} == {0.001}
     with pytest.raises(UnknownNameError, match=r"did you mean 'floor-0\.6'"):
-        study.varied_by(CALM, ["exact", "floor-06"])
+        varying.varied_by(CALM, ["exact", "floor-06"])
     for bad in (["floor-0.6"], ["exact", "cg", "cg"]):
         with pytest.raises(InvalidValueError, match="distinct and begin with 'exact'"):
-            study.varied_by(CALM, bad)
+            varying.varied_by(CALM, bad)
 
 
 def rows(recovered: str, survived: str) -> list[dict]:
@@ -70,7 +71,7 @@ def written(tmp_path):
     evaluation = SimpleNamespace(
         rows={"p": rows("11100", "11110") + rows("10010", "11011")}, env_id="E", directory=tmp_path
     )
-    return study.Sensitivity(CALM, 5, ("exact", "cg"), evaluation)  # type: ignore[arg-type]
+    return varying.Sensitivity(CALM, 5, ("exact", "cg"), evaluation)  # type: ignore[arg-type]
 
 
 def test_what_is_lost_and_gained(written):
@@ -85,13 +86,13 @@ def test_what_is_lost_and_gained(written):
 
 
 def test_the_table_and_the_report(written):
-    (table,) = study.sensitivity_tables(written)
+    (table,) = varying.sensitivity_tables(written)
     cells = table.rows
     assert len(cells[0]) == len(table.columns)
     assert cells[0] == ("exact", "3", "4", "0", "0", "-", "-")
     assert cells[1][:5] == ("cg", "2", "4", "2", "1")
     assert cells[1][5].startswith("-0.200 (")
-    path = study.write_sensitivity_reports(written)
+    path = varying.write_sensitivity_reports(written)
     assert "| cg | 2 | 4 | 2 | 1 | -0.200 (" in path.read_text()
     report = json.loads((path.parent / "report.json").read_text())
     assert report["policies"]["p"]["cg"]["lost"] == 2

@@ -12,6 +12,7 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import draw, suites
+from push_recovery.eval.score.suites import Suite, get_suite, quick_suite
 
 from push_recovery import evaluate
 
@@ -24,19 +25,19 @@ HARDWARE_SHA256 = "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf
 
 
 def test_content_hash_is_that_of_the_version():
-    assert suites.get_suite("quick").sha256 == QUICK_SHA256
-    assert suites.get_suite("quick-1").sha256 == QUICK_1_SHA256
-    assert suites.get_suite("hardware").sha256 == HARDWARE_SHA256
-    assert suites.get_suite("standard").sha256 == STANDARD_SHA256
-    assert suites.get_suite("hard").sha256 == HARD_SHA256
-    assert suites.get_suite("varied").sha256 == VARIED_SHA256
-    versions = {name: suites.get_suite(name).version for name in suites.SUITES if not name.endswith("sealed")}
+    assert get_suite("quick").sha256 == QUICK_SHA256
+    assert get_suite("quick-1").sha256 == QUICK_1_SHA256
+    assert suites.hardware_suite().sha256 == HARDWARE_SHA256
+    assert suites.standard_suite().sha256 == STANDARD_SHA256
+    assert suites.hard_suite().sha256 == HARD_SHA256
+    assert suites.varied_suite().sha256 == VARIED_SHA256
+    versions = {name: get_suite(name).version for name in suites.SUITES if not name.endswith("sealed")}
     assert versions == {**dict.fromkeys(versions, "1"), "quick": "2"}
 
 
 def test_quick_was_the_head_of_standard():
-    assert len(suites.get_suite("standard").scenarios) == 1024
-    assert suites.get_suite("quick-1").scenarios == suites.get_suite("standard").scenarios[:256]
+    assert len(suites.standard_suite().scenarios) == 1024
+    assert get_suite("quick-1").scenarios == suites.standard_suite().scenarios[:256]
 
 
 def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
@@ -49,7 +50,7 @@ def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
         impulse = [push.impulse_magnitude for push in single]
         assert least <= min(impulse) < least + 10.0
         assert most - 10.0 < max(impulse) <= most
-    others = {s.pushes for s in suites.get_suite("varied").scenarios}
+    others = {s.pushes for s in suites.varied_suite().scenarios}
     assert not others & {s.pushes for s in scenarios}
 
 
@@ -59,7 +60,7 @@ def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
 
     def mine() -> suites.Suite:
         made.append(1)
-        return suites.Suite("head", "1", suites.get_suite("standard").scenarios[:2])
+        return Suite("head", "1", suites.standard_suite().scenarios[:2])
 
     suites.register_suite("mine", mine)
     assert not made
@@ -87,9 +88,9 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
     for name, real in (("varied", "hardware"), ("varied-sealed", "hardware-sealed")):
         pairs = zip(suites.get_suite(name).scenarios, suites.get_suite(real).scenarios, strict=True)
         assert all(HARDWARE.applied(a) == b for a, b in pairs)
-        assert suites.get_suite(real).name == real
-        assert suites.with_profile(suites.get_suite(name), HARDWARE) == suites.get_suite(real)
-    assert {s.sensing for s in suites.get_suite("hardware").scenarios} == {"onboard"}
+        assert get_suite(real).name == real
+        assert suites.with_profile(get_suite(name), HARDWARE) == get_suite(real)
+    assert {s.sensing for s in suites.hardware_suite().scenarios} == {"onboard"}
 
 
 @pytest.mark.parametrize("kind", ["varied", "hard"])
@@ -178,7 +179,7 @@ def test_file_round_trip_and_tampering(tmp_path):
     path = tmp_path / "mine.json"
     suite.save(path)
     assert suites.load_suite(path) == suite
-    assert suites.get_suite(str(path)).sha256 == suite.sha256
+    assert get_suite(str(path)).sha256 == suite.sha256
 
     content = json.loads(path.read_text())
     content["scenarios"][2]["pushes"][0]["force"][0] += 1.0
@@ -211,22 +212,19 @@ def test_unknown_names_list_the_valid_ones(tmp_path):
 
 def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
-    off = suites.with_errors(suites.get_suite("quick"), errors)
+    off = suites.with_errors(quick_suite(), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
-    assert off.sha256 not in {
-        QUICK_SHA256,
-        suites.with_errors(suites.get_suite("quick"), ModelErrors(mass=0.2)).sha256,
-    }
-    for before, after in zip(suites.get_suite("quick").scenarios, off.scenarios, strict=True):
+    assert off.sha256 not in {QUICK_SHA256, suites.with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
+    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
-    assert suites.with_errors(suites.get_suite("quick"), ModelErrors()) is suites.get_suite("quick")
+    assert suites.with_errors(quick_suite(), ModelErrors()) is quick_suite()
     with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
         suites.with_errors(off, errors)
 
 
 def test_a_suite_with_errors_survives_a_file(tmp_path):
-    off = suites.with_errors(suites.get_suite("quick"), ModelErrors(friction=0.6, delay=0.01))
+    off = suites.with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
     off.save(tmp_path / "off.json")
     assert suites.load_suite(tmp_path / "off.json") == off
 
@@ -242,7 +240,7 @@ def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
 
 
 def test_a_suite_of_a_profile_keeps_ids_and_has_a_hash_of_its_own():
-    suite = suites.Suite("few", "1", suites.get_suite("quick").scenarios[:3])
+    suite = Suite("few", "1", quick_suite().scenarios[:3])
     assert suites.with_profile(suite, EXACT) is suite
     real = suites.with_profile(suite, HARDWARE)
     assert real.name == "few+hardware"
@@ -267,8 +265,8 @@ def test_a_suite_follows_from_its_seed(like):
 
 def test_the_draw_is_that_of_the_named_suite():
     drawn = suites.new_suite("hard", suites.HARD_SEED, 1024, "hard")
-    assert drawn.sha256 == suites.get_suite("hard").sha256
-    assert suites.new_suite("shift-floor", 20261207, name="shift-floor") == suites.get_suite("shift-floor")
+    assert drawn.sha256 == suites.hard_suite().sha256
+    assert suites.new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
 
 
 def test_other_ranges():
@@ -308,6 +306,6 @@ def test_the_command_writes_what_evaluate_reads(tmp_path, capsys):
     assert main([*argv, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == {**suites.load_suite(path).summary(), "out": str(path)}
-    assert suites.get_suite(str(path)) == suites.new_suite("shift-model", 5, 8)
+    assert get_suite(str(path)) == suites.new_suite("shift-model", 5, 8)
     assert main(["suite", "new", "--seed", "5", "--pushes", "[1]", "--out", str(path)]) == 2
     assert "JSON object" in capsys.readouterr().err
