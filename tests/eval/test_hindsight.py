@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,13 +33,9 @@ def test_neighbours_are_a_grid_about_the_push_without_itself():
     turns = [np.degrees(one.pushes[0].direction) for one in found]
     turns = [turn % 360.0 - 170.0 for turn in turns]
     grid = {(round(force, 9), round(turn, 9)) for force, turn in zip(forces, turns, strict=True)}
-    assert grid == {
-        (f, t) for f in (0.98, 0.99, 1.0, 1.01, 1.02) for t in (-2, -1, 0, 1, 2) if (f, t) != (1.0, 0)
-    }
-
-
-def test_all_pushes_change_alike_and_nothing_else_does():
-    for one in hindsight.neighbours(SCENARIO):
+    whole = set(product((0.98, 0.99, 1.0, 1.01, 1.02), (-2, -1, 0, 1, 2)))
+    assert grid == whole - {(1.0, 0)}
+    for one in found:  # all pushes change alike, and nothing else does
         first, second = one.pushes
         ratio = np.hypot(*first.force[:2]) / 500.0
         assert second.force[2] == pytest.approx(-50.0 * ratio)
@@ -92,14 +89,6 @@ def test_each_row_lasts_a_step_from_its_period_on(seen, period, rows):
     np.testing.assert_array_equal(replayed(policy, seen), corrected(seen, expected))
 
 
-def test_without_a_sequence_the_planner_acts_bit_for_bit(seen):
-    policy = hindsight.SequencePolicy(
-        SequenceRule(*PLANNER, 1.0), {"s": hindsight.Sequence(0, ROWS.tolist())}
-    )
-    policy.begin_scenario(Scenario("other"))
-    np.testing.assert_array_equal(replayed(policy, seen), POLICY.predict(seen)[0])
-
-
 def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
     policy = hindsight.SequencePolicy(
         SequenceRule(*PLANNER, 3.0), {"s": hindsight.Sequence(0, ROWS.tolist())}
@@ -108,6 +97,8 @@ def test_the_scale_multiplies_the_correction_and_the_box_holds_it(seen):
     actions = replayed(policy, seen[:1])
     np.testing.assert_array_equal(actions, corrected(seen[:1], ROWS[:1], 3.0))
     assert np.abs(actions).max() <= 1.0
+    policy.begin_scenario(Scenario("other"))  # without a sequence the planner acts, bit for bit
+    np.testing.assert_array_equal(replayed(policy, seen), POLICY.predict(seen)[0])
 
 
 def test_a_policy_starts_anew_with_an_episode_and_pickles(seen):
@@ -134,21 +125,17 @@ def test_robots_of_a_batch_are_in_their_own_steps(seen):
 
 
 NAN = float("nan")
+WRONG = [[0.0] * 6], [[1.5] + [0.0] * 6], [[NAN] * 7], [0.0] * 7, [[0.0] * 7, [0.0]], [["a"] * 7], 10**400
 
 
 @pytest.mark.parametrize(
-    "rows",
-    [[[0.0] * 6], [[1.5] + [0.0] * 6], [[NAN] * 7], [0.0] * 7, [[0.0] * 7, [0.0]], [["a"] * 7], 10**400],
+    ("period", "rows", "words"),
+    [(0, rows, r"rows of 7 numbers in \[-1, 1\]") for rows in WRONG]
+    + [(period, ROWS.tolist(), "the period of .* must be an integer") for period in (-1, 1.5, "3", 10**12)],
 )
-def test_impossible_sequences_are_refused(rows):
-    with pytest.raises(InvalidValueError, match=r"rows of 7 numbers in \[-1, 1\]"):
-        hindsight.Sequence(0, rows)
-
-
-@pytest.mark.parametrize("period", [-1, 1.5, "3", 10**12])
-def test_an_impossible_period_is_refused(period):
-    with pytest.raises(InvalidValueError, match="the period of a sequence must be an integer"):
-        hindsight.Sequence(period, ROWS.tolist())
+def test_impossible_sequences_are_refused(period, rows, words):
+    with pytest.raises(InvalidValueError, match=words):
+        Sequence(period, rows)
 
 
 LIGHT = Scenario(
@@ -179,9 +166,9 @@ def test_the_moment_is_the_period_in_which_the_push_begins(searcher, walker, sce
 
 
 def test_there_is_no_moment_without_a_push(searcher, walker):
-    assert hindsight.moment_of_push(walker, searcher.rule, Scenario("calm", duration=0.5)) is None
     late = replace(LIGHT, duration=0.2)
-    assert hindsight.moment_of_push(walker, searcher.rule, late) is None
+    for scenario in (Scenario("calm", duration=0.5), late):
+        assert hindsight.moment_of_push(walker, searcher.rule, scenario) is None
     row = searcher.row(late)
     assert (row["attempts"], row["corrections"], row["recovered"]) == (0, None, False)
 
@@ -217,16 +204,13 @@ def test_attempts_are_the_ordinary_rollouts_of_their_sequences(searcher, walker,
 
 def test_a_push_that_the_planner_recovers_is_answered_without_corrections(searcher):
     row = searcher.row(LIGHT)
-    assert row["recovered"]
-    assert row["attempts"] == SETTINGS.population
+    assert (row["recovered"], row["attempts"], row["neighbours"]) == (True, SETTINGS.population, 24)
     assert np.abs(row["corrections"]).max() == 0.0
-    assert row["neighbours"] == 24
 
 
 def test_a_search_without_an_answer_spends_its_budget_and_keeps_its_best(searcher):
     row = searcher.row(HOPELESS)
-    assert not row["recovered"]
-    assert (row["attempts"], row["neighbours"]) == (SETTINGS.budget, None)
+    assert (row["recovered"], row["attempts"], row["neighbours"]) == (False, SETTINGS.budget, None)
     assert np.shape(row["corrections"]) == (4, 7)
     assert row == searcher.row(HOPELESS)
 

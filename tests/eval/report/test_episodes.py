@@ -10,7 +10,6 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.eval.record.film import StripCamera
 from push_recovery.eval.report import episodes
-from push_recovery.eval.report import episodes as pictures
 from push_recovery.eval.report.evaluation import labelled
 from push_recovery.eval.score.report import LIMITS, limits_table, reasons_of, reasons_table
 
@@ -24,22 +23,13 @@ def test_reasons_are_counted_and_explained(evaluation):
 
 
 def test_limits_of_falls_and_recoveries(evaluation):
+    assert set(LIMITS) == set(LIMIT_NAMES)  # every one has words
     found = evaluation({"p": "rsff", "q": "rrrr"})
     found.rows["q"][0]["limit_shares"] = {"step_time": 0.4}
     assert limits_table(found).rows == [
         ("step_time", LIMITS["step_time"], "0 % / 0 %", "0 % / 10 %"),
         ("cop", LIMITS["cop"], "50 % / 0 %", "0 % / 0 %"),
     ]
-
-
-def test_every_limit_has_words():
-    assert set(LIMITS) == set(LIMIT_NAMES)
-
-
-def drawn() -> StripCamera:
-    camera = StripCamera()
-    camera.frames, camera.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
-    return camera
 
 
 def test_the_best_is_shown_beside_another_recipe(evaluation):
@@ -52,14 +42,9 @@ def test_the_weakest_push_of_either_side_tells(evaluation):
     found = evaluation({"a": "rrfrfr", "b": "frrffr"})  # only a: pushes 0 and 3; only b: push 2
     rows = found.rows["a"]
     weakest = min((0, 3), key=lambda k: rows[k]["impulse"])
-    assert episodes.telling_pushes(found, "a", "b") == [
-        found.suite.scenarios[weakest],
-        found.suite.scenarios[2],
-    ]
-    assert episodes.telling_pushes(found, "b", "a") == [
-        found.suite.scenarios[2],
-        found.suite.scenarios[weakest],
-    ]
+    of_a, of_b = found.suite.scenarios[weakest], found.suite.scenarios[2]
+    assert episodes.telling_pushes(found, "a", "b") == [of_a, of_b]
+    assert episodes.telling_pushes(found, "b", "a") == [of_b, of_a]
     assert episodes.telling_pushes(evaluation({"a": "rf", "b": "ff"}), "b", "a") == [found.suite.scenarios[0]]
 
 
@@ -67,8 +52,9 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     found = evaluation({"a": "rr", "b": "rf"}, "PushRecovery/Biped-v0")
     rows = {"x/first.safetensors": found.rows["a"], "b": found.rows["b"]}
     (found,) = labelled({"exact": replace(found, rows=rows)}).values()
-    watched = []
-    monkeypatch.setattr(pictures, "watch", lambda env_id, policy, scenario: watched.append(policy) or drawn())
+    watched, camera = [], StripCamera()
+    camera.frames, camera.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
+    monkeypatch.setattr(episodes, "watch", lambda env_id, policy, scenario: watched.append(policy) or camera)
     ((caption, address),) = episodes.picture_part(found).pictures
     assert watched == ["a", "b"]  # by the names in the rows
     assert "x/first recovers; b falls at 3.2 s" in caption
@@ -79,8 +65,7 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     def fails(*_):
         raise InvalidValueError("no OpenGL here")
 
-    monkeypatch.setattr(pictures, "watch", fails)
+    monkeypatch.setattr(episodes, "watch", fails)
     assert episodes.picture_part(found) == episodes.PicturePart(reason="no OpenGL here")
-    assert (
-        episodes.picture_part(evaluation({"a": "rr", "b": "rf"})) == episodes.PicturePart()
-    )  # of the pendulum none
+    of_pendulum = evaluation({"a": "rr", "b": "rf"})
+    assert episodes.picture_part(of_pendulum) == episodes.PicturePart()

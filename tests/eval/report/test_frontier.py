@@ -24,19 +24,13 @@ def row(psi, survived, falls=()):
 @pytest.fixture
 def found(tmp_path):
     (tmp_path / "outcomes.jsonl").write_text("")
-    return Frontier(
-        FrontierSettings("PushRecovery/Pendulum-v0"),
-        {
-            "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
-            "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
-        },
-        {
-            0.0: DirectionLimits(400.0, 200.0),
-            90.0: DirectionLimits(200.0, 90.0),
-            180.0: DirectionLimits(0.0, 50.0),
-        },
-        tmp_path,
-    )
+    rows = {
+        "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
+        "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
+    }
+    limits = {0.0: (400.0, 200.0), 90.0: (200.0, 90.0), 180.0: (0.0, 50.0)}
+    limits = {psi: DirectionLimits(*pair) for psi, pair in limits.items()}
+    return Frontier(FrontierSettings("PushRecovery/Pendulum-v0"), rows, limits, tmp_path)
 
 
 def test_shares_are_of_the_own_box_where_it_has_a_limit(found):

@@ -131,27 +131,27 @@ def test_the_names_that_are_there_are_listed(shipped, capsys):
         make_policy("scratches", make_env(toy.ENV_ID))
 
 
+JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
+SIZES = {JOINT: 58, RESIDUAL: 94, BIPED_ENV: 36}
+
+
+def save_zero_policy(path, env_id) -> str:
+    """A policy file whose action is zero everywhere."""
+    inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
+    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
+    normalisation = Normalisation(np.zeros(inputs), np.ones(inputs))
+    about = PolicyDescription(env_id, BIPED, BIPED_LIMITS)
+    return str(NetworkPolicy(network, normalisation, about).save(path))
+
+
 def test_a_named_policy_on_joints_acts_in_its_own_form_of_the_biped(tmp_path, monkeypatch):
     """A joint residual of zero is the planner, in every field of its row but the name."""
-    from push_recovery.envs.joint.env import BipedJointResidualEnv
-
     monkeypatch.setattr(policies, "FOLDER", tmp_path)
-    save_zero(tmp_path / "joint-residual", "PushRecovery/BipedJointResidual-v0", BipedJointResidualEnv())
+    save_zero_policy(tmp_path / "joint-residual", RESIDUAL)
     runner, walk = Runner("PushRecovery/Biped-v0"), Scenario("walk", duration=0.3)
     rows = [runner.run((name, walk)).to_dict() | {"policy": ""} for name in ("two-stage", "joint-residual")]
     runner.close()
     assert rows[0] == rows[1]
-
-
-def save_zero(path, env_id, env):
-    import numpy as np
-    from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
-    from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-
-    inputs, outputs = env.observation_space.shape[0], env.action_space.shape[0]
-    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
-    about = PolicyDescription(env_id, env.robot, env.limits)
-    NetworkPolicy(network, Normalisation(np.zeros(inputs), np.ones(inputs)), about).save(path)
 
 
 def test_a_wheel_carries_both_files_of_every_policy():
@@ -187,19 +187,8 @@ def test_the_digest_is_of_names_and_files(shipped):
     assert policies.shipped_digest() not in (before, other)
 
 
-JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
-SIZES = {JOINT: 58, RESIDUAL: 94, BIPED_ENV: 36}
 G1 = "PushRecovery/G1JointResidual-v0"
 PUSHED = Scenario("pushed", (Push((60.0, 90.0, 0.0), 0.1, 0.4),), duration=1.2)
-
-
-def save_zero_policy(path, env_id) -> str:
-    """A policy file whose action is zero everywhere."""
-    inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
-    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
-    normalisation = Normalisation(np.zeros(inputs), np.ones(inputs))
-    about = PolicyDescription(env_id, BIPED, BIPED_LIMITS)
-    return str(NetworkPolicy(network, normalisation, about).save(path))
 
 
 @pytest.mark.parametrize("env_id", [JOINT, RESIDUAL])

@@ -13,6 +13,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.score import draw
 from push_recovery.eval.score.suites import get_suite
 
+MOST = 1.0 - 1e-9
 MIDDLE = draw.Point(*[0.5] * draw.FACTORS)
 
 
@@ -31,19 +32,16 @@ def test_a_single_push_at_the_pelvis():
     assert push.start == GaitEvent(4, "right", 0.5)
     assert (found.id, found.noise_seed, found.stance_side, found.command) == ("mine", 7, "right", Command())
     assert (draw.count_of(found), draw.walk_of(found)) == ("single", "in place")
+    assert draw.count_of(Scenario("quiet")) == "none"
 
 
 def test_the_least_and_the_most():
-    least = scenario(
-        impulse=0.0, duration=0.0, pushes=0.0, sides=0.0, offset_x=0.0, offset_y=0.0, offset_z=0.0
-    )
+    ends = ("impulse", "duration", "offset_x", "offset_y", "offset_z")
+    least = scenario(**dict.fromkeys(ends, 0.0), pushes=0.0, sides=0.0)
     assert least.pushes[0].impulse_magnitude == pytest.approx(50.0, abs=1e-4)
     assert least.pushes[0].duration == 0.02
     assert least.pushes[0].offset == (-0.08, -0.10, -0.08)
-    most = 1.0 - 1e-9
-    hard = scenario(
-        impulse=most, duration=most, pushes=0.0, sides=1 / 16, offset_x=most, offset_y=most, offset_z=most
-    )
+    hard = scenario(**dict.fromkeys(ends, MOST), pushes=0.0, sides=1 / 16)
     assert hard.pushes[0].impulse_magnitude == pytest.approx(110.0, abs=1e-3)
     assert (hard.pushes[0].duration, hard.pushes[0].body) == (0.5, "trunk")
     assert hard.pushes[0].offset == (0.10, 0.16, 0.25)
@@ -63,12 +61,8 @@ def test_the_second_of_two_comes_up_to_four_steps_later_from_anywhere():
 def test_a_repeated_push_comes_four_times_on_the_same_stance():
     """Step 0 stands on the left, the push on the right: the first such step from 4 on is 5."""
     found = scenario(pushes=12 / 16, sides=2 / 16, direction=0.5)
-    assert [push.start for push in found.pushes] == [
-        GaitEvent(4, "right", 0.5),
-        *(GaitEvent(index, "right", 0.5) for index in (7, 9, 11)),
-    ]
-    indices = [push.start.step_index("left") for push in found.pushes]
-    assert indices == [5, 7, 9, 11]
+    assert [push.start for push in found.pushes] == [GaitEvent(k, "right", 0.5) for k in (4, 7, 9, 11)]
+    assert [push.start.step_index("left") for push in found.pushes] == [5, 7, 9, 11]
     assert {push.impulse for push in found.pushes} == {found.pushes[0].impulse}
     assert found.pushes[0].impulse_magnitude == pytest.approx(0.55 * 105.0, abs=1e-3)
     assert draw.count_of(found) == "repeated"
@@ -115,18 +109,8 @@ def test_every_kind_is_there_as_often_as_stated():
     assert np.ptp(np.histogram(logs, bins=16, range=(math.log(0.02), math.log(0.5)))[0]) <= 2
 
 
-def test_what_does_not_push_has_a_count_too():
-    assert draw.count_of(Scenario("quiet")) == "none"
-
-
 PUSH = Push((600.0, -800.0, 0.0), 0.1, GaitEvent(4, "right", 0.25))  # 100 N s
 BASE = Scenario("base", (PUSH,), Command(0.2), "left", noise_seed=3)
-MOST = 1.0 - 1e-9
-
-
-def one(scenario: Scenario) -> Push:
-    (push,) = scenario.pushes
-    return push
 
 
 @pytest.mark.parametrize("kind", draw.SHIFTS)
@@ -149,9 +133,8 @@ def test_nothing_else_changes(kind):
         if kind != "shift-repeated":
             assert len(scenario.pushes) == 1
     impulse = [s.pushes[0].impulse_magnitude for s in found]
-    least, most = {"shift-magnitude": (210, 250), "shift-body": (48, 200), "shift-repeated": (44, 110)}.get(
-        kind, (80, 200)
-    )
+    ranges = {"shift-magnitude": (210, 250), "shift-body": (48, 200), "shift-repeated": (44, 110)}
+    least, most = ranges.get(kind, (80, 200))
     assert least - 0.01 <= min(impulse) < least + 2.0
     assert most - 2.0 < max(impulse) <= most + 0.01
 
@@ -159,23 +142,23 @@ def test_nothing_else_changes(kind):
 @pytest.mark.parametrize(("u", "duration"), [(0.0, 0.02), (0.5, 0.1), (MOST, 0.5)])
 def test_another_duration_has_the_same_impulse(u, duration):
     found = draw.longer_or_shorter(BASE, [u])
-    assert one(found).duration == pytest.approx(duration, abs=1e-4)
-    assert one(found).impulse == pytest.approx((60.0, -80.0, 0.0), abs=1e-3)
+    (push,) = found.pushes
+    assert push.duration == pytest.approx(duration, abs=1e-4)
+    assert push.impulse == pytest.approx((60.0, -80.0, 0.0), abs=1e-3)
     assert replace(found, pushes=BASE.pushes) == BASE
 
 
 def test_another_place_on_either_body():
-    trunk = one(draw.elsewhere(BASE, [0.49, 0.0, 0.5, MOST]))
+    (trunk,) = draw.elsewhere(BASE, [0.49, 0.0, 0.5, MOST]).pushes
     assert (trunk.body, trunk.offset) == ("trunk", (-0.10, 0.0, 0.25))
     assert trunk.force == pytest.approx((360.0, -480.0, 0.0))
-    pelvis = one(draw.elsewhere(BASE, [0.5, MOST, 0.0, 0.5]))
+    (pelvis,) = draw.elsewhere(BASE, [0.5, MOST, 0.0, 0.5]).pushes
     assert (pelvis.body, pelvis.offset, pelvis.force) == ("pelvis", (0.08, -0.10, 0.0), PUSH.force)
 
 
 def test_another_robot():
-    assert draw.another_robot(BASE, [0.0] * 9).errors == ModelErrors(
-        mass=-0.15, trunk_com=(-0.03, -0.03, -0.03)
-    )
+    least = draw.another_robot(BASE, [0.0] * 9).errors
+    assert least == ModelErrors(mass=-0.15, trunk_com=(-0.03, -0.03, -0.03))
     most = draw.another_robot(BASE, [MOST] * 9).errors
     assert most == ModelErrors(
         mass=0.15, payload=8.0, trunk_com=(0.03, 0.03, 0.03), joint_friction=1.5, armature=0.04, delay=0.008,
@@ -187,12 +170,13 @@ def test_another_robot():
 
 
 def test_another_floor():
-    assert draw.another_floor(BASE, [0.0, 0.5, 0.0]).errors == ModelErrors(friction=0.45)
-    uphill = draw.another_floor(BASE, [0.5, MOST, 0.25]).errors  # a quarter turn: to the left
-    assert uphill == ModelErrors(slope_left=0.07)
-    back = draw.another_floor(BASE, [0.5, 0.0, 0.5]).errors
-    assert back == ModelErrors(slope_forward=-0.02)
-    assert draw.another_floor(BASE, [0.9, 0.0, 0.0]).errors == ModelErrors(floor_step=0.005)
+    for point, errors in (
+        ([0.0, 0.5, 0.0], ModelErrors(friction=0.45)),
+        ([0.5, MOST, 0.25], ModelErrors(slope_left=0.07)),  # a quarter turn: to the left
+        ([0.5, 0.0, 0.5], ModelErrors(slope_forward=-0.02)),
+        ([0.9, 0.0, 0.0], ModelErrors(floor_step=0.005)),
+    ):
+        assert draw.another_floor(BASE, point).errors == errors
     kinds = [set(s.errors.names) for s in draw.shifted_scenarios("shift-floor", "s", 1, 2)]
     counts = [sum(bool(names & wanted) for names in kinds)
               for wanted in ({"friction"}, {"slope_forward", "slope_left"}, {"floor_step"})]  # fmt: skip

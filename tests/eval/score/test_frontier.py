@@ -14,6 +14,7 @@ from push_recovery.controllers.model.capturability import capture_margin, recove
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command
@@ -49,9 +50,8 @@ def test_a_scan_ends_so_far_past_the_first_failure_whatever_runs_at_once(at_once
 
 
 def test_a_scan_without_failure_takes_every_strength():
-    assert scans.scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool) == {
-        1.0: True, 2.0: True,
-    }  # fmt: skip
+    found = scans.scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool)
+    assert found == {1.0: True, 2.0: True}
 
 
 def test_multiples_end_at_the_cap():
@@ -70,10 +70,16 @@ def force_for(robot: RobotModel, shift: float) -> float:
     return shift * robot.mass * robot.omega**2 / (1.0 - math.exp(-robot.omega * DURATION))
 
 
+@pytest.fixture(scope="module")
+def env():
+    made = make_env("PushRecovery/Pendulum-v0")
+    yield made
+    made.close()
+
+
 @pytest.mark.parametrize("command", [Command(0.3, 0.1), Command(0.3, -0.1), Command(-0.2, 0.15)])
-def test_the_limit_starts_from_the_gait_of_the_command(command):
+def test_the_limit_starts_from_the_gait_of_the_command(env, command):
     """On left stance the swing side is the right one: a velocity to the left narrows the step."""
-    env = make_env("PushRecovery/Pendulum-v0")
     gait = nominal_gait(PAPER, PAPER_LIMITS, (command.vx, -command.vy))
     assert (gait.width < PAPER.pelvis_width) == (command.vy > 0)
     x, y = step_start_dcm(gait, PAPER.pelvis_width, PAPER.omega)
@@ -103,13 +109,6 @@ def test_the_own_limit_is_of_the_robots_box_and_the_papers_is_not():
 
 
 WALKS = [Command(), Command(0.3, 0.1), Command(-0.2, -0.15)]
-
-
-@pytest.fixture(scope="module")
-def env():
-    made = make_env("PushRecovery/Pendulum-v0")
-    yield made
-    made.close()
 
 
 @pytest.mark.parametrize("command", WALKS)
@@ -165,21 +164,9 @@ class Holes:
         ok = bool(self.survives(force))
         limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
         recovered = ok and force < 100.0  # the largest force survived counts, settled or not
-        base = (
-            scenario.id,
-            policy,
-            ok,
-            recovered,
-            None,
-            None if ok else "low",
-            1.0,
-            1,
-            0.0,
-            force / 10,
-            0.0,
-            1,
-        )
-        return Outcome(*base, (0.0, 0.0), *limits)
+        end = None, None if ok else "low", 1.0, 1, 0.0
+        push = force / 10, 0.0, 1, (0.0, 0.0)
+        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *limits)
 
 
 def scan_with(survives, grid=20.0):
@@ -206,7 +193,15 @@ def test_scan_keeps_the_limits_of_every_failed_force():
         "limit_shares": {"cop": 0.25, "contact": 0.32},
     }
     assert scans.fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
-    assert scans.fall_cell([]) == "-"
+
+
+def test_a_fall_is_told_by_the_limit_met_first_and_the_three_met_longest():
+    """Of equal ones in the order of the limits."""
+    shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
+    falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
+    longest = sorted(("contact", "leg_reach"), key=LIMIT_NAMES.index)
+    assert scans.fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
+    assert scans.fall_cell([{"first_limit": None, "limit_shares": {}}]) == scans.fall_cell([]) == "-"
 
 
 class SideBySide(Holes):
@@ -248,12 +243,8 @@ def test_push_of_the_contract():
     push = scenario.pushes[0]
     assert push.force == pytest.approx((0.0, 140.0, 0.0), abs=1e-12)
     assert push.start == GaitEvent(4, "left", 0.0)
-    assert (push.duration, push.body, scenario.stance_side, scenario.command) == (
-        0.1,
-        "pelvis",
-        "left",
-        Command(0.3),
-    )
+    assert (push.duration, push.body) == (0.1, "pelvis")
+    assert (scenario.stance_side, scenario.command) == ("left", Command(0.3))
     assert push.start.step_index("left") == 4  # type: ignore[union-attr]
 
 
@@ -330,11 +321,6 @@ def test_limit_curves_name_both_yardsticks():
         limit = scans.direction_limits(env, psi, 0.1, Command())
         assert (curves[scans.OWN][k], curves[scans.PAPER][k]) == (limit.own, limit.paper)
         assert curves[scans.POINT_FOOT][k] < limit.own
-
-
-def test_share_of_no_limit_is_none():
-    assert scans.DirectionLimits.share(50.0, 200.0) == 0.25
-    assert scans.DirectionLimits.share(50.0, 0.0) is None
 
 
 def row(psi, survived, largest):

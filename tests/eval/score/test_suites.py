@@ -16,32 +16,26 @@ from push_recovery.eval.score.suites import Suite, get_suite, quick_suite
 
 from push_recovery import evaluate
 
-QUICK_SHA256 = "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286"
-QUICK_1_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
-STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
-HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
-VARIED_SHA256 = "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507"
-HARDWARE_SHA256 = "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c"
+HASHES = {
+    "quick": "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286",
+    "quick-1": "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994",
+    "standard": "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2",
+    "hard": "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6",
+    "varied": "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507",
+    "hardware": "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c",
+}
 
 
 def test_content_hash_is_that_of_the_version():
-    assert get_suite("quick").sha256 == QUICK_SHA256
-    assert get_suite("quick-1").sha256 == QUICK_1_SHA256
-    assert suites.hardware_suite().sha256 == HARDWARE_SHA256
-    assert suites.standard_suite().sha256 == STANDARD_SHA256
-    assert suites.hard_suite().sha256 == HARD_SHA256
-    assert suites.varied_suite().sha256 == VARIED_SHA256
+    assert {name: get_suite(name).sha256 for name in HASHES} == HASHES
     versions = {name: get_suite(name).version for name in suites.SUITES if not name.endswith("sealed")}
     assert versions == {**dict.fromkeys(versions, "1"), "quick": "2"}
 
 
-def test_quick_was_the_head_of_standard():
+def test_quick_has_pushes_of_every_kind_up_to_harder_ones_and_was_the_head_of_standard():
     assert len(suites.standard_suite().scenarios) == 1024
     assert get_suite("quick-1").scenarios == suites.standard_suite().scenarios[:256]
-
-
-def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
-    scenarios = suites.get_suite("quick").scenarios
+    scenarios = quick_suite().scenarios
     assert len(scenarios) == 256
     assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
     assert set(map(draw.walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
@@ -74,13 +68,12 @@ def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
         suites.register_suite("", mine)
 
 
-def test_what_is_run_where_no_suite_is_named():
-    assert (
-        suites.default_suite("PushRecovery/Biped-v0")
-        == suites.default_suite("my_module:My-v0@file.json")
-        == "quick"
-    )
-    assert suites.default_suite("PushRecovery/Pendulum-v0@paper") == "quick-1"
+@pytest.mark.parametrize(
+    ("env", "name"),
+    [("Biped-v0", "quick"), ("my_module:My-v0@file.json", "quick"), ("Pendulum-v0@paper", "quick-1")],
+)
+def test_what_is_run_where_no_suite_is_named(env, name):
+    assert suites.default_suite(env if ":" in env else f"PushRecovery/{env}") == name
 
 
 def test_hardware_has_the_pushes_of_varied_on_other_robots():
@@ -175,7 +168,8 @@ def test_suite_covers_its_ranges_evenly(name, least, most):
 
 
 def test_file_round_trip_and_tampering(tmp_path):
-    suite = suites.Suite("mine", "3", suites.get_suite("quick").scenarios[:4])
+    off = suites.with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
+    suite = Suite("mine", "3", off.scenarios[:4])
     path = tmp_path / "mine.json"
     suite.save(path)
     assert suites.load_suite(path) == suite
@@ -214,19 +208,16 @@ def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
     off = suites.with_errors(quick_suite(), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
-    assert off.sha256 not in {QUICK_SHA256, suites.with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
+    assert off.sha256 not in {
+        HASHES["quick"],
+        suites.with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256,
+    }
     for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
     assert suites.with_errors(quick_suite(), ModelErrors()) is quick_suite()
     with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
         suites.with_errors(off, errors)
-
-
-def test_a_suite_with_errors_survives_a_file(tmp_path):
-    off = suites.with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
-    off.save(tmp_path / "off.json")
-    assert suites.load_suite(tmp_path / "off.json") == off
 
 
 @pytest.mark.parametrize(
