@@ -197,8 +197,7 @@ def test_attempts_are_the_ordinary_rollouts_of_their_sequences(searcher, walker,
         whole = rollout(searcher.env, replay, scenario, "attempt", watch)
         assert whole.env_steps == outcome.env_steps + period
         from_there = {"env_steps", "total_reward", "measures"}  # what counts from where an attempt begins
-        same = replace(whole, **{name: getattr(outcome, name) for name in from_there})
-        assert same == outcome
+        assert replace(whole, **{name: getattr(outcome, name) for name in from_there}) == outcome
         assert value == pytest.approx(0.01 * sum(worth) + hindsight.RECOVERED * outcome.recovered)
 
 

@@ -5,8 +5,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -134,16 +134,12 @@ def test_a_worker_at_work_is_not_waited_for():
 
 @pytest.mark.usefixtures("here")
 def test_it_works_in_a_thread():
-    found = []
-
     def work():
         with WorkerPool(1, base, 1) as pool:
-            found.extend(pool.run(add, [1]))
+            return list(pool.run(add, [1]))
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert found == [(0, 2)]
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(work).result() == [(0, 2)]
 
 
 PARENT = """

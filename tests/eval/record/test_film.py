@@ -8,8 +8,6 @@ import pytest
 from PIL import Image
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record import film as films
-from push_recovery.eval.record.film import sheet
-from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
@@ -53,10 +51,10 @@ def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
 
 
 def test_a_contact_sheet_has_six_moments_and_tells_its_markers():
-    sheet = np.asarray(Image.open(io.BytesIO(films.strip(shot(grey=90, recovered_at=2.2)))))
-    assert sheet.shape[1] >= len(films.STRIP) * films.STRIP_PANEL[0]
-    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(films.STRIP) * films.STRIP_PANEL[0]
-    below = sheet[films.STRIP_PANEL[1] + films.LINE :]
+    strip = np.asarray(Image.open(io.BytesIO(films.strip(shot(grey=90, recovered_at=2.2)))))
+    assert strip.shape[1] >= len(films.STRIP) * films.STRIP_PANEL[0]
+    assert (strip[strip.shape[0] // 2] == 90).all(axis=-1).sum() == len(films.STRIP) * films.STRIP_PANEL[0]
+    below = strip[films.STRIP_PANEL[1] + films.LINE :]
     assert all(has(below, colour) for colour in films.LEGEND.values())
     fell = np.asarray(Image.open(io.BytesIO(films.strip(shot(grey=90, failure_reason="com_height")))))
     assert (fell[films.STRIP_PANEL[1] + films.LINE :] != below).any()  # words of another ending
@@ -72,14 +70,8 @@ def test_each_policy_has_its_own_picture_and_the_markers_are_told():
 
 
 def test_the_path_of_a_long_file_is_cut_at_its_front():
-    short, long, other = (
-        films.compose([shot("a" * count + name)], 0.0, 1.0)
-        for count, name in (
-            (300, "/mine.safetensors"),
-            (400, "/mine.safetensors"),
-            (300, "/yours.safetensors"),
-        )
-    )
+    names = "a" * 300 + "/mine.safetensors", "a" * 400 + "/mine.safetensors", "a" * 300 + "/yours.safetensors"
+    short, long, other = (films.compose([shot(name)], 0.0, 1.0) for name in names)
     np.testing.assert_array_equal(short, long)
     assert (short != other).any()
 
@@ -118,26 +110,15 @@ def test_an_mp4_has_every_frame_at_its_rate():
     np.testing.assert_allclose(greys, [20 * i for i in range(8)], atol=6)
 
 
-def evaluation(tmp_path, **recovered):
-    """Rows of which nothing is known but who recovers."""
-    suite = Suite("few", "1", get_suite("standard").scenarios[: len(next(iter(recovered.values())))])
-    rows = {name: [{"recovered": end == "R"} for end in ends] for name, ends in recovered.items()}
-    return Evaluation(suite, PENDULUM, rows, tmp_path, 0.0)
-
-
-def test_both_sides_of_a_disagreement_take_turns(tmp_path):
-    found = films.disagreements(evaluation(tmp_path, a="RRRR-R", b="R---R-"))
+def test_both_sides_of_a_disagreement_take_turns(evaluation):
+    found = films.disagreements(evaluation({"a": "rrrrfr", "b": "rfffrf"}))
     assert [one.place for one in found] == [1, 4, 2, 3, 5]
     assert {one.policies for one in found} == {("a", "b")}
 
 
-def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(tmp_path):
-    found = films.disagreements(evaluation(tmp_path, a="RR-", b="R--", c="R-R"))
+def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(evaluation):
+    found = films.disagreements(evaluation({"a": "rrf", "b": "rff", "c": "rfr"}))
     assert {one.place: one.policies for one in found} == {1: ("a", "b"), 2: ("a", "c")}
-
-
-def test_names_of_films_hold_no_path():
-    assert films.film_name(3, "../a b/ü") == "0003-.._a_b_"
 
 
 def test_compare_films_what_its_rows_say(tmp_path, capsys):
@@ -154,6 +135,7 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     gif, mp4 = sorted((out / "films").iterdir())
     assert gif.stat().st_size < 1_000_000
     assert (gif.suffix, mp4.suffix, gif.stem) == (".gif", ".mp4", mp4.stem)
+    assert films.film_name(3, "../a b/ü") == "0003-.._a_b_"  # holds no path
     assert main([*argv, "--film", "all"]) == 2
     assert "discordant" in capsys.readouterr().err
 
@@ -173,16 +155,15 @@ def watched(push_at: float, end: float, period: float = 0.01) -> films.StripCame
 def test_it_draws_at_its_moments_after_the_push_and_at_the_end():
     whole = watched(1.0, 4.0)
     np.testing.assert_allclose(whole.after, films.STRIP, atol=0.0101)
-    assert [int(frame[0, 0, 0]) for frame in whole.frames] == [
-        round(100 * (1 + t)) % 256 for t in whole.after
-    ]
+    greys = [round(100 * (1 + after)) % 256 for after in whole.after]
+    assert [int(frame[0, 0, 0]) for frame in whole.frames] == greys
     short = watched(1.0, 1.63)
     np.testing.assert_allclose(short.after, [*films.STRIP[:3], 0.63], atol=0.0101)
     assert watched(5.0, 4.0).frames == []
 
 
 def test_a_sheet_has_a_row_for_each_policy():
-    picture = Image.open(io.BytesIO(sheet([("a", watched(1.0, 4.0)), ("b", watched(1.0, 1.63))])))
+    picture = Image.open(io.BytesIO(films.sheet([("a", watched(1.0, 4.0)), ("b", watched(1.0, 1.63))])))
     grey = np.asarray(picture.convert("L"), dtype=int)
     first, second = np.array_split(grey, 2)
     assert picture.width == pytest.approx(900)

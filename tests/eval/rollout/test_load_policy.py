@@ -86,21 +86,15 @@ def test_a_name_stands_for_the_package_s_policy_and_not_for_a_file_that_lies_abo
     monkeypatch.chdir(tmp_path)
     toy.save_policy(tmp_path / "residual", 3.0)
     env = make_env(toy.ENV_ID)
-    gains = [
-        load_policy(name, env).network.weights[0].min()  # type: ignore[attr-defined]
-        for name in ("residual", "residual.safetensors")
-    ]
-    assert gains == [-8.0, -3.0]
+    for name, gain in (("residual", 8.0), ("residual.safetensors", 3.0)):
+        assert load_policy(name, env).network.weights[0].min() == -gain  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ("evaluate", "--policies", "joint"),
+        *((command, "--policies", "joint") for command in ("evaluate", "frontier", "sensitivity", "ceiling")),
         ("compare", "residual", "joint"),
-        ("frontier", "--policies", "joint"),
-        ("sensitivity", "--policies", "joint"),
-        ("ceiling", "--policies", "joint"),
         ("play", "--policy", "joint", "--out", "p.png"),
     ],
 )
@@ -108,13 +102,19 @@ def test_a_name_without_a_file_says_what_is_there(shipped, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
     said = capsys.readouterr().err
-    assert "policy 'joint' does not come with this version" in said
-    assert "trained policies are: residual, scratch;" in said
+    there = "policy 'joint' does not come with this version", "trained policies are: residual, scratch;"
+    assert all(words in said for words in there)
     assert not (tmp_path / "runs").exists()
 
 
-def test_half_a_policy_is_none(shipped, monkeypatch):
+def test_a_copied_pair_is_shipped_and_half_a_policy_is_none(shipped, monkeypatch):
     assert policies.shipped_names() == ("residual", "scratch")
+    copied = [
+        shutil.copy(path, shipped / f"joint{path.suffix}") for path in policy_paths(shipped / "scratch")
+    ]
+    assert policies.shipped_names() == ("residual", "scratch", "joint")
+    for path in copied:
+        path.unlink()
     (shipped / "scratch.json").unlink()
     assert policies.shipped_names() == ("residual",)
     monkeypatch.setattr(policies, "FOLDER", shipped / "nowhere")
@@ -167,12 +167,6 @@ def test_the_folder_holds_policies_of_these_names_only():
     assert stems == set(policies.shipped_names())
     for name in policies.shipped_names():
         assert sum(path.stat().st_size for path in policy_paths(policies.FOLDER / name)) < 2**20
-
-
-def test_a_copied_pair_is_shipped(shipped):
-    for path in policy_paths(shipped / "scratch"):
-        shutil.copy(path, shipped / path.name.replace("scratch", "joint"))
-    assert policies.shipped_names() == ("residual", "scratch", "joint")
 
 
 def test_the_digest_is_of_names_and_files(shipped):

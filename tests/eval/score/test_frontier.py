@@ -84,13 +84,9 @@ def test_the_limit_starts_from_the_gait_of_the_command(env, command):
     assert (gait.width < PAPER.pelvis_width) == (command.vy > 0)
     x, y = step_start_dcm(gait, PAPER.pelvis_width, PAPER.omega)
     bounds = recoverable_offset(PAPER, PAPER_LIMITS)
-    rooms = {
-        0.0: bounds.high[0] - x,
-        math.pi: x - bounds.low[0],
-        -math.pi / 2: bounds.high[1] - y,
-        math.pi / 2: y - bounds.low[1],
-    }
-    for psi, room in rooms.items():
+    sagittal = (0.0, bounds.high[0] - x), (math.pi, x - bounds.low[0])
+    lateral = (-math.pi / 2, bounds.high[1] - y), (math.pi / 2, y - bounds.low[1])
+    for psi, room in (*sagittal, *lateral):
         expected = pytest.approx(force_for(PAPER, room))
         assert scans.limit_force(env, psi, DURATION, command) == expected
         assert scans.own_limit_force(env, psi, DURATION, command) == expected
@@ -135,17 +131,14 @@ def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
     assert capture_margin(robot, limits, elapsed, pushed) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_mirrored_push_has_the_same_share(env):
+def test_a_mirrored_push_has_the_same_share_and_one_at_a_time_has_none(env):
+    assert scans.limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
     push, command = polar_push(90.0, 1.1, 0.1, GaitEvent(4, "right", 0.3)), Command(0.2, 0.1)
     mirrored = scans.limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
     assert scans.limit_share(env, push, command) == pytest.approx(mirrored)
     assert scans.limit_share(env, push, command) != pytest.approx(
         scans.limit_share(env, push.mirrored(), command)
     )
-
-
-def test_no_share_of_a_push_at_a_time(env):
-    assert scans.limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
 
 
 class Holes:
@@ -180,18 +173,18 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
     assert forces[-1] == 220.0 + scans.BEYOND
+    row, forces = scan_with(lambda force: False, grid=10.0)  # always falls
+    assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
+    assert forces == [10.0 * k for k in range(1, 12)]
 
 
 def test_scan_keeps_the_limits_of_every_failed_force():
     row, _ = scan_with(lambda force: force < 310)
     assert [fall["force_N"] for fall in row["falls"]] == row["failed_N"]
     assert row["falls"][0] == {
-        "force_N": 320.0,
-        "failure_reason": "low",
-        "first_limit": "cop",
-        "limits_met": {"cop": 1.0, "contact": 1.1},
-        "limit_shares": {"cop": 0.25, "contact": 0.32},
-    }
+        "force_N": 320.0, "failure_reason": "low", "first_limit": "cop",
+        "limits_met": {"cop": 1.0, "contact": 1.1}, "limit_shares": {"cop": 0.25, "contact": 0.32},
+    }  # fmt: skip
     assert scans.fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
 
 
@@ -221,12 +214,6 @@ def test_forces_side_by_side_change_nothing(first):
     job = scans.ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
     rows = [scans.scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
     assert rows[0] == rows[1]
-
-
-def test_scan_of_one_that_always_falls():
-    row, forces = scan_with(lambda force: False, grid=10.0)
-    assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
-    assert forces == [10.0 * k for k in range(1, 12)]
 
 
 def test_a_frontier_may_be_that_of_another_profile():

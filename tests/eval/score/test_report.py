@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 SCENARIOS = get_suite("standard").scenarios[:3]
 
@@ -26,12 +27,12 @@ def row(recovered_at, energy, **more):
     return {**kept, "measures": {**measures, **more}}
 
 
-def evaluation(**rows):
+def three(**rows):
     return Evaluation(Suite("three", "1", SCENARIOS), "env", rows, Path("out"), 0.0)
 
 
 def test_medians_are_over_the_pushes_that_all_policies_recover_from():
-    found = evaluation(
+    found = three(
         p=[row(4.0, 1000.0), row(5.0, 9000.0), row(4.5, 3000.0, smallest_margin=None)],
         q=[row(5.5, 2000.0, steps=11), row(None, 1.0), row(6.5, 2500.0, steps=14)],
     )
@@ -56,16 +57,16 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
 def test_a_new_measure_is_one_entry(monkeypatch):
     lasted = report.Measure(None, "lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
     monkeypatch.setitem(report.MEASURES, "lasted", lasted)
-    table = report.effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
+    table = report.effort_table(three(p=[row(4.0, 1000.0)] * 3))
     assert (table.columns[-1], table.rows[0][-1]) == ("lasted [ms]", "7000")
 
 
 def test_rows_that_tell_of_no_effort_make_no_table():
-    bare = [{**row(4.0, 1.0), "measures": {}} for _ in SCENARIOS]
+    bare = [row(4.0, 1.0) for _ in SCENARIOS]
     for one in bare:
         del one["measures"]
-    assert not report.effort_table(evaluation(p=bare))
-    lost = evaluation(p=[row(None, 1.0)] * 3)
+    assert not report.effort_table(three(p=bare))
+    lost = three(p=[row(None, 1.0)] * 3)
     assert report.effort_summary(lost)[0] == 0
     assert not report.effort_table(lost)
 
@@ -108,7 +109,7 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(report.groups_of(standard_suite().scenarios)) == {
+    assert set(report.groups_of(get_suite("standard").scenarios)) == {
         "backward",
         "forward",
         "in place",
@@ -117,38 +118,24 @@ def test_a_kind_of_one_group_only_tells_nothing():
     assert report.groups_of(EVERY_KIND[:1]) == {}
 
 
-def report_row(impulse, recovered, survived=True, reason=None):
-    return {"impulse": impulse, "recovered": recovered, "survived": survived, "failure_reason": reason}
-
-
-ROWS = [
-    report_row(4.9, False), report_row(5.0, True), report_row(60.0, True),
-    report_row(60.1, False, False, "low"), report_row(75.0, False, False, "low"),
-]  # fmt: skip
-
-
-def five(**rows):
-    return Evaluation(Suite("five", "1", get_suite("standard").scenarios[:5]), "env", rows, Path("out"), 0.0)
-
-
-def test_recovered_survived_and_why_not():
-    found = five(p=ROWS, q=ROWS[3:])
+def test_recovered_survived_and_why_not(evaluation):
+    found = evaluation({"p": "srrff"})
+    found.rows["q"] = found.rows["p"][3:]
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
     assert report.rates_table(found).rows == [
         ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
     ]  # fmt: skip
-    assert report.reasons_of(found) == ["not_settled", "low"]
-    assert report.reasons_table(found).rows == [("p", "2", "1", "2", "-"), ("q", "0", "0", "2", "-")]
+    assert report.reasons_of(found) == ["not_settled", "com_height"]
+    assert report.reasons_table(found).rows == [("p", "2", "1", "2", "cop 2"), ("q", "0", "0", "2", "cop 2")]
 
 
-def test_every_two_policies_are_paired():
-    none = [{**row, "recovered": False} for row in ROWS]
-    first, *_, last = report.pairs_table(five(q=none, p=ROWS, r=none)).rows
+def test_every_two_policies_are_paired(evaluation):
+    first, *_, last = report.pairs_table(evaluation({"q": "sssff", "p": "srrff", "r": "sssff"})).rows
     assert first[:5] == ("p and q", "0", "2", "0", "3")  # the one that recovers more comes first
     assert first[5].startswith("+40.0 (")
     assert first[6:] == ("0.5", "1")  # two that differ: p = 2 / 2^2; Holm: three times that
     assert last == ("q and r", "0", "0", "0", "5", last[5], "1", "1")
-    assert not report.pairs_table(five(p=ROWS))
+    assert not report.pairs_table(evaluation({"p": "srrff"}))
 
 
 def limit_row(survived, first, **shares):
@@ -165,8 +152,8 @@ LIMIT_ROWS = [
 ]
 
 
-def test_limits_are_told_of_falls_and_of_recoveries():
-    found = five(p=LIMIT_ROWS, q=[LIMIT_ROWS[4]] * 5)
+def test_limits_are_told_of_falls_and_of_recoveries(evaluation):
+    found = replace(evaluation({"p": "fffrr"}), rows={"p": LIMIT_ROWS, "q": [LIMIT_ROWS[4]] * 5})
     assert report.first_limits(LIMIT_ROWS) == "cop 2, contact 1"
     assert report.first_limits(LIMIT_ROWS[3:]) == "-"
     assert report.reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
@@ -185,36 +172,24 @@ def test_limits_are_told_of_falls_and_of_recoveries():
     assert not of_q
 
 
-def test_a_report_has_the_tables_that_have_rows(tmp_path):
-    found = five(p=ROWS)
+def test_a_report_has_the_tables_that_have_rows(evaluation):
+    found = evaluation({"p": "srrff"})
     assert list(report.evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
     text = markdown_page("Evaluation", report.evaluation_tables(found).values())
-    assert text.startswith("# Evaluation\n\n## env: suite five v1, 5 pushes, sha256 ")
+    assert text.startswith(f"# Evaluation\n\n## {found.env_id}: suite head v1, 5 pushes, sha256 ")
     assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text
     assert "## Pairs" not in text
     assert "## Why pushes are lost" in text
 
 
-PUSHES = Suite("four", "1", tuple(Scenario(f"s{i}") for i in range(4)))
+@pytest.fixture
+def profiles(evaluation):
+    """Of one policy on four pushes: the second one loses two recoveries and gains one."""
+    return {"exact": evaluation({"p": "rrrs"}), "hardware": evaluation({"p": "rsfr"})}
 
 
-def profiles_evaluation(recovered: str, survived: str) -> Evaluation:
-    rows = [
-        {"recovered": r == "1", "survived": s == "1", "failure_reason": None if s == "1" else "low"}
-        for r, s in zip(recovered, survived, strict=True)
-    ]
-    return Evaluation(PUSHES, "env", {"p": rows}, Path("out"), 0.0)
-
-
-EXACT, REAL = (
-    profiles_evaluation("1110", "1111"),
-    profiles_evaluation("1001", "1101"),
-)  # loses two recoveries, gains one
-
-
-def test_recovered_and_survived_of_each_profile_stand_side_by_side():
-    found = {"exact": EXACT, "hardware": REAL}
-    table = report.profiles_table(found)
+def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
+    table = report.profiles_table(profiles)
     assert table.columns == (
         "policy", "recovered, exact", "survived", "recovered, hardware", "survived"
     )  # fmt: skip
@@ -222,14 +197,15 @@ def test_recovered_and_survived_of_each_profile_stand_side_by_side():
     assert table.rows == [("p", "0.750 (0.301-0.954)", "1.000", "0.500 (0.150-0.850)", "0.750")]
 
 
-def test_what_is_kept_is_a_share_of_its_own(tmp_path):
-    assert report.kept_table(EXACT, REAL, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
-    nothing = profiles_evaluation("0000", "0000")
-    assert report.kept_table(nothing, REAL, "").rows == [("p", "-", "-", "0", "2", "0.5")]
-    page = report.write_profiles({"exact": EXACT, "hardware": REAL}, tmp_path).read_text()
+def test_what_is_kept_is_a_share_of_its_own(profiles, evaluation, tmp_path):
+    exact, real = profiles.values()
+    assert report.kept_table(exact, real, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
+    nothing = evaluation({"p": "ffff"})
+    assert report.kept_table(nothing, real, "").rows == [("p", "-", "-", "0", "2", "0.5")]
+    page = report.write_profiles(profiles, tmp_path).read_text()
     assert "## hardware against exact" in page
     assert "| p | 0.667 | 0.750 | 2 | 1 | 1 |" in page
-    assert "against" not in report.write_profiles({"exact": EXACT}, tmp_path).read_text()
+    assert "against" not in report.write_profiles({"exact": exact}, tmp_path).read_text()
 
 
 def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import sensitivity as varying
 from push_recovery.eval.score.sensitivity import sensitivity
-from push_recovery.eval.score.suites import Suite, hard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2),)) for i in range(5)))
 
@@ -35,7 +34,7 @@ def test_one_thing_is_varied_at_a_time():
 
 
 def test_a_sample_is_spread_over_the_suite():
-    hard = hard_suite()
+    hard = get_suite("hard")
     assert varying.sample_of(hard, 128).scenarios == hard.scenarios[::8]
     assert varying.sample_of(hard, 1024).scenarios == hard.scenarios
     assert [s.id for s in varying.sample_of(CALM, 3).scenarios] == ["c0", "c1", "c3"]
@@ -57,19 +56,10 @@ def test_every_variation_has_all_pushes_under_ids_of_its_own():
             varying.varied_by(CALM, bad)
 
 
-def rows(recovered: str, survived: str) -> list[dict]:
-    return [
-        {"recovered": r == "1", "survived": s == "1", "failure_reason": None if s == "1" else "fall"}
-        for r, s in zip(recovered, survived, strict=True)
-    ]
-
-
 @pytest.fixture
-def written(tmp_path):
+def written(evaluation):
     """Five pushes: exact recovers 3 of 4 survived; the variation loses two of them and gains one."""
-    told = {"p": rows("11100", "11110") + rows("10010", "11011")}
-    evaluation = SimpleNamespace(rows=told, env_id="E", directory=tmp_path)
-    return varying.Sensitivity(CALM, 5, ("exact", "cg"), evaluation)  # type: ignore[arg-type]
+    return varying.Sensitivity(CALM, 5, ("exact", "cg"), evaluation({"p": "rrrsf" + "rsfrs"}))
 
 
 def test_what_is_lost_and_gained(written):

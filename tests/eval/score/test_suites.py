@@ -12,7 +12,7 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import draw, suites
-from push_recovery.eval.score.suites import Suite, get_suite, quick_suite
+from push_recovery.eval.score.suites import Suite, get_suite, get_suite
 
 from push_recovery import evaluate
 
@@ -33,9 +33,9 @@ def test_content_hash_is_that_of_the_version():
 
 
 def test_quick_has_pushes_of_every_kind_up_to_harder_ones_and_was_the_head_of_standard():
-    assert len(suites.standard_suite().scenarios) == 1024
-    assert get_suite("quick-1").scenarios == suites.standard_suite().scenarios[:256]
-    scenarios = quick_suite().scenarios
+    assert len(get_suite("standard").scenarios) == 1024
+    assert get_suite("quick-1").scenarios == get_suite("standard").scenarios[:256]
+    scenarios = get_suite("quick").scenarios
     assert len(scenarios) == 256
     assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
     assert set(map(draw.walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
@@ -44,7 +44,7 @@ def test_quick_has_pushes_of_every_kind_up_to_harder_ones_and_was_the_head_of_st
         impulse = [push.impulse_magnitude for push in single]
         assert least <= min(impulse) < least + 10.0
         assert most - 10.0 < max(impulse) <= most
-    others = {s.pushes for s in suites.varied_suite().scenarios}
+    others = {s.pushes for s in get_suite("varied").scenarios}
     assert not others & {s.pushes for s in scenarios}
 
 
@@ -54,7 +54,7 @@ def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
 
     def mine() -> suites.Suite:
         made.append(1)
-        return Suite("head", "1", suites.standard_suite().scenarios[:2])
+        return Suite("head", "1", get_suite("standard").scenarios[:2])
 
     suites.register_suite("mine", mine)
     assert not made
@@ -83,7 +83,7 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
         assert all(HARDWARE.applied(a) == b for a, b in pairs)
         assert get_suite(real).name == real
         assert suites.with_profile(get_suite(name), HARDWARE) == get_suite(real)
-    assert {s.sensing for s in suites.hardware_suite().scenarios} == {"onboard"}
+    assert {s.sensing for s in get_suite("hardware").scenarios} == {"onboard"}
 
 
 @pytest.mark.parametrize("kind", ["varied", "hard"])
@@ -168,7 +168,7 @@ def test_suite_covers_its_ranges_evenly(name, least, most):
 
 
 def test_file_round_trip_and_tampering(tmp_path):
-    off = suites.with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
+    off = suites.with_errors(get_suite("quick"), ModelErrors(friction=0.6, delay=0.01))
     suite = Suite("mine", "3", off.scenarios[:4])
     path = tmp_path / "mine.json"
     suite.save(path)
@@ -206,16 +206,16 @@ def test_unknown_names_list_the_valid_ones(tmp_path):
 
 def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
-    off = suites.with_errors(quick_suite(), errors)
+    off = suites.with_errors(get_suite("quick"), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
     assert off.sha256 not in {
         HASHES["quick"],
-        suites.with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256,
+        suites.with_errors(get_suite("quick"), ModelErrors(mass=0.2)).sha256,
     }
-    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
+    for before, after in zip(get_suite("quick").scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
-    assert suites.with_errors(quick_suite(), ModelErrors()) is quick_suite()
+    assert suites.with_errors(get_suite("quick"), ModelErrors()) is get_suite("quick")
     with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
         suites.with_errors(off, errors)
 
@@ -231,7 +231,7 @@ def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
 
 
 def test_a_suite_of_a_profile_keeps_ids_and_has_a_hash_of_its_own():
-    suite = Suite("few", "1", quick_suite().scenarios[:3])
+    suite = Suite("few", "1", get_suite("quick").scenarios[:3])
     assert suites.with_profile(suite, EXACT) is suite
     real = suites.with_profile(suite, HARDWARE)
     assert real.name == "few+hardware"
@@ -256,7 +256,7 @@ def test_a_suite_follows_from_its_seed(like):
 
 def test_the_draw_is_that_of_the_named_suite():
     drawn = suites.new_suite("hard", suites.HARD_SEED, 1024, "hard")
-    assert drawn.sha256 == suites.hard_suite().sha256
+    assert drawn.sha256 == get_suite("hard").sha256
     assert suites.new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
 
 
