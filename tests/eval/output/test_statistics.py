@@ -339,10 +339,8 @@ def test_a_band_is_an_interval_at_every_threshold():
 
 def test_draws_are_the_callers():
     scores = [np.random.default_rng(9).normal(size=(3, 20))]
-    same = [bootstrap_interval(np.mean, scores, np.random.default_rng(seed), draws=100) for seed in (1, 1, 2)]
-    assert same[0] == same[1] != same[2]
-    narrow = bootstrap_interval(np.mean, scores, np.random.default_rng(1), level=0.5, draws=100)
-    assert same[0][0] < narrow[0] < narrow[1] < same[0][1]
+    found = [bootstrap_interval(np.mean, scores, np.random.default_rng(k), draws=100) for k in (1, 1, 2)]
+    assert tuple(found[0]) == tuple(found[1]) != tuple(found[2])
 
 
 def test_bad_input_is_refused_seeds():
@@ -351,8 +349,6 @@ def test_bad_input_is_refused_seeds():
             statistics.interquartile_mean(scores)
     with pytest.raises(InvalidValueError, match="the same scenarios, got 2, 3"):
         statistics.probability_of_improvement(np.zeros((1, 2)), np.zeros((4, 3)))
-    with pytest.raises(InvalidValueError, match="level"):
-        bootstrap_interval(np.mean, [np.zeros((1, 2))], rng, level=1.0)
 
 
 PAIRS, REPETITIONS, LEVEL = 1024, 2000, 0.05

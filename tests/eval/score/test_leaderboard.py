@@ -13,7 +13,7 @@ from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.report import write_evaluation_reports
-from push_recovery.eval.score.suites import Suite, get_suite, get_suite, with_profile
+from push_recovery.eval.score.suites import Suite, get_suite, with_profile
 
 SUITE = Suite("head", "1", get_suite("standard").scenarios[:12])
 

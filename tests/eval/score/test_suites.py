@@ -12,7 +12,7 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import draw, suites
-from push_recovery.eval.score.suites import Suite, get_suite, get_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 from push_recovery import evaluate
 
