@@ -4,7 +4,7 @@ What policies and searches recover together is the row `ceiling`: a lower bound 
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -35,7 +35,6 @@ FORMAT = 1  # of the rows
 FOLDER = "ceiling"  # of the searches, in the directory of the evaluation
 KEY = ("scenario_id",)
 FIELDS = (*SCORED, "attempts", "period", "corrections", "neighbours")
-OnRow = Callable[[Row], None]
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,6 @@ def ceiling(
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
-    on_row: OnRow | None = None,
 ) -> Ceiling:
     """Evaluate policies, and search each push that all of them lose; a run that was stopped goes on.
 
@@ -135,8 +133,6 @@ def ceiling(
                 store.append(row)
                 done.append(row)
                 bars.set(CEILING, len(done), f"answered {sum(one['recovered'] for one in done)}")
-                if on_row is not None:
-                    on_row(row)
     searched = [store.rows[scenario.id,] for scenario in lost]
     return Ceiling(evaluation, settings, searched, store.directory)
 

@@ -1,7 +1,7 @@
 """Score policies on a suite: every policy meets the same pushes, in parallel, resumable, paired."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
@@ -93,11 +93,10 @@ def evaluate(
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
-    on_row: Callable[[dict[str, Any]], None] | None = None,
 ) -> Evaluation:
     """Run every policy on every scenario of the suite; rows present in the directory are kept.
 
-    Arguments as those of `eval.api.evaluate`; `on_row` is called after each new row is on disk.
+    Arguments as those of `eval.api.evaluate`.
 
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
@@ -126,8 +125,6 @@ def evaluate(
                 done[outcome.policy].append(row)
                 score = Score.of(done[outcome.policy])
                 bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
-                if on_row is not None:
-                    on_row(row)
     rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in sources}
     return Evaluation(suite, env_id, rows, store.directory, time.perf_counter() - began)
 

@@ -7,11 +7,30 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
+from push_recovery.eval.output.rows import RowFile
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.suites import Suite, get_suite
 
 # Spawned workers inherit sys.path and import the toy environment by name, as gym.make("MODULE:ID") does.
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture
+def interrupted(monkeypatch) -> Callable[..., None]:
+    """Calls a function to which Ctrl-C comes when so many of its rows are on disk."""
+
+    def call(rows: int, function: Callable, *arguments) -> None:
+        def counting(store: RowFile, row: dict, append=RowFile.append) -> None:
+            append(store, row)
+            if len(store.rows) == rows:
+                raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch:
+            patch.setattr(RowFile, "append", counting)
+            with pytest.raises(KeyboardInterrupt):
+                function(*arguments)
+
+    return call
 
 
 @pytest.fixture

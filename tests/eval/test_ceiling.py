@@ -61,18 +61,12 @@ def test_rows_are_the_same_on_two_processes(found, tmp_path):
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
 
-def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path):
-    def stop(row):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=evaluated(found, tmp_path), on_row=stop)
-    assert len(rows_in(tmp_path)) == 1
-    with (tmp_path / CEILING / "outcomes.jsonl").open("a") as file:
-        file.write('{"scenario_id": "hopel')  # torn by a kill
-    new = []
-    stored.ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
-    assert len(new) == 2
+def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path, interrupted):
+    interrupted(1, ceiling, SUITE, ENV, FALLS, SETTINGS, 1, evaluated(found, tmp_path))
+    (kept,) = rows_in(tmp_path)
+    (tmp_path / CEILING / "outcomes.jsonl").write_text(kept + '\n{"scenario_id": "hopel')  # torn by a kill
+    ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path)
+    assert kept in rows_in(tmp_path)
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
 
@@ -85,9 +79,9 @@ def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp
         return (row for row in found.searched if row["scenario_id"] in asked[-1][1])
 
     monkeypatch.setattr(stored, "parallel", known)
-    directory, seen = evaluated(found, tmp_path), []
+    directory = evaluated(found, tmp_path)
     for ids in (["light-0", "hopeless", "light-1"], []):
-        again = stored.ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory, on_row=seen.append)
+        again = ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory)
         assert again.searched == found.searched
         assert asked[-1] == (ENV, ids, {SETTINGS} if ids else set())
         lines = capsys.readouterr().err.splitlines()
@@ -97,7 +91,7 @@ def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp
         pushes = "up to 6 attempts at each of the 3 pushes that all policies lose"
         assert said[-2] == f"{pushes}: {how_long}; output in {directory / CEILING}"
         assert said[-1] == "3/3 in 0:00:00" + (" (ceiling answered 2)" if ids else "")
-    assert seen == found.searched
+    assert rows_in(directory) == rows_in(found.evaluation.directory)
 
 
 def test_stored_answers_replay_in_an_ordinary_evaluation_to_the_same_rows(found, tmp_path):

@@ -149,25 +149,15 @@ def test_chunks_hold_every_scenario_once_and_leave_no_worker_idle(workers):
     assert len(chunks) >= min(29, CHUNKS_A_WORKER * workers)
 
 
-def test_a_killed_run_resumes_to_the_same_content(policies, tmp_path):
+def test_a_killed_run_resumes_to_the_same_content(policies, tmp_path, interrupted):
     whole = evaluate(SUITE, toy.ENV_ID, policies, 1, tmp_path / "whole")
     path = tmp_path / "killed" / "outcomes.jsonl"
-    seen = []
-
-    def stop(row):
-        seen.append(row)
-        if len(seen) == 17:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent, on_row=stop)
-    assert len(path.read_text().splitlines()) == 17
-    with path.open("a") as file:
-        file.write('{"scenario_id": "standard-00')  # torn by the kill
-    added = []
-    again = evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent, on_row=added.append)
-    assert len(added) == 48 - 17
-    assert again.rows == whole.rows
+    interrupted(17, evaluate, SUITE, toy.ENV_ID, policies, 1, path.parent)
+    kept = path.read_text()
+    assert len(kept.splitlines()) == 17
+    path.write_text(kept + '{"scenario_id": "standard-00')  # torn by the kill
+    assert evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent).rows == whole.rows
+    assert path.read_text().startswith(kept)
     lines = [
         (folder / "outcomes.jsonl").read_text().splitlines() for folder in (path.parent, whole.directory)
     ]
