@@ -226,8 +226,8 @@ def test_a_frontier_may_be_that_of_another_profile():
 
 
 def test_push_of_the_contract():
-    scenario = scans.FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
-    push = scenario.pushes[0]
+    scenario = FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
+    (push,) = scenario.pushes
     assert push.force == pytest.approx((0.0, 140.0, 0.0), abs=1e-12)
     assert push.start == GaitEvent(4, "left", 0.0)
     assert (push.duration, push.body) == (0.1, "pelvis")
@@ -298,16 +298,11 @@ def test_own_limit_is_that_of_the_environments_own_box():
     assert scans.own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
     found = scans.direction_limits(env, 0.0, 0.1, Command())
     assert expected < found.own < found.paper == scans.limit_force(env, 0.0, 0.1, Command())
-
-
-def test_limit_curves_name_both_yardsticks():
-    env = make_env(toy.ENV_ID)
     curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
     assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT]
-    for k, psi in enumerate((0.0, -90.0)):
-        limit = scans.direction_limits(env, psi, 0.1, Command())
-        assert (curves[scans.OWN][k], curves[scans.PAPER][k]) == (limit.own, limit.paper)
-        assert curves[scans.POINT_FOOT][k] < limit.own
+    for psi, own, paper, point in zip((0.0, -90.0), *curves.values(), strict=True):
+        assert scans.DirectionLimits(own, paper) == scans.direction_limits(env, psi, 0.1, Command())
+        assert point < own
 
 
 def row(psi, survived, largest):
@@ -322,20 +317,12 @@ FRONTIER = scans.Frontier(
 )
 
 
-def test_shares_are_of_the_own_box_then_of_the_papers():
+def test_shares_are_of_the_own_box_then_of_the_papers_in_the_table_and_in_the_contracts_object():
     first, second = scans.frontier_table(FRONTIER).rows
     assert first == ("0", "400", "200", "100 (0.25, 0.50)", "-")
     assert second == ("180", "300", "0", "150 (0.50, -; 240)", "-")  # more survived beyond the first failure
-    assert scans.frontier_table(FRONTIER).columns == (
-        "psi [deg]",
-        "own F* [N]",
-        "paper's F* [N]",
-        "p",
-        "falls by",
-    )
-
-
-def test_the_contracts_object_holds_both_limits():
+    columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by"
+    assert scans.frontier_table(FRONTIER).columns == columns
     entry, _ = FRONTIER.to_dict("p")["directions"]
     assert entry == {
         "psi_deg": 0.0, "survived_N": 100.0, "largest_survived_N": 100.0, "limit_N": 200.0, "fraction": 0.5,

@@ -103,11 +103,12 @@ def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, kind):
     for i, j in itertools.combinations(range(4), 2):
         assert not pushes[i] & pushes[j]
     assert drawn[0].scenarios[0].id == f"{name}-0000"
-    impulses = [
-        [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like)
-    ]
     for of in (min, max):
-        assert of(impulses[0]) == pytest.approx(of(impulses[1]), abs=3.0)
+        ends = [
+            of(max(push.impulse_magnitude for push in s.pushes) for s in suite.scenarios)
+            for suite in (drawn[0], like)
+        ]
+        assert ends[0] == pytest.approx(ends[1], abs=3.0)
 
 
 def test_field_of_16_elements():
@@ -128,9 +129,9 @@ def test_stratified_points_fill_every_interval():
     assert points.shape == (1024, 5)
     for factor in range(5):
         assert len(set((points[:, factor] * 1024).astype(int))) == 1024
-        for block in points.reshape(4, 256, 5):
-            assert len(set((block[:, factor] * 256).astype(int))) == 256
     for block in points.reshape(4, 256, 5):
+        for factor in range(5):
+            assert len(set((block[:, factor] * 256).astype(int))) == 256
         for i, j in itertools.combinations(range(5), 2):
             assert len({tuple(cell) for cell in (block[:, [i, j]] * 16).astype(int)}) == 256
 
@@ -208,10 +209,8 @@ def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
     off = suites.with_errors(get_suite("quick"), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
-    assert off.sha256 not in {
-        HASHES["quick"],
-        suites.with_errors(get_suite("quick"), ModelErrors(mass=0.2)).sha256,
-    }
+    heavier = suites.with_errors(get_suite("quick"), ModelErrors(mass=0.2))
+    assert off.sha256 not in {HASHES["quick"], heavier.sha256}
     for before, after in zip(get_suite("quick").scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
@@ -249,9 +248,8 @@ def test_a_suite_follows_from_its_seed(like):
     first, again, other = (suites.new_suite(like, seed, 20) for seed in (1, 1, 2))
     assert first == again
     assert (first.name, len(first.scenarios)) == (f"{like}-1", 20)
-    assert not {(s.pushes, s.errors) for s in first.scenarios} & {
-        (s.pushes, s.errors) for s in other.scenarios
-    }
+    drawn, others = ({(s.pushes, s.errors) for s in suite.scenarios} for suite in (first, other))
+    assert not drawn & others
 
 
 def test_the_draw_is_that_of_the_named_suite():
@@ -280,15 +278,18 @@ def test_ranges_that_would_do_nothing_are_refused(pushes):
         suites.new_suite("hard", 3, pushes=pushes)
 
 
-def test_what_cannot_be_drawn():
-    with pytest.raises(UnknownNameError, match="shift-body"):
-        suites.new_suite("shift-boddy")
-    with pytest.raises(InvalidValueError, match="'varied'"):
-        suites.new_suite("varied", pushes={"impulse_min": 10.0})
-    with pytest.raises(InvalidValueError, match="scenarios"):
-        suites.new_suite("varied", scenarios=0)
-    with pytest.raises(InvalidValueError, match="impulse_max"):
-        suites.new_suite("hard", pushes={"impulse_min": 300.0})
+@pytest.mark.parametrize(
+    ("like", "asked", "words"),
+    [
+        ("shift-boddy", {}, "shift-body"),
+        ("varied", {"pushes": {"impulse_min": 10.0}}, "'varied'"),
+        ("varied", {"scenarios": 0}, "scenarios"),
+        ("hard", {"pushes": {"impulse_min": 300.0}}, "impulse_max"),
+    ],
+)
+def test_what_cannot_be_drawn(like, asked, words):
+    with pytest.raises((InvalidValueError, UnknownNameError), match=words):
+        suites.new_suite(like, **asked)
 
 
 def test_the_command_writes_what_evaluate_reads(tmp_path, capsys):
