@@ -16,7 +16,7 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
 from push_recovery.eval import hindsight
-from push_recovery.eval.hindsight import Sequence, SequencePolicy
+from push_recovery.eval.hindsight import Sequence
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.search import BEST_MARGIN, WORST_MARGIN, CrossEntropy, SequenceRule, begun
