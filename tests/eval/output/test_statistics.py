@@ -326,7 +326,7 @@ def test_rates_of_strata():
 def test_a_band_is_an_interval_at_every_threshold():
     scores = [np.random.default_rng(12).normal(size=(4, 25))]
     at = [-1.0, 0.0, 0.5]
-    band = statistics.bootstrap_band(
+    band = bootstrap_interval(
         lambda drawn: statistics.performance_profile(drawn, at), scores, np.random.default_rng(1), draws=300
     )
     assert band.shape == (2, 3)
