@@ -64,6 +64,7 @@ def test_every_pair_has_its_counts_the_better_one_first(evaluation):
     # 2 (1 + 5) / 2^5, 2 / 2^5 and 2 / 2^2; Holm: three times the least, the others twice and once at least
     assert [cell[6] for cell in cells] == ["0.38", "0.062", "0.5"]
     assert [cell[7] for cell in cells] == ["0.75", "0.19", "0.75"]
+    assert not pairs_table(evaluation({"p": "rrffff"}))
 
 
 def test_the_best_is_told_apart_from_each_other_one(evaluation):

@@ -20,32 +20,9 @@ from push_recovery.eval.rollout.episodes import rollout, rollout_batch
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.outcome import failure_label
 from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, Runner, make_chunks
-from push_recovery.eval.score.evaluate import compare, evaluate, limit_summary
+from push_recovery.eval.score.evaluate import compare, evaluate
 from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, scan
 from push_recovery.eval.score.suites import Suite, get_suite
-
-
-def row(survived, first, **shares):
-    return {"survived": survived, "recovered": survived, "first_limit": first, "limit_shares": shares}
-
-
-ROWS = [
-    row(False, "cop", cop=0.5, contact=0.2),
-    row(False, "contact", contact=0.4),
-    row(False, "cop", cop=0.1),
-    row(True, "cop", cop=0.2),
-    row(True, None),
-    {**row(True, "contact", contact=0.9), "recovered": False},  # stands unsettled: neither
-]
-
-
-def test_falls_and_recoveries_are_counted_apart():
-    summary = limit_summary(ROWS)
-    assert summary["falls"] == {
-        "cop": {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
-        "contact": {"first": 1, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
-    }
-    assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
 
 
 def test_an_outcome_says_what_was_met_and_when_the_same_alone_and_in_a_batch():

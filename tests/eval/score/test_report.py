@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.score import report
-from push_recovery.eval.score.evaluate import Evaluation
+from push_recovery.eval.score.evaluate import Evaluation, limit_summary
 from push_recovery.eval.score.suites import Suite, get_suite
 
 SCENARIOS = get_suite("standard").scenarios[:3]
@@ -109,33 +110,23 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(report.groups_of(get_suite("standard").scenarios)) == {
-        "backward",
-        "forward",
-        "in place",
-        "sideways",
-    }
+    groups = report.groups_of(get_suite("standard").scenarios)
+    assert set(groups) == {"backward", "forward", "in place", "sideways"}
     assert report.groups_of(EVERY_KIND[:1]) == {}
 
 
 def test_recovered_survived_and_why_not(evaluation):
     found = evaluation({"p": "srrff"})
+    found.rows["p"][4]["failure_reason"] = "of_its_own"
     found.rows["q"] = found.rows["p"][3:]
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
     assert report.rates_table(found).rows == [
         ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
     ]  # fmt: skip
-    assert report.reasons_of(found) == ["not_settled", "com_height"]
-    assert report.reasons_table(found).rows == [("p", "2", "1", "2", "cop 2"), ("q", "0", "0", "2", "cop 2")]
-
-
-def test_every_two_policies_are_paired(evaluation):
-    first, *_, last = report.pairs_table(evaluation({"q": "sssff", "p": "srrff", "r": "sssff"})).rows
-    assert first[:5] == ("p and q", "0", "2", "0", "3")  # the one that recovers more comes first
-    assert first[5].startswith("+40.0 (")
-    assert first[6:] == ("0.5", "1")  # two that differ: p = 2 / 2^2; Holm: three times that
-    assert last == ("q and r", "0", "0", "0", "5", last[5], "1", "1")
-    assert not report.pairs_table(evaluation({"p": "srrff"}))
+    assert report.reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
+    assert report.reasons_table(found).rows == [
+        ("p", "2", "1", "1", "1", "cop 2"), ("q", "0", "0", "1", "1", "cop 2")
+    ]  # fmt: skip
 
 
 def limit_row(survived, first, **shares):
@@ -149,19 +140,25 @@ LIMIT_ROWS = [
     limit_row(False, "cop", cop=0.1),
     limit_row(True, "cop", cop=0.2),
     limit_row(True, None),
+    {**limit_row(True, "contact", contact=0.9), "recovered": False},  # stands unsettled: neither
 ]
 
 
 def test_limits_are_told_of_falls_and_of_recoveries(evaluation):
-    found = replace(evaluation({"p": "fffrr"}), rows={"p": LIMIT_ROWS, "q": [LIMIT_ROWS[4]] * 5})
+    assert set(report.LIMITS) == set(LIMIT_NAMES)  # every one has words
+    found = replace(evaluation({"p": "fffrrs"}), rows={"p": LIMIT_ROWS, "q": [LIMIT_ROWS[4]] * 6})
+    summary = limit_summary(LIMIT_ROWS)
+    assert summary["falls"]["cop"] == {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)}
+    assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
     assert report.first_limits(LIMIT_ROWS) == "cop 2, contact 1"
     assert report.first_limits(LIMIT_ROWS[3:]) == "-"
-    assert report.reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
+    assert report.reasons_table(found).rows[0] == ("p", "2", "1", "3", "cop 2, contact 1")
     table = report.limits_table(found)
     assert table.columns == ("limit", "met while", "p", "q")
-    assert [(one[0], *one[2:]) for one in table.rows] == [
-        ("cop", "20 % / 10 %", "0 % / 0 %"), ("contact", "20 % / 0 %", "0 % / 0 %")
-    ]  # fmt: skip
+    assert table.rows == [
+        ("cop", report.LIMITS["cop"], "20 % / 10 %", "0 % / 0 %"),
+        ("contact", report.LIMITS["contact"], "20 % / 0 %", "0 % / 0 %"),
+    ]
     of_p, of_q = report.limit_details(found)
     assert of_p.columns == (
         "limit", "first in falls", "met in falls", "time in falls", "met in recovered", "time in recovered"
