@@ -1,7 +1,7 @@
 """Score policies on a suite: every policy meets the same pushes, in parallel, resumable, paired."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
