@@ -10,11 +10,10 @@ from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
 from ..envs.scenario.scenario import Command, Scenario
 from .ceiling import with_ceiling
-from .rollout.environments import under_profile
+from .rollout import environments, policy_source
 from .rollout.episodes import rollout as run_episode
 from .rollout.names import DEFAULT_ENV, TABLE_ARMS
 from .rollout.outcome import Outcome
-from .rollout.policy_source import acting_in
 from .score import evaluate as scoring
 from .score import frontier as scanning
 from .score.report import write_evaluation_reports
@@ -152,5 +151,5 @@ def rollout(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
-    with acting_in(env, policy, policy_name) as (made, acting, label):
-        return run_episode(made, acting, under_profile(made, scenario, profile), label)
+    with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
+        return run_episode(made, acting, environments.under_profile(made, scenario, profile), label)

@@ -12,17 +12,15 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..controllers import files, validation
 from ..controllers.errors import InvalidValueError
-from ..controllers.files import write_text
-from ..controllers.validation import require_keys
 from . import hindsight
 from .hindsight import CEILING, NEIGHBOURS, CeilingSettings, Row, Sequence, SequencePolicy
 from .output.progress import Work, about, episode_seconds, progress_bars
 from .output.rows import RowFile, read_json
 from .output.statistics import PairedCounts
 from .output.tables import Table, markdown_page, write_reports
-from .rollout.environments import make_env
-from .rollout.episodes import action_rule
+from .rollout import environments, episodes
 from .rollout.names import DEFAULT_ENV
 from .rollout.outcome import Score
 from .rollout.workers import parallel
@@ -139,8 +137,8 @@ def ceiling(
 
 def _check_env(env_id: str) -> None:
     """Raise InvalidValueError for robots that are not put back, or an action that is no gait."""
-    with closing(make_env(env_id)) as env:
-        rule = action_rule(env)
+    with closing(environments.make_env(env_id)) as env:
+        rule = episodes.action_rule(env)
         if rule is None or rule.residual is not None or rule.hold != 1:
             raise InvalidValueError(f"a ceiling needs plain gait actions, and {env_id} has others")
         hindsight.require_bipeds(getattr(env.unwrapped, "episodes", None))
@@ -172,7 +170,7 @@ class Answers:
         head = {"format": FORMAT, "suite": dict(self.suite), "settings": asdict(self.settings)}
         entries = {name: [one.period, one.corrections] for name, one in self.sequences.items()}
         body = ",\n".join(f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in entries.items())
-        write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
+        files.write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -182,7 +180,7 @@ class Answers:
             InvalidValueError: it cannot be read, or holds no answers of this format.
         """
         what = f"file of answers {str(path)!r}"
-        data = require_keys(
+        data = validation.require_keys(
             what, read_json(path, "file of answers"), {"format", "suite", "settings", "answers"}, set()
         )
         if data["format"] != FORMAT:
@@ -191,7 +189,7 @@ class Answers:
             sequences = {name: Sequence(*entry) for name, entry in data["answers"].items()}
         except (AttributeError, TypeError, ValueError) as error:
             raise InvalidValueError(f"{what}: {error}") from error
-        suite = require_keys(
+        suite = validation.require_keys(
             f"suite of {what}", data["suite"], {"name", "version", "sha256", "scenarios"}, set()
         )
         return cls(suite, _settings(data["settings"]), sequences)
@@ -239,7 +237,7 @@ def _sequences(rows: Iterable[Row]) -> dict[str, Sequence]:
 
 def _settings(data: object) -> CeilingSettings:
     names = {field.name for field in fields(CeilingSettings)}
-    return CeilingSettings(**require_keys("settings of a ceiling", data, names, set()))
+    return CeilingSettings(**validation.require_keys("settings of a ceiling", data, names, set()))
 
 
 NOTE = (
@@ -322,7 +320,7 @@ def with_ceiling(evaluation: Evaluation, workers: int = 1, overwrite: bool = Fal
     if not pushes:
         return evaluation
     suite = Suite(f"{evaluation.suite.name}-answered", evaluation.suite.version, pushes)
-    with closing(make_env(evaluation.env_id)) as env:
+    with closing(environments.make_env(evaluation.env_id)) as env:
         policy = answers.policy(env)
     replayed = evaluate(
         suite, evaluation.env_id, {CEILING: policy}, workers, evaluation.directory / REPLAYED, overwrite

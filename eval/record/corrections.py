@@ -10,8 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.model.gait_box import GAIT_NAMES, GAIT_SIZE
-from ...controllers.model.observation import side_sign
+from ...controllers.model import gait_box, observation
 from ...controllers.policies.learned import NetworkPolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.tables import markdown_table
@@ -59,14 +58,14 @@ def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) 
     n = len(added)
     time, step = episode["time"][:n], episode["step"][:n]
     pushed = int(np.searchsorted(time, episode.push_starts[0], side="right")) - 1
-    means = np.full((STEPS, GAIT_SIZE), np.nan)
+    means = np.full((STEPS, gait_box.GAIT_SIZE), np.nan)
     for k in range(STEPS):
         of_step = (np.arange(n) >= pushed) & (step == step[pushed] + k)
         if of_step.any():
             means[k] = added[of_step].mean(axis=0)
     push = episode.scenario.pushes[0]
     turned = push.direction - (0.0 if push.frame == "heading" else episode["heading"][pushed])
-    outward = side_sign(int(episode["stance_side"][pushed])) * turned
+    outward = observation.side_sign(int(episode["stance_side"][pushed])) * turned
     return PushCorrections(
         episode.scenario.id,
         math.degrees(math.remainder(outward, math.tau)),
@@ -80,7 +79,9 @@ def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) 
 SECTORS = ("forward", "forward outward", "outward", "backward outward",
            "backward", "backward inward", "inward", "forward inward")  # fmt: skip
 UNITS = (("mm", 1e3),) * 2 + (("ms", 1e3),) + (("mm", 1e3),) * 2 + (("rad/s^2", 1.0),) * 2
-SHOWN = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, (unit, _) in zip(GAIT_NAMES, UNITS, strict=True))
+SHOWN = tuple(
+    f"{name.replace('_', ' ')} [{unit}]" for name, (unit, _) in zip(gait_box.GAIT_NAMES, UNITS, strict=True)
+)
 STEP_NAMES = ("the step that is pushed in", "the next step", "the one after")
 
 
@@ -104,7 +105,7 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
         for name in ("below_recovered", "recovered")
     )
     scaled = np.array([one.corrections for one in found]) * [factor for _, factor in UNITS]
-    shape = (STEPS, len(SECTORS), len(GAIT_NAMES))
+    shape = (STEPS, len(SECTORS), len(gait_box.GAIT_NAMES))
     mean, spread = np.full(shape, np.nan), np.full(shape, np.nan)
     for sector in range(len(SECTORS)):
         for step in range(STEPS):

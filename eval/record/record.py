@@ -23,11 +23,10 @@ from ...envs.episode import period_end
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
-from ..rollout.environments import under_profile
+from ..rollout import environments, policy_source
 from ..rollout.episodes import Watch, rollout
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import acting_in
 
 Array = NDArray[np.float64]
 Row = dict[str, float]
@@ -288,8 +287,8 @@ def record(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act, an environment of another project.
     """
-    with acting_in(env, policy, policy_name) as (made, acting, label):
-        return record_episode(made, acting, under_profile(made, scenario, profile), label)
+    with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
+        return record_episode(made, acting, environments.under_profile(made, scenario, profile), label)
 
 
 LOG_FORMATS = (".npz", ".csv")

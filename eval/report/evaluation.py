@@ -8,8 +8,7 @@ from typing import Any
 import gymnasium as gym
 
 from ..record.film import STRIP
-from ..rollout.environments import make_env
-from ..rollout.outcome import MEASURES
+from ..rollout import environments, outcome
 from ..score.evaluate import Evaluation
 from ..score.report import REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
 from . import headline, pushes
@@ -38,7 +37,7 @@ def write_evaluation_page(
     """
     found = labelled(evaluations)
     first = next(iter(found.values()))
-    env = make_env(first.env_id)
+    env = environments.make_env(first.env_id)
     unwrapped: Any = env.unwrapped
     content = {
         "title": f"Push recovery on {first.suite.name}",
@@ -52,7 +51,7 @@ def write_evaluation_page(
         "moments": f"{STRIP[0]:g} s to {STRIP[-1]:g} s",
         "most_shown": headline.SHOWN,
         "explained": {r: REASONS[r] for one in found.values() for r in reasons_of(one) if r in REASONS},
-        "measures": [one for one in MEASURES.values() if one.about],
+        "measures": [one for one in outcome.MEASURES.values() if one.about],
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),

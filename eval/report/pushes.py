@@ -16,8 +16,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.statistics import Array, LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
-from ..score.evaluate import Evaluation
-from ..score.frontier import limit_share
+from ..score import evaluate, frontier
 from ..score.report import KINDS
 from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_svg
 
@@ -41,7 +40,7 @@ def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPus
     for scenario in scenarios:
         if len(scenario.pushes) == 1:
             (push,) = scenario.pushes
-            share = limit_share(env, push, scenario.command)
+            share = frontier.limit_share(env, push, scenario.command)
             if share is not None:
                 found.append(MappedPush(scenario.id, stance_direction(push), share))
     return found
@@ -223,7 +222,7 @@ class SurvivalPart:
     figure: str
 
 
-def survival_part(evaluation: Evaluation) -> SurvivalPart | None:
+def survival_part(evaluation: evaluate.Evaluation) -> SurvivalPart | None:
     """Curves and a table over the scenarios with several pushes; None where there is none."""
     chosen = [i for i, scenario in enumerate(evaluation.suite.scenarios) if len(scenario.pushes) > 1]
     if not chosen:

@@ -10,15 +10,14 @@ import numpy as np
 
 from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
-from ...envs.biped.env import BipedEpisodes
-from ...envs.biped.limits_record import LimitsReport
+from ...envs.biped import env, limits_record
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import Array, wilson_interval
 
 Row = Mapping[str, Any]  # an outcome as its file holds it
-NO_LIMITS = LimitsReport({}, {})
+NO_LIMITS = limits_record.LimitsReport({}, {})
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
 
 
@@ -31,7 +30,7 @@ class Ending:
     recovered_at: float | None  # time from which the recovery criterion held [s]
     failure_reason: str | None
     total_reward: float
-    bounds: LimitsReport = NO_LIMITS  # met; none where the core keeps no record
+    bounds: limits_record.LimitsReport = NO_LIMITS  # met; none where the core keeps no record
     measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of an `EffortMeter`, if any
 
 
@@ -275,6 +274,6 @@ MEASURES: dict[str, Measure] = {
 
 def _motors(episodes: GaitEpisodes) -> list[int]:
     """Indices of control's 14 motors that the robot has; none for a pendulum."""
-    if not isinstance(episodes, BipedEpisodes):
+    if not isinstance(episodes, env.BipedEpisodes):
         return []
     return [i for i, motor in enumerate(episodes.core.body.indices.motors) if motor != MISSING]

@@ -19,8 +19,7 @@ from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
-from ..output.progress import episode_seconds
-from ..output.rows import RowFile, default_directory
+from ..output import progress, rows
 from .environments import make_env_for
 from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
 
@@ -81,7 +80,7 @@ def guessed_seconds(
 ) -> float:
     """Wall seconds for scenarios by label, about, where no robot falls."""
     return sum(
-        sources[name].cost * episode_seconds(env_id, scenarios, workers)
+        sources[name].cost * progress.episode_seconds(env_id, scenarios, workers)
         for name, scenarios in missing.items()
     )
 
@@ -148,7 +147,7 @@ def open_rows(
     fields: tuple[str, ...],
     directory: Path | None,
     overwrite: bool,
-) -> tuple[RowFile, dict[str, str | None]]:
+) -> tuple[rows.RowFile, dict[str, str | None]]:
     """The row file of a run of policies, and the digest of each; see `RowFile`.
 
     The label names the directory under runs/ where none is given.
@@ -160,8 +159,8 @@ def open_rows(
     digests = {name: source.digest() for name, source in sources.items()}
     # An object without a digest gets a default directory that no other run has.
     objects = {name: digests[name] or secrets.token_hex(8) for name in sources if sources[name].in_memory}
-    directory = directory or default_directory(label, config | ({"objects": objects} if objects else {}))
-    store = RowFile(directory, config, key, overwrite, fields)
+    directory = directory or rows.default_directory(label, config | ({"objects": objects} if objects else {}))
+    store = rows.RowFile(directory, config, key, overwrite, fields)
     try:
         store.check_policies(digests)
         for row in store.rows.values():

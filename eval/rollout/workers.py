@@ -12,8 +12,7 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..output.processes import Pool, RayPool, RayWorkers, WorkerPool
-from ..output.rows import differing, versions
+from ..output import processes, rows
 from .environments import code_digest, make_env, own_env, preset_digest
 from .episodes import Observer, Slots, action_rule, batch_episodes, plans_batches, rollout, run_episodes
 from .outcome import Outcome
@@ -123,7 +122,7 @@ def named_files(env_id: str, sources: Sources) -> dict[str, str | None]:
 
 def installation() -> dict[str, str]:
     """Versions and the digest of the source, which rows hang on besides the kind of processor."""
-    return {**versions(), "code": code_digest()}
+    return {**rows.versions(), "code": code_digest()}
 
 
 def same_runner(files: Mapping[str, str | None], env_id: str, sources: Sources) -> Runner:
@@ -140,18 +139,18 @@ def same_installation(installed: Mapping[str, str], start: Callable[..., S], *ar
 
 def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) -> None:
     """Raise InvalidValueError where a worker has other files or versions than the process that asks."""
-    if differs := differing(there, here):
+    if differs := rows.differing(there, here):
         raise InvalidValueError(
             f"a worker on {platform.node()!r} would give other rows: {', '.join(differs)} differ there, and "
             f"all machines need {what}"
         )
 
 
-def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> Pool[S]:
+def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> processes.Pool[S]:
     """Worker processes here, or those of the Ray cluster that `workers` are of; `start` makes a state."""
-    if isinstance(workers, RayWorkers):
-        return RayPool(same_installation, installation(), start, *arguments)
-    return WorkerPool(workers, start, *arguments)
+    if isinstance(workers, processes.RayWorkers):
+        return processes.RayPool(same_installation, installation(), start, *arguments)
+    return processes.WorkerPool(workers, start, *arguments)
 
 
 def parallel(
@@ -168,7 +167,7 @@ def parallel(
     Raises:
         WorkerError: a job raised in a worker, or a worker ended.
     """
-    cluster = isinstance(workers, RayWorkers)
+    cluster = isinstance(workers, processes.RayWorkers)
     if not jobs:
         return
     if (not cluster and min(workers, len(jobs)) <= 1) or not all(one.pickles for one in sources.values()):

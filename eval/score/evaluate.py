@@ -13,9 +13,8 @@ from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.statistics import PairedCounts
-from ..rollout.environments import code_digest, env_label, preset_digest
+from ..rollout import environments, policy_source
 from ..rollout.outcome import Row, Score
-from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .suites import Suite
 
@@ -82,8 +81,8 @@ def limit_summary(rows: Iterable[Row]) -> dict[str, dict[str, dict[str, float]]]
 
 def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
     """All that the rows of a directory belong to: suite, environment, and the code behind them."""
-    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
-    return names | preset_digest(env_id)
+    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": environments.code_digest()}
+    return names | environments.preset_digest(env_id)
 
 
 def evaluate(
@@ -101,11 +100,11 @@ def evaluate(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
-    sources = policy_sources(policies)
+    sources = policy_source.policy_sources(policies)
     sizes = chunk_sizes(env_id, sources)
     config = configuration(suite, env_id)
-    label = f"{suite.name}-{env_label(env_id)}"
-    store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
+    label = f"{suite.name}-{environments.env_label(env_id)}"
+    store, digests = policy_source.open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     began = time.perf_counter()
     with store:
         missing = {name: [s for s in suite.scenarios if (name, s.id) not in store.rows] for name in sources}
@@ -114,8 +113,11 @@ def evaluate(
             for name in sources
         }
         whose = f"each of {len(sources)} policies" if len(sources) > 1 else next(iter(sources))
-        what = f"{suite.name}: {len(suite.scenarios)} episodes of {whose}"
-        work = Work(what, about(guessed_seconds(env_id, missing, sources, workers)), store.directory)
+        work = Work(
+            f"{suite.name}: {len(suite.scenarios)} episodes of {whose}",
+            about(policy_source.guessed_seconds(env_id, missing, sources, workers)),
+            store.directory,
+        )
         begun = {name: len(rows) for name, rows in done.items()}
         chunks = make_chunks(missing, sizes, workers)
         with progress_bars(list(sources), len(suite.scenarios), work, begun) as bars:
@@ -183,7 +185,7 @@ def compare(
     Raises:
         PushRecoveryError: as `evaluate`; InvalidValueError too where these are not two policies.
     """
-    sources = policy_sources([a, b])
+    sources = policy_source.policy_sources([a, b])
     if len(sources) != 2:
         raise InvalidValueError(f"two policies are compared, got {len(sources)}: {', '.join(sources)}")
     evaluation = evaluate(suite, env_id, sources, workers, directory, overwrite)

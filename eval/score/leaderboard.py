@@ -17,13 +17,11 @@ from ...controllers.files import write_text
 from ...controllers.validation import parse_json
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import Work, about, progress_bars
+from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
-from ..output.tables import markdown_table
-from ..rollout.environments import EnvName, profile_on
+from ..rollout import environments, policy_source
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Ending, Outcome, Score
-from ..rollout.policy_source import guessed_seconds, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
@@ -89,11 +87,11 @@ def _suite(name: str, given: str | None, env_id: str) -> Suite:
     whole, plus, profile = name.partition("+")
     base, at, _ = whole.partition(OF_ROBOT)
     # a name in a file that is handed in opens no other file, and runs no code
-    if base not in SUITES or (at and EnvName.parse(env_id).runs_code):
+    if base not in SUITES or (at and environments.EnvName.parse(env_id).runs_code):
         raise InvalidValueError(f"suite {name!r} of the results is not built in: name its file with --suite")
     own = env_id if at else DEFAULT_ENV
     pushes = get_suite(base, own)
-    return with_profile(pushes, profile_on(own, profile)) if plus else pushes
+    return with_profile(pushes, environments.profile_on(own, profile)) if plus else pushes
 
 
 def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
@@ -181,7 +179,7 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
         InvalidValueError: a policy is not the one that its rows state, or a row is not what comes now.
         PushRecoveryError: a policy cannot be loaded.
     """
-    sources = policy_sources(list(submission.rows))
+    sources = policy_source.policy_sources(list(submission.rows))
     for name, source in sources.items():
         if source.digest() != submission.digest(name):
             raise InvalidValueError(
@@ -191,9 +189,9 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
     rows = {(name, row["scenario_id"]): row for name, given in submission.rows.items() for row in given}
     chunks = make_chunks(samples, chunk_sizes(submission.env_id, sources), workers)
     done = dict.fromkeys(samples, 0)
-    seconds = guessed_seconds(submission.env_id, samples, sources, workers)
-    work = Work(f"running {sum(map(len, samples.values()))} rows again", about(seconds))
-    with progress_bars(list(samples), max(map(len, samples.values())), work) as bars:
+    seconds = policy_source.guessed_seconds(submission.env_id, samples, sources, workers)
+    work = progress.Work(f"running {sum(map(len, samples.values()))} rows again", progress.about(seconds))
+    with progress.progress_bars(list(samples), max(map(len, samples.values())), work) as bars:
         for outcomes in parallel(submission.env_id, run_chunk, chunks, workers, sources):
             for outcome in outcomes:
                 _compare(rows[outcome.policy, outcome.scenario_id], outcome.to_dict())
@@ -283,7 +281,7 @@ def board_page(entries: Sequence[Entry]) -> str:
         groups.setdefault((suite["name"], suite["sha256"], entry["env"]), []).append(entry)
     for (name, digest, env), group in sorted(groups.items()):
         group.sort(key=lambda entry: (-entry["score"]["recovered"], entry["policy"], policy_key(entry)))
-        table = markdown_table(COLUMNS, [_cells(entry) for entry in group])
+        table = tables.markdown_table(COLUMNS, [_cells(entry) for entry in group])
         parts.append(f"\n## {name}, {env}\n\nSuite SHA-256 `{digest}`.\n\n{table}")
     parts.append(
         "\nRecovered counts; intervals are Wilson's, 95 %. Checked: rows that were run again, bit for bit, "

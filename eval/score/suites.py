@@ -13,10 +13,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from ...controllers import files, validation
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
-from ...controllers.files import is_file, write_text
 from ...controllers.model.robot import SAME, Similarity
-from ...controllers.validation import require_choice, require_integer, require_keys
 from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
@@ -82,7 +81,7 @@ class Suite:
     def save(self, path: Path) -> None:
         """Write the suite as JSON, whole or not at all."""
         content = {**self.summary(), "scenarios": [scenario.to_dict() for scenario in self.scenarios]}
-        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        files.write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def load_suite(path: Path) -> Suite:
@@ -93,7 +92,7 @@ def load_suite(path: Path) -> Suite:
     """
     what = f"suite file {str(path)!r}"
     data = read_json(path, "suite file")
-    content = require_keys(what, data, {"name", "version", "scenarios"}, {"sha256"})
+    content = validation.require_keys(what, data, {"name", "version", "scenarios"}, {"sha256"})
     if not isinstance(content["scenarios"], list):
         raise InvalidValueError(f"{what}: scenarios must be a list")
     scenarios = tuple(Scenario.from_dict(entry) for entry in content["scenarios"])
@@ -235,7 +234,7 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     if name_or_file in SUITES:
         return of_size(SUITES[name_or_file](), *robot_of(env_id))
     path = Path(name_or_file)
-    if path.suffix == ".json" or is_file(path):
+    if path.suffix == ".json" or files.is_file(path):
         return load_suite(path)
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])
 
@@ -270,9 +269,9 @@ def new_suite(
         InvalidValueError: a number out of its bounds, an impossible range or name, or ranges of a kind that
             has others.
     """
-    require_choice("kind of suite", like, KINDS)
-    require_integer("seed", seed)
-    require_integer("scenarios", scenarios, 1, LARGEST)
+    validation.require_choice("kind of suite", like, KINDS)
+    validation.require_integer("seed", seed)
+    validation.require_integer("scenarios", scenarios, 1, LARGEST)
     label, blocks = name or f"{like}-{seed}", math.ceil(scenarios / BLOCK)
     if like in RANGES:
         drawn = pelvis_scenarios(label, _ranges(like, pushes or {}), blocks, seed)
@@ -290,5 +289,5 @@ def new_suite(
 def _ranges(like: str, pushes: Mapping[str, Any]) -> PushDistribution:
     """The ranges of a kind, with other values of some fields."""
     known = RANGES[like].to_dict()
-    given = require_keys("ranges of pushes", dict(pushes), set(), set(known) - UNUSED)
+    given = validation.require_keys("ranges of pushes", dict(pushes), set(), set(known) - UNUSED)
     return PushDistribution.from_dict({**known, **given})
