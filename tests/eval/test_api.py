@@ -100,7 +100,7 @@ def test_module_and_attribute_on_the_command_line(attribute, file_rows, tmp_path
     argv = f"evaluate --env {toy.ENV_ID} --policies {name} --suite head.json --out out --json".split()
     for workers in "1", "2":
         done = subprocess.run(
-            [sys.executable, "-c", program, *words.split(), "--workers", workers, "--overwrite"],
+            [sys.executable, "-c", program, *argv, "--workers", workers, "--overwrite"],
             cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr

@@ -9,7 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval import ceiling as stored
-from push_recovery.eval.ceiling import Answers, ceiling
+from push_recovery.eval.ceiling import ceiling
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.hindsight import CEILING, CeilingSettings
 from push_recovery.eval.output.progress import about, episode_seconds

@@ -9,7 +9,7 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
 from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.report import pushes as parts
-from push_recovery.eval.report.pushes import Curve, MappedPush
+from push_recovery.eval.report.pushes import Curve
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.frontier import limit_share
 from push_recovery.eval.score.suites import get_suite
@@ -34,14 +34,14 @@ def test_only_single_pushes_with_a_limit_are_mapped():
     (found,) = parts.mapped_pushes(env, scenarios)
     share = limit_share(env, push, scenarios[0].command)
     env.close()
-    assert found == figures.MappedPush("one", pytest.approx(-1.0), share)
+    assert found == parts.MappedPush("one", pytest.approx(-1.0), share)
 
 
 def test_the_rim_counts_what_each_sector_recovers():
     pushes = [
-        figures.MappedPush("a", 0.1, 0.4),
-        figures.MappedPush("b", -0.2, 0.9),
-        figures.MappedPush("c", math.pi / 2, 1.4),
+        parts.MappedPush("a", 0.1, 0.4),
+        parts.MappedPush("b", -0.2, 0.9),
+        parts.MappedPush("c", math.pi / 2, 1.4),
     ]
     rows = {name: {"recovered": ok, "survived": ok} for name, ok in (("a", True), ("b", False), ("c", True))}
     drawn = parts.direction_figure("p", pushes, rows)
@@ -53,9 +53,9 @@ IMPULSE = np.linspace(50.0, 200.0, 40)
 SURE = np.diag([1e-6, 1e-12])
 
 
-def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> figures.Curve:
+def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> Curve:
     recovered = np.arange(40) % 2 == 0 if yes is None else np.full(40, yes)
-    return figures.Curve(
+    return Curve(
         "p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance))
     )
 

@@ -11,7 +11,6 @@ from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import sensitivity as varying
-from push_recovery.eval.score.sensitivity import sensitivity
 from push_recovery.eval.score.suites import Suite, get_suite
 
 CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2),)) for i in range(5)))
@@ -90,14 +89,14 @@ def test_the_table_and_the_report(written):
 def test_a_run_goes_on_where_it_stopped(tmp_path):
     """Few rows first, as after a kill: the second run keeps them and ends with the same numbers."""
     arguments = CALM, 2, "PushRecovery/Biped-v0", "stage-1", ["armature-0.05", "step-1ms"]
-    whole = study.sensitivity(*arguments, directory=tmp_path / "a")
+    whole = varying.sensitivity(*arguments, directory=tmp_path / "a")
     assert whole.variations == ("exact", "armature-0.05", "step-1ms")
     lines = (tmp_path / "a" / "outcomes.jsonl").read_text().splitlines(keepends=True)
     assert len(lines) == 6
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "config.json").write_bytes((tmp_path / "a" / "config.json").read_bytes())
     (tmp_path / "b" / "outcomes.jsonl").write_text("".join(lines[:3]) + lines[3][:20])
-    again = study.sensitivity(*arguments, directory=tmp_path / "b")
+    again = varying.sensitivity(*arguments, directory=tmp_path / "b")
     assert again.evaluation.rows == whole.evaluation.rows
     rewards = np.array([row["total_reward"] for row in whole.evaluation.rows["stage-1"]]).reshape(3, 2)
     assert (rewards[0] != rewards[1:]).all()  # the robots were not the same
