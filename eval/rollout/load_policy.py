@@ -19,7 +19,9 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
-from ...controllers.policies import interface, learned, two_stage
+from ...controllers.policies import two_stage
+from ...controllers.policies.interface import Policy, as_policy
+from ...controllers.policies.learned import NetworkPolicy, policy_paths
 from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 from .. import sampling_mpc
 from ..output.rows import read_json
@@ -35,9 +37,7 @@ NAMES = (
 
 def shipped_names() -> tuple[str, ...]:
     """NAMES whose files are there."""
-    return tuple(
-        name for name in NAMES if all(path.is_file() for path in learned.policy_paths(FOLDER / name))
-    )
+    return tuple(name for name in NAMES if all(path.is_file() for path in policy_paths(FOLDER / name)))
 
 
 def shipped_digest() -> str:
@@ -45,7 +45,7 @@ def shipped_digest() -> str:
     digest = hashlib.sha256()
     for name in shipped_names():
         digest.update(name.encode() + b"\0")
-        for path in learned.policy_paths(FOLDER / name):
+        for path in policy_paths(FOLDER / name):
             digest.update(hashlib.sha256(read_file(path)).digest())
     return digest.hexdigest()
 
@@ -74,7 +74,7 @@ def named_file(name: str) -> str:
             f"policy {name!r} does not come with this version, whose trained policies are: {there}; "
             f"train it with: push-recovery policies {name}"
         )
-    return str(learned.policy_paths(FOLDER / name)[0])
+    return str(policy_paths(FOLDER / name)[0])
 
 
 def import_from_here(name: str) -> Any:
@@ -148,7 +148,7 @@ ARCHIVE = "ArchivePolicy"  # of the same package: a model of Stable-Baselines3 i
 FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE")
 
 
-def load_policy(policy: Any, env: gym.Env) -> interface.Policy:
+def load_policy(policy: Any, env: gym.Env) -> Policy:
     """A policy for an environment: by name, file or MODULE:ATTRIBUTE, or an object with `predict`.
 
     An attribute may be an object with `predict`, or a class or function that makes one without arguments. A
@@ -170,7 +170,7 @@ def load_policy(policy: Any, env: gym.Env) -> interface.Policy:
     return make_policy(policy, env)
 
 
-def make_policy(name: str, env: Any) -> interface.Policy:
+def make_policy(name: str, env: Any) -> Policy:
     """A policy by name: an analytic one for an environment's robot, gait box and preset, or a shipped one.
 
     Args:
@@ -244,16 +244,20 @@ def acts_on_joints(env: Any) -> bool:
     return getattr(episodes, "action_size", GAIT_SIZE) != GAIT_SIZE
 
 
-def _load_object(policy: Any, env: gym.Env) -> interface.Policy:
+def _load_object(policy: Any, env: gym.Env) -> Policy:
     """An object with `predict`; models of Stable-Baselines3 by what they were trained in."""
     kinds = {(kind.__module__, kind.__name__) for kind in type(policy).__mro__}
     if not (kinds & OF_MODELS or type(policy).__name__ == ARCHIVE):
-        return interface.as_policy(policy)
+        return as_policy(policy)
     return importlib.import_module(MODELS, __package__).model_policy(policy, env)
 
 
-def _load_file(name: str, env: gym.Env) -> learned.NetworkPolicy:
-    policy = learned.NetworkPolicy.load(name)
+def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
+    """A file's policy; refused where whole actions and residuals would be taken for one another.
+
+    A residual's file adds the planner below by itself, so that it acts on the plain environment.
+    """
+    policy = NetworkPolicy.load(name)
     sizes = (policy.observation_size, policy.action_size)
     spaces = (env.observation_space.shape, env.action_space.shape)
     if ((sizes[0],), (sizes[1],)) != spaces:
@@ -261,17 +265,6 @@ def _load_file(name: str, env: gym.Env) -> learned.NetworkPolicy:
             f"policy {name!r} was made for {sizes[0]} observations and {sizes[1]} actions; the environment "
             f"has observation shape {spaces[0]} and action shape {spaces[1]}"
         )
-    _check_kind(name, policy, env)
-    unwrapped: Any = env.unwrapped
-    policy.check_made_for(unwrapped.robot, unwrapped.limits)
-    return policy
-
-
-def _check_kind(name: str, policy: learned.NetworkPolicy, env: gym.Env) -> None:
-    """Raise InvalidValueError where whole actions and residuals would be taken for one another.
-
-    A residual's file adds the planner below by itself, so that it acts on the plain environment.
-    """
     about = policy.description
     here = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
     if about.residual is not None and acts_on_residual(env):

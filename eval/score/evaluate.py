@@ -113,11 +113,9 @@ def evaluate(
             for name in sources
         }
         whose = f"each of {len(sources)} policies" if len(sources) > 1 else next(iter(sources))
-        work = Work(
-            f"{suite.name}: {len(suite.scenarios)} episodes of {whose}",
-            about(policy_source.guessed_seconds(env_id, missing, sources, workers)),
-            store.directory,
-        )
+        what = f"{suite.name}: {len(suite.scenarios)} episodes of {whose}"
+        seconds = policy_source.guessed_seconds(env_id, missing, sources, workers)
+        work = Work(what, about(seconds), store.directory)
         begun = {name: len(rows) for name, rows in done.items()}
         chunks = make_chunks(missing, sizes, workers)
         with progress_bars(list(sources), len(suite.scenarios), work, begun) as bars:

@@ -55,9 +55,7 @@ SURE = np.diag([1e-6, 1e-12])
 
 def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> Curve:
     recovered = np.arange(40) % 2 == 0 if yes is None else np.full(40, yes)
-    return Curve(
-        "p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance))
-    )
+    return Curve("p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance)))
 
 
 @pytest.mark.parametrize(
