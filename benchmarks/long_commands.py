@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from push_recovery.eval.score.suites import Suite, get_suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = ("--env", "PushRecovery/Pendulum-v0")
 BUDGET = ("--trials", "8", "--scenarios", "16", "--held-out", "16")
@@ -120,7 +120,7 @@ COMMANDS = {
 def prepare(place: Path) -> None:
     """Write the suites, and the results that `submit` takes, into a folder."""
     place.mkdir(parents=True, exist_ok=True)
-    Suite("head", "1", standard_suite().scenarios[:64]).save(place / "suite.json")
+    Suite("head", "1", get_suite("standard").scenarios[:64]).save(place / "suite.json")
     Suite("hard-head", "1", get_suite("hard").scenarios[::128]).save(place / "hard.json")
     line = COMMANDS["evaluate"].line(place, place / "results", 1)
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # noqa: S603

@@ -1,7 +1,5 @@
 """The functions that users call: `evaluate`, `compare`, `frontier` and `rollout`."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -10,18 +8,14 @@ import gymnasium as gym
 
 from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
-from ..envs.scenario.scenario import Command, Scenario, get_profile
+from ..envs.scenario.scenario import Command, Scenario
 from .ceiling import with_ceiling
-from .rollout.environments import size_of
+from .rollout import environments, policy_source
 from .rollout.episodes import rollout as run_episode
 from .rollout.names import DEFAULT_ENV, TABLE_ARMS
 from .rollout.outcome import Outcome
-from .rollout.policy_source import acting_in
-from .score.evaluate import Comparison, Evaluation
-from .score.evaluate import compare as compare_sources
-from .score.evaluate import evaluate as evaluate_sources
-from .score.frontier import Frontier, FrontierSettings, default_grid
-from .score.frontier import frontier as scan_directions
+from .score import evaluate as scoring
+from .score import frontier as scanning
 from .score.report import write_evaluation_reports
 from .score.suites import Suite, on_robots, pushes_on
 
@@ -36,7 +30,7 @@ def evaluate(
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
-) -> Evaluation:
+) -> scoring.Evaluation:
     """Score policies on a suite, and write rows and reports; a run that was stopped goes on where it was.
 
         evaluation = evaluate(policies={"mine": my_policy, "two-stage": "two-stage"}, suite="hard")
@@ -63,7 +57,7 @@ def evaluate(
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
     chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
-    evaluation = evaluate_sources(chosen, env, policies, workers, directory, overwrite)
+    evaluation = scoring.evaluate(chosen, env, policies, workers, directory, overwrite)
     write_evaluation_reports(evaluation, with_ceiling(evaluation, workers, overwrite))
     return evaluation
 
@@ -79,7 +73,7 @@ def compare(
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
-) -> Comparison:
+) -> scoring.Comparison:
     """Two policies on the same pushes, paired by scenario; arguments as those of `evaluate`.
 
     Labels tell policies of one class apart: compare({"before": a}, {"after": b}).
@@ -88,7 +82,7 @@ def compare(
         PushRecoveryError: as `evaluate`.
     """
     chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
-    return compare_sources(a, b, chosen, env, workers, directory, overwrite)
+    return scoring.compare(a, b, chosen, env, workers, directory, overwrite)
 
 
 def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
@@ -111,7 +105,7 @@ def frontier(
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
-) -> Frontier:
+) -> scanning.Frontier:
     """Scan the force of a push by direction, at the start of a left stance after four nominal steps.
 
     Args:
@@ -131,11 +125,10 @@ def frontier(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    settings = FrontierSettings(
-        env, default_grid(env) if grid is None else grid, duration, body, command, errors, profile
-    )
+    step = scanning.default_grid(env) if grid is None else grid
+    settings = scanning.FrontierSettings(env, step, duration, body, command, errors, profile)
     directory = None if out is None else Path(out)
-    return scan_directions(settings, policies, directions, workers, directory, overwrite)
+    return scanning.frontier(settings, policies, directions, workers, directory, overwrite)
 
 
 def rollout(
@@ -158,6 +151,5 @@ def rollout(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
-    with acting_in(env, policy, policy_name) as (made, acting, label):
-        scenario = get_profile(profile).scaled(size_of(made)).applied(scenario)
-        return run_episode(made, acting, scenario, label)
+    with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
+        return run_episode(made, acting, environments.under_profile(made, scenario, profile), label)

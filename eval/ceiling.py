@@ -3,41 +3,27 @@
 What policies and searches recover together is the row `ceiling`: a lower bound on what is possible.
 """
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
+from ..controllers import files, validation
 from ..controllers.errors import InvalidValueError
-from ..controllers.files import read_file, write_text
-from ..controllers.validation import parse_json, require_keys
-from .hindsight import (
-    CEILING,
-    FORCES,
-    NEIGHBOURS,
-    TURNS,
-    CeilingSettings,
-    Row,
-    Sequence,
-    SequencePolicy,
-    require_bipeds,
-    search_row,
-)
+from . import hindsight
+from .hindsight import CEILING, NEIGHBOURS, CeilingSettings, Row, Sequence, SequencePolicy
 from .output.progress import Work, about, episode_seconds, progress_bars
-from .output.rows import RowFile
+from .output.rows import RowFile, read_json
 from .output.statistics import PairedCounts
 from .output.tables import Table, markdown_page, write_reports
-from .rollout.environments import make_env
-from .rollout.episodes import action_rule
+from .rollout import environments, episodes
 from .rollout.names import DEFAULT_ENV
 from .rollout.outcome import Score
 from .rollout.workers import parallel
-from .score.evaluate import FORMAT as ROWS_FORMAT
 from .score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate
 from .score.report import rates_table
 from .score.suites import Suite
@@ -47,7 +33,6 @@ FORMAT = 1  # of the rows
 FOLDER = "ceiling"  # of the searches, in the directory of the evaluation
 KEY = ("scenario_id",)
 FIELDS = (*SCORED, "attempts", "period", "corrections", "neighbours")
-OnRow = Callable[[Row], None]
 
 
 @dataclass(frozen=True)
@@ -101,19 +86,14 @@ class Ceiling:
 
 def best_rows(evaluation: Evaluation, answers: list[Row]) -> list[Row]:
     """For each push the best of the policies' rows and its answer, if it has one."""
-    found = {row["scenario_id"]: row for row in answers}
-    rows = []
-    for scenario, alike in evaluation.by_scenario():
-        rows.append(_best([*alike, found[scenario.id]] if scenario.id in found else alike))
-    return rows
+    found = {row["scenario_id"]: [row] for row in answers}
+    return [_best([*rows, *found.get(scenario.id, ())]) for scenario, rows in evaluation.by_scenario()]
 
 
 def _best(rows: list[Row]) -> Row:
     """The first row that has recovered, otherwise the first that has survived, otherwise the last."""
-    for field in ("recovered", "survived"):
-        if kept := [row for row in rows if row[field]]:
-            return kept[0]
-    return rows[-1]
+    ranked = (row for field in ("recovered", "survived") for row in rows if row[field])
+    return next(ranked, rows[-1])
 
 
 def ceiling(
@@ -124,31 +104,20 @@ def ceiling(
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
-    on_row: OnRow | None = None,
 ) -> Ceiling:
     """Evaluate policies, and search each push that all of them lose; a run that was stopped goes on.
 
-    Args:
-        suite: scenarios.
-        env_id: environment of bipeds under gait actions.
-        policies: as those of `evaluate`; rows that the directory holds are kept.
-        settings: of the searches.
-        workers: processes; they change no row.
-        directory: of the evaluation, by default its own under runs/; the searches lie in `ceiling` below it.
-        overwrite: start over where the directory holds rows.
-        on_row: called after each search is on disk.
+    The environment has bipeds under plain gait actions. The directory is that of the evaluation; the searches
+    lie in `ceiling` below it.
 
     Raises:
         PushRecoveryError: as `evaluate`; another environment; searches of other settings in the directory.
     """
     _check_env(env_id)
     evaluation = evaluate(suite, env_id, policies, workers, directory, overwrite)
-    lost = [
-        scenario for scenario, rows in evaluation.by_scenario() if not any(row["recovered"] for row in rows)
-    ]
-    config = configuration(suite, env_id) | {
-        "rows": ROWS_FORMAT, "format": FORMAT, "ceiling": asdict(settings),
-    }  # fmt: skip
+    lost = [one for one, rows in evaluation.by_scenario() if not any(row["recovered"] for row in rows)]
+    config = configuration(suite, env_id)
+    config |= {"rows": config["format"], "format": FORMAT, "ceiling": asdict(settings)}
     with RowFile(evaluation.directory / FOLDER, config, KEY, overwrite, FIELDS) as store:
         missing = [scenario for scenario in lost if (scenario.id,) not in store.rows]
         most = settings.budget * episode_seconds(env_id, missing, workers)
@@ -158,26 +127,21 @@ def ceiling(
         done = [store.rows[scenario.id,] for scenario in lost if (scenario.id,) in store.rows]
         with progress_bars([CEILING], len(lost), work, {CEILING: len(done)}) as bars:
             jobs = [(settings, scenario) for scenario in missing]
-            for row in parallel(env_id, search_row, jobs, workers):
+            for row in parallel(env_id, hindsight.search_row, jobs, workers):
                 store.append(row)
                 done.append(row)
                 bars.set(CEILING, len(done), f"answered {sum(one['recovered'] for one in done)}")
-                if on_row is not None:
-                    on_row(row)
     searched = [store.rows[scenario.id,] for scenario in lost]
     return Ceiling(evaluation, settings, searched, store.directory)
 
 
 def _check_env(env_id: str) -> None:
     """Raise InvalidValueError for robots that are not put back, or an action that is no gait."""
-    env = make_env(env_id)
-    try:
-        rule = action_rule(env)
+    with closing(environments.make_env(env_id)) as env:
+        rule = episodes.action_rule(env)
         if rule is None or rule.residual is not None or rule.hold != 1:
             raise InvalidValueError(f"a ceiling needs plain gait actions, and {env_id} has others")
-        require_bipeds(getattr(env.unwrapped, "episodes", None))
-    finally:
-        env.close()
+        hindsight.require_bipeds(getattr(env.unwrapped, "episodes", None))
 
 
 FILE = "answers.json"
@@ -192,7 +156,7 @@ class Answers:
     sequences: Mapping[str, Sequence]
 
     @classmethod
-    def of(cls, found: Ceiling) -> Answers:
+    def of(cls, found: Ceiling) -> Self:
         """Answers that searches have found."""
         return cls(found.evaluation.suite.summary(), found.settings, _sequences(found.answered))
 
@@ -206,45 +170,39 @@ class Answers:
         head = {"format": FORMAT, "suite": dict(self.suite), "settings": asdict(self.settings)}
         entries = {name: [one.period, one.corrections] for name, one in self.sequences.items()}
         body = ",\n".join(f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in entries.items())
-        write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
+        files.write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
     @classmethod
-    def load(cls, path: Path) -> Answers:
+    def load(cls, path: Path) -> Self:
         """Read them from a file.
 
         Raises:
             InvalidValueError: it cannot be read, or holds no answers of this format.
         """
         what = f"file of answers {str(path)!r}"
-        try:
-            data = require_keys(
-                what, parse_json(what, read_file(path)), {"format", "suite", "settings", "answers"}, set()
-            )
-        except OSError as error:
-            raise InvalidValueError(f"cannot read {what}: {error}") from error
+        data = validation.require_keys(
+            what, read_json(path, "file of answers"), {"format", "suite", "settings", "answers"}, set()
+        )
         if data["format"] != FORMAT:
             raise InvalidValueError(f"{what} has format {data['format']!r}, and {FORMAT} is read")
         try:
             sequences = {name: Sequence(*entry) for name, entry in data["answers"].items()}
         except (AttributeError, TypeError, ValueError) as error:
             raise InvalidValueError(f"{what}: {error}") from error
-        suite = require_keys(
+        suite = validation.require_keys(
             f"suite of {what}", data["suite"], {"name", "version", "sha256", "scenarios"}, set()
         )
         return cls(suite, _settings(data["settings"]), sequences)
 
     @classmethod
-    def of_searches(cls, directory: Path) -> Answers:
+    def of_searches(cls, directory: Path) -> Self:
         """The best attempt at each push in the rows of a directory, whether it has recovered or not.
 
         Raises:
             InvalidValueError: the directory holds no searches of this format.
         """
         path = directory / "config.json"
-        try:
-            config = parse_json(repr(str(path)), read_file(path))
-        except OSError as error:
-            raise InvalidValueError(f"{str(directory)!r} holds no searches: {error}") from error
+        config = read_json(path) if path.exists() else {}
         known = config if isinstance(config, dict) else {}
         if "ceiling" not in known or known.get("format") != FORMAT:
             raise InvalidValueError(
@@ -279,7 +237,7 @@ def _sequences(rows: Iterable[Row]) -> dict[str, Sequence]:
 
 def _settings(data: object) -> CeilingSettings:
     names = {field.name for field in fields(CeilingSettings)}
-    return CeilingSettings(**require_keys("settings of a ceiling", data, names, set()))
+    return CeilingSettings(**validation.require_keys("settings of a ceiling", data, names, set()))
 
 
 NOTE = (
@@ -323,9 +281,10 @@ def search_lines(found: Ceiling) -> str:
     robust = np.array(found.robust)
     return (
         f"{lines} Median {np.median(attempts):.0f} attempts for an answer. The same sequence also recovers "
-        f"{robust.mean():.0%} of the {NEIGHBOURS} pushes within {max(FORCES):.0%} of the force and "
-        f"{max(TURNS):g} degrees of the direction, in the mean of the answers, {np.median(robust):.0%} in "
-        f"the median; {(robust >= 0.5).sum()} of {answered} answers recover half of them or more.\n"
+        f"{robust.mean():.0%} of the {NEIGHBOURS} pushes within {max(hindsight.FORCES):.0%} of the force and "
+        f"{max(hindsight.TURNS):g} degrees of the direction, in the mean of the answers, "
+        f"{np.median(robust):.0%} in the median; {(robust >= 0.5).sum()} of {answered} answers recover half "
+        "of them or more.\n"
     )
 
 
@@ -361,9 +320,8 @@ def with_ceiling(evaluation: Evaluation, workers: int = 1, overwrite: bool = Fal
     if not pushes:
         return evaluation
     suite = Suite(f"{evaluation.suite.name}-answered", evaluation.suite.version, pushes)
-    env = make_env(evaluation.env_id)
-    policy = answers.policy(env)
-    env.close()
+    with closing(environments.make_env(evaluation.env_id)) as env:
+        policy = answers.policy(env)
     replayed = evaluate(
         suite, evaluation.env_id, {CEILING: policy}, workers, evaluation.directory / REPLAYED, overwrite
     )

@@ -4,19 +4,16 @@ It begins in the last planning period before the push, and its row is the same w
 runs beside it. An answer is a sequence of corrections that a rollout of its own replays.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import product
+from itertools import count, product
 from typing import Any, ClassVar, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError, UnknownNameError, shown
 from ..controllers.model.gait_box import GAIT_SIZE
@@ -58,11 +55,7 @@ class CeilingSettings(SearchSettings):
 
 
 def require_bipeds(episodes: object) -> BipedEpisodes:
-    """The same episodes, where their robots can be put back.
-
-    Raises:
-        InvalidValueError: episodes of another kind, or of an environment that acts in a way of its own.
-    """
+    """The same episodes; raises InvalidValueError where their robots can't be put back."""
     if not isinstance(episodes, BipedEpisodes):
         raise InvalidValueError(
             "a ceiling is searched for on bipeds under plain gait actions, such as PushRecovery/Biped-v0"
@@ -81,14 +74,14 @@ def moment_of_push(
     """
     episodes.begin(0, scenario)
     progress, starts = begun(NO_CORRECTIONS), episodes.core.pushes
-    period, over = 0, False
-    while not over:
+    for period in count():
         snapshot = episodes.state_snapshot(0)
         actions, progress = rule.act(episodes.core.observation[:1], progress)
         ends = episodes.step(actions)
         if starts.start[0].min() < episodes.core.gait.time[0]:
             return snapshot, period
-        period, over = period + 1, bool(ends.failed[0] or ends.truncated[0])
+        if ends.failed[0] or ends.truncated[0]:
+            return None
     return None
 
 
@@ -181,7 +174,7 @@ class Attempts(NamedTuple):
     """Results of n attempts, in their order."""
 
     outcomes: list[Outcome]  # times since reset; steps and reward since the snapshot
-    values: NDArray[np.float64]  # (n,) see `run_attempts`
+    values: np.ndarray  # (n,) see `run_attempts`
 
 
 class _Standing(Observer):
@@ -191,10 +184,9 @@ class _Standing(Observer):
         self.values = np.zeros(n)
 
     def begin(self, robots: Slots, k: int, scenario: Scenario) -> None:
-        """Nothing is worth anything yet."""
+        pass  # nothing is worth anything yet
 
     def after_step(self, robots: Slots, rows: Ints) -> None:
-        """Add the planning period of the robots `rows`."""
         episodes = robots.episodes
         standing = rows[episodes.failure()[rows] == 0]
         self.values[standing] += worth(episodes.core.margin[standing]) / episodes.control_hz
@@ -210,7 +202,6 @@ class _Attempt:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Progress]:
-        """Actions (n, 7) for a batch, and the progress to hand in next time."""
         progress = begun(self.corrections) if state is None else Progress(*state)
         return self.rule.act(observation, progress)
 
@@ -232,7 +223,7 @@ def run_attempts(
         episodes: of as many robots as there are attempts, or more; what they held before is lost.
         rule: how corrections are added.
         snapshot: where all begin.
-        scenarios: that goes on from there, for each attempt.
+        scenarios: of each attempt, which goes on from there.
         corrections: (n, steps, 7) in [-1, 1].
     """
     slots = Slots(episodes, enter=lambda k, scenario: episodes.restore(k, snapshot, scenario))
@@ -244,17 +235,11 @@ def run_attempts(
 
 
 CEILING = "ceiling"  # label of the rows
-SearchJob = tuple[CeilingSettings, Scenario]
 Row = dict[str, Any]
 
 
 class Searcher:
-    """Robots and planner of one environment, for one search after the other.
-
-    Args:
-        env: single environment.
-        settings: of the searches.
-    """
+    """Robots and planner of one single environment, for one search after the other."""
 
     def __init__(self, env: gym.Env, settings: CeilingSettings):
         self.env, self.settings = env, settings
@@ -266,16 +251,14 @@ class Searcher:
     def row(self, scenario: Scenario) -> Row:
         """The row of replaying the best attempt at a scenario; its sequence, and how fragile it is."""
         moment = moment_of_push(self._walker, self.rule, scenario)
-        found: Row = {"attempts": 0, "period": None, "corrections": None, "neighbours": None}
-        sequences = {}
+        attempts, period, rows, robust, sequences = 0, None, None, None, {}
         if moment is not None:
             snapshot, period = moment
             best, recovered, attempts = self.search(snapshot, scenario)
             rows = as_text(best)
-            found |= {"attempts": attempts, "period": period, "corrections": rows}
-            if recovered:
-                found["neighbours"] = self.neighbours_recovered(snapshot, scenario, best)
+            robust = self.neighbours_recovered(snapshot, scenario, best) if recovered else None
             sequences = {scenario.id: Sequence(period, rows)}
+        found = {"attempts": attempts, "period": period, "corrections": rows, "neighbours": robust}
         replay = SequencePolicy(self.rule, sequences)
         return {**rollout(self.env, replay, scenario, CEILING).to_dict(), **found}
 
@@ -323,7 +306,7 @@ def generator_of(seed: int, scenario: Scenario) -> np.random.Generator:
 _searcher = lru_cache(maxsize=1)(Searcher)
 
 
-def search_row(runner: Runner, job: SearchJob) -> Row:
+def search_row(runner: Runner, job: tuple[CeilingSettings, Scenario]) -> Row:
     """The task of `parallel`: the row of one push."""
     settings, scenario = job
     return _searcher(runner.acting(settings.policy).env, settings).row(scenario)

@@ -1,7 +1,5 @@
 """`sampling-mpc`: the planner, and corrections of it that a simulation of the robot says it needs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -9,7 +7,6 @@ from typing import Any, ClassVar, NamedTuple
 import gymnasium as gym
 import numpy as np
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
-from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file
@@ -211,6 +208,6 @@ def _episodes_of(env: Any) -> BipedEpisodes:
     return episodes
 
 
-def _next_step(rows: NDArray[Any], fill: float) -> NDArray[Any]:
+def _next_step(rows: np.ndarray, fill: float) -> np.ndarray:
     """Rows (steps, 7) from the next step on."""
     return np.concatenate([rows[1:], np.full_like(rows[:1], fill)])

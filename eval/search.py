@@ -3,8 +3,6 @@
 Corrections are a row of seven for each step from the present one on, in [-1, 1] of the largest ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -40,12 +38,7 @@ class SequenceRule:
     A step is over when the time since its begin falls. Before the first row and after the last one the
     actions are the planner's own, bit for bit.
 
-    Args:
-        policy: name of the planner.
-        robot: physical constants.
-        limits: gait box.
-        preset: of the planner.
-        scale: multiple of `default_residual_scale`.
+    `scale` is a multiple of `default_residual_scale`.
     """
 
     def __init__(self, policy: str, robot: RobotModel, limits: GaitLimits, preset: str, scale: float):
@@ -150,10 +143,8 @@ class CrossEntropy:
         """Say what they are worth (population,): more is better, of equal ones the first."""
         best = np.argsort(-values, kind="stable")[: self._settings.elites]
         elites = candidates[best].astype(np.float64)
-        self.mean, self.spread = (
-            elites.mean(axis=0),
-            np.maximum(elites.std(axis=0), self._settings.least_spread),
-        )
+        self.mean = elites.mean(axis=0)
+        self.spread = np.maximum(elites.std(axis=0), self._settings.least_spread)
 
 
 DECIMALS = 4

@@ -26,7 +26,7 @@ from push_recovery.controllers.model.robot import RobotModel, natural_frequency
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.settings import PlannerConfig
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
@@ -135,7 +135,7 @@ def test_a_film_without_imageio_names_the_extra(monkeypatch, tmp_path):
 
     monkeypatch.setitem(sys.modules, "imageio.v2", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[view\]'"):
-        show_episode(PENDULUM, "passive", standard_suite().scenarios[0], Written(tmp_path / "film.mp4"))
+        show_episode(PENDULUM, "passive", get_suite("standard").scenarios[0], Written(tmp_path / "film.mp4"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -227,7 +227,7 @@ def test_unknown_names_end_every_command_with_one_line_and_no_file(argv, words, 
 
 def test_a_changed_suite_is_refused_with_both_hashes(tmp_path):
     path = tmp_path / "mine.json"
-    Suite("mine", "1", standard_suite().scenarios[:2]).save(path)
+    Suite("mine", "1", get_suite("standard").scenarios[:2]).save(path)
     content = json.loads(path.read_text())
     content["scenarios"][0]["pushes"][0]["force"][1] += 1.0
     path.write_text(json.dumps(content))

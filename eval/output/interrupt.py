@@ -4,8 +4,6 @@ Only a command may install these handlers; to import this module, or any other o
 handlers of the process alone.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -13,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import Any, Self
 
 GRACE = 2.0  # that a command has to come to its own end [s]
 INTERRUPTED = 130  # exit code
@@ -53,7 +51,7 @@ class CtrlC:
         self._before: Any = signal.SIG_IGN
         self._over = threading.Event()
 
-    def __enter__(self) -> CtrlC:
+    def __enter__(self) -> Self:
         if threading.current_thread() is not threading.main_thread():
             return self
         self._before = signal.getsignal(signal.SIGINT)

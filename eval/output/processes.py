@@ -4,8 +4,6 @@ Both kinds of pool do the same jobs with the same results, end with the process 
 whatever goes wrong in a worker into one `WorkerError`.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle
@@ -37,6 +35,11 @@ ANSWER = 5.0  # that an address has to answer [s]
 STARTS = 3  # of a cluster of this machine that are tried
 RETRIES = 3  # of a job whose Ray worker has ended
 _STATE: dict[str, tuple[Any, bytes | None]] = {}  # of this worker: `_made` by the name of its pool
+
+
+def _one_thread_each() -> None:
+    for name in THREAD_VARIABLES:  # which processes that are started from here inherit
+        os.environ.setdefault(name, "1")
 
 
 class WorkerError(PushRecoveryError):
@@ -109,8 +112,7 @@ class WorkerPool(Pool[S]):
 
     def __init__(self, workers: int, start: Callable[..., S], *arguments: Any):
         super().__init__()
-        for name in THREAD_VARIABLES:  # read by the children's libraries
-            os.environ.setdefault(name, "1")
+        _one_thread_each()
         context = multiprocessing.get_context("spawn")
         theirs, self._lifeline = context.Pipe(duplex=False)
         begin = theirs, pickle.dumps((start, arguments))
@@ -233,8 +235,7 @@ def _connect(ray: Any, address: str, workers: int | None) -> None:
 
 def _start(ray: Any, **options: Any) -> None:
     """Start a cluster of this machine; Ray gives up after 30 s, which a busy machine may take."""
-    for name in THREAD_VARIABLES:  # its processes inherit them
-        os.environ.setdefault(name, "1")
+    _one_thread_each()
     for left in reversed(range(STARTS)):
         try:
             ray.init(LOCAL, **options)
@@ -257,14 +258,10 @@ def _check(address: str) -> None:
 
 
 class RayPool(Pool[S]):
-    """Workers of the cluster that this process is connected to; a context manager.
+    """Workers of the cluster that this process is connected to; arguments as those of `WorkerPool`.
 
     Their results are those of `WorkerPool`, bit for bit on machines of one kind. A worker makes its state
     once. Where a worker or its machine ends, its job is done again elsewhere.
-
-    Args:
-        start: makes the state of a worker, in the worker; where it raises, every job does.
-        arguments: of `start`; picklable.
     """
 
     def __init__(self, start: Callable[..., S], *arguments: Any):

@@ -3,8 +3,6 @@
 On a terminal a bar for each name; in a log, where bars are of no use, a line every half minute.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,15 +14,8 @@ from threading import Event, Thread
 from types import MappingProxyType
 from typing import IO, Protocol
 
+from rich import progress
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from ...envs.scenario.scenario import Scenario
 
@@ -106,11 +97,7 @@ class Work:
 
 
 def about(seconds: float) -> str:
-    """A guessed length of time in words: "a few seconds", "about 40 seconds", "about 3 minutes".
-
-    Args:
-        seconds: the guess; 0 where everything is there already.
-    """
+    """A guess in words: "a few seconds", "about 40 seconds"; 0 where everything is there already."""
     if seconds <= 0.0:
         return "nothing is left to run"
     if seconds < 10.0:
@@ -121,13 +108,7 @@ def about(seconds: float) -> str:
 
 
 def robot_seconds(env_id: str, simulated: float, workers: int = 1) -> float:
-    """Wall seconds for so many simulated seconds of one robot, about.
-
-    Args:
-        env_id: environment.
-        simulated: of all episodes together [s].
-        workers: processes, each on a core of its own.
-    """
+    """Wall seconds for so many simulated seconds of all robots together, about, a core for each worker."""
     cost = next((value for kind, value in COST.items() if kind in env_id), OTHERS)
     return cost * simulated / max(workers, 1)
 
@@ -155,16 +136,10 @@ class Bars(Protocol):
         ...
 
 
-class _TerminalBars:
-    def __init__(self, progress: Progress, names: Sequence[str], total: int, begun: Mapping[str, int]):
-        self._progress = progress
-        self._tasks = {
-            name: progress.add_task(name, total=total, completed=begun.get(name, 0), note="")
-            for name in names
-        }
-
+class _TerminalBars(progress.Progress):
     def set(self, name: str, completed: int, note: str = "") -> None:
-        self._progress.update(self._tasks[name], completed=completed, note=note)
+        number = next(task.id for task in self.tasks if task.description == name)
+        self.update(number, completed=completed, note=note)
 
 
 @contextmanager
@@ -189,11 +164,13 @@ def progress_bars(
         say(work)
     if moving and (console.is_interactive or console.is_jupyter):
         columns = (
-            TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
-            TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+            "{task.description}", progress.BarColumn(bar_width=30), progress.MofNCompleteColumn(),
+            "{task.fields[note]}", progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
         )  # fmt: skip
-        with Progress(*columns, console=console, expand=False) as progress:
-            yield _TerminalBars(progress, names, total, begun)
+        with _TerminalBars(*columns, console=console, expand=False) as bars:
+            for name in names:
+                bars.add_task(name, total=total, completed=begun.get(name, 0), note="")
+            yield bars
         return
     lines, over = Lines(names, total, begun, sys.stderr), Event()
     thread = Thread(target=repeat, args=(lines.tell, over.wait), daemon=True)

@@ -1,7 +1,5 @@
 """Results on disk: rows of JSON that survive a kill, one writer a directory, versions of what wrote them."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib
@@ -14,7 +12,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import read_file, sync_names, write_text
@@ -126,7 +124,7 @@ class Writer:
             for folder in self._made:
                 folder.rmdir()
 
-    def __enter__(self) -> Writer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -143,6 +141,25 @@ def _holder(path: Path) -> str:
 
 
 LONGEST_LABEL = 150  # of a directory's name; file systems take 255 bytes
+
+
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Names of the entries in which two records differ, sorted."""
+    return [name for name in sorted({*one, *other}) if one.get(name) != other.get(name)]
+
+
+def read_content(path: Path, what: str = "") -> bytes:
+    """The content of a file of a kind; raises InvalidValueError where it can't be read."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        name = f"{what} {str(path)!r}".lstrip()
+        raise InvalidValueError(f"cannot read {name}: {error.strerror or error}") from error
+
+
+def read_json(path: Path, what: str = "") -> Any:
+    """The content of a JSON file of a kind; raises InvalidValueError where it can't be read or is none."""
+    return parse_json(f"{what} {str(path)!r}".lstrip(), read_content(path, what))
 
 
 class UnwrittenRowError(PushRecoveryError):
@@ -278,7 +295,7 @@ class RowFile:
             self._file = None
         self._writer.release()
 
-    def __enter__(self) -> RowFile:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -290,8 +307,7 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
     present = parse_json(repr(str(path)), read_file(path))
     if present != json.loads(json.dumps(config)):
         known = present if isinstance(present, dict) else {}
-        differs = [k for k in sorted({*known, *config}) if known.get(k) != config.get(k)]
         raise InvalidValueError(
             f"{str(path.parent)!r} holds results of another configuration (differs in: "
-            f"{', '.join(differs)}); choose another --out, or --overwrite to start over"
+            f"{', '.join(differing(known, config))}); choose another --out, or --overwrite to start over"
         )

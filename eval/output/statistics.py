@@ -5,13 +5,11 @@ are compared as Agarwal et al. (2021), Deep Reinforcement Learning at the Edge o
 NeurIPS, recommend.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,7 +107,7 @@ class PairedCounts:
     neither: int
 
     @classmethod
-    def of(cls, a: NDArray[np.bool_], b: NDArray[np.bool_]) -> PairedCounts:
+    def of(cls, a: NDArray[np.bool_], b: NDArray[np.bool_]) -> Self:
         """Count pairs from two (n,) arrays in the same order of scenarios."""
         if a.shape != b.shape:
             raise InvalidValueError(f"pairs need equal lengths, got {a.shape} and {b.shape}")
@@ -118,7 +116,7 @@ class PairedCounts:
     @classmethod
     def of_rows(
         cls, a: Sequence[Mapping[str, Any]], b: Sequence[Mapping[str, Any]], field: str = "recovered"
-    ) -> PairedCounts:
+    ) -> Self:
         """Count pairs of a field of rows in the same order of scenarios."""
         first, second = (np.array([row[field] for row in rows], dtype=bool) for rows in (a, b))
         return cls.of(first, second)
@@ -159,19 +157,15 @@ class LogisticFit:
 
     def probability(self, x: ArrayLike) -> Array:
         """P(yes) at each x."""
-        from scipy.special import expit
-
-        return expit(self.intercept + self.slope * np.asarray(x, dtype=np.float64))
+        return _expit(self.intercept + self.slope * np.asarray(x, dtype=np.float64))
 
     def band(self, x: ArrayLike) -> tuple[Array, Array]:
         """95 % band of P(yes) at each x, low and high: that of a + b x by its normal distribution (Wald)."""
-        from scipy.special import expit
-
         x = np.asarray(x, dtype=np.float64)
         (aa, ab), (_, bb) = self.covariance
         half = Z * np.sqrt(aa + 2.0 * ab * x + bb * x**2)
         middle = self.intercept + self.slope * x
-        return expit(middle - half), expit(middle + half)
+        return _expit(middle - half), _expit(middle + half)
 
     def input_at(self, share: float) -> float:
         """The x at which P(yes) = share, (log(share / (1 - share)) - a) / b."""
@@ -213,7 +207,6 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
     if not (yes.any() and (~yes).any() and x[yes].min() < x[~yes].max() and x[~yes].min() < x[yes].max()):
         return None
     from scipy.optimize import minimize
-    from scipy.special import expit
 
     middle, spread = float(x.mean()), float(x.std())
     design = np.column_stack([np.ones_like(x), (x - middle) / spread])
@@ -222,10 +215,10 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
         return float(np.logaddexp(0.0, np.where(yes, -1.0, 1.0) * (design @ at)).sum())
 
     def gradient(at: Array) -> Array:
-        return design.T @ (expit(design @ at) - yes)
+        return design.T @ (_expit(design @ at) - yes)
 
     def information(at: Array) -> Array:
-        share = expit(design @ at)
+        share = _expit(design @ at)
         return (design * (share * (1.0 - share))[:, None]).T @ design
 
     found = minimize(
@@ -235,6 +228,12 @@ def fit_logistic(x: ArrayLike, yes: ArrayLike) -> LogisticFit | None:
     intercept, slope = back @ found.x
     covariance = back @ np.linalg.inv(information(found.x)) @ back.T
     return LogisticFit(float(intercept), float(slope), np.asarray(covariance, dtype=np.float64))
+
+
+def _expit(x: Array) -> Array:
+    from scipy.special import expit
+
+    return expit(x)
 
 
 def _logit(share: float) -> float:
@@ -249,11 +248,6 @@ class SurvivalCurve:
     survival: Array  # share that stands after each
     low: Array  # of its 95 % interval
     high: Array
-
-    def at(self, time: float) -> float:
-        """Share that has not fallen by a time."""
-        index = int(np.searchsorted(self.times, time, side="right")) - 1
-        return float(self.survival[index]) if index >= 0 else 1.0
 
 
 def kaplan_meier(ends: Sequence[float], fell: Sequence[bool]) -> SurvivalCurve:
@@ -299,8 +293,7 @@ def kaplan_meier(ends: Sequence[float], fell: Sequence[bool]) -> SurvivalCurve:
     )
 
 
-Statistic = Callable[..., float | Array]  # of one or more arrays (seeds, scenarios)
-DRAWS = 2000  # of a bootstrap
+LEVEL = 0.95  # of a bootstrap's interval
 
 
 def interquartile_mean(scores: ArrayLike) -> float:
@@ -344,27 +337,13 @@ def stratum_rates(scores: ArrayLike, strata: ArrayLike) -> Array:
 
 
 def bootstrap_interval(
-    statistic: Callable[..., float],
+    statistic: Callable[..., float | Array],
     scores: Sequence[ArrayLike],
     rng: np.random.Generator,
-    level: float = 0.95,
-    draws: int = DRAWS,
-    strata: ArrayLike | None = None,
-) -> tuple[float, float]:
-    """Percentile interval of a number, see `bootstrap_band`."""
-    low, high = bootstrap_band(statistic, scores, rng, level, draws, strata)
-    return float(low), float(high)
-
-
-def bootstrap_band(
-    statistic: Statistic,
-    scores: Sequence[ArrayLike],
-    rng: np.random.Generator,
-    level: float = 0.95,
-    draws: int = DRAWS,
+    draws: int = 2000,
     strata: ArrayLike | None = None,
 ) -> Array:
-    """Percentile interval of a statistic of one or more policies under another choice of seeds and scenarios.
+    """95 % percentile interval of a statistic of policies under another choice of seeds and scenarios.
 
     Each draw takes seeds of every policy with replacement, each policy for itself, then scenarios, the same
     for all, which keeps the pairs, and each from its own stratum. With few seeds it is too narrow: the
@@ -374,7 +353,6 @@ def bootstrap_band(
         statistic: of arrays (seeds, scenarios), as many as `scores` has, in the order of the strata.
         scores: of the policies, over the same scenarios.
         rng: of the draws.
-        level: of the interval.
         draws: how many.
         strata: number of the stratum of each scenario; one of all without.
 
@@ -382,10 +360,8 @@ def bootstrap_band(
         Low and high end (2, shape of the statistic).
 
     Raises:
-        InvalidValueError: policies over different numbers of scenarios, or a level outside (0, 1).
+        InvalidValueError: policies over different numbers of scenarios.
     """
-    if not 0.0 < level < 1.0:
-        raise InvalidValueError(f"level must be in (0, 1), got {level}")
     policies = _scores(*scores)
     group = np.zeros(policies[0].shape[1], dtype=np.int64) if strata is None else np.asarray(strata)
     order = np.argsort(group, kind="stable")
@@ -397,7 +373,7 @@ def bootstrap_band(
         columns = order[first + rng.integers(sizes[number])]  # for each scenario one of its stratum
         drawn = (one[np.ix_(rows, columns)] for one, rows in zip(policies, seeds, strict=True))
         found.append(statistic(*drawn))
-    return np.quantile(np.array(found), (0.5 * (1.0 - level), 0.5 * (1.0 + level)), axis=0)
+    return np.quantile(np.array(found), (0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)), axis=0)
 
 
 def _scores(*scores: ArrayLike) -> list[Array]:

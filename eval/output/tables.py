@@ -1,7 +1,5 @@
 """Tables of results: the same cells on a terminal, in Markdown and on a page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

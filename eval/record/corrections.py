@@ -1,20 +1,16 @@
 """Corrections of a residual by direction of the push: collected, as tables, as a figure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.model.gait_box import GAIT_NAMES, GAIT_SIZE
-from ...controllers.model.observation import side_sign
+from ...controllers.model import gait_box, observation
 from ...controllers.policies.learned import NetworkPolicy
 from ...envs.scenario.scenario import Scenario
 from ..output.tables import markdown_table
@@ -22,9 +18,6 @@ from ..rollout.episodes import rollout
 from .record import Array, EpisodeRecord, RecordedPolicy, record_episode
 from .style import POLICY_STYLES, new_figure, print_style, save
 from .words import sector_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 STEPS = 3  # that are looked at: the one that is pushed in, and those after it
 
@@ -42,12 +35,7 @@ class PushCorrections:
 
 
 def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterator[PushCorrections]:
-    """Run every scenario with the residual and without it.
-
-    Args:
-        env: in which both act.
-        policy: a residual on gait actions.
-        scenarios: with one push or more, of which the first counts.
+    """Run every scenario, of whose pushes the first counts, with the residual and without it.
 
     Raises:
         InvalidValueError: the policy is no residual on gait actions.
@@ -66,24 +54,18 @@ def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterato
 
 
 def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) -> PushCorrections:
-    """Corrections of the residual from the first push on.
-
-    Args:
-        episode: with a sample before each action, and one after the last.
-        added: (n, 7) gait variables of the actions less those of the actions below.
-        below_recovered: whether the policy below recovers.
-    """
+    """Corrections from the first push on; `added` (n, 7) are gait variables less those of the base."""
     n = len(added)
     time, step = episode["time"][:n], episode["step"][:n]
     pushed = int(np.searchsorted(time, episode.push_starts[0], side="right")) - 1
-    means = np.full((STEPS, GAIT_SIZE), np.nan)
+    means = np.full((STEPS, gait_box.GAIT_SIZE), np.nan)
     for k in range(STEPS):
         of_step = (np.arange(n) >= pushed) & (step == step[pushed] + k)
         if of_step.any():
             means[k] = added[of_step].mean(axis=0)
     push = episode.scenario.pushes[0]
     turned = push.direction - (0.0 if push.frame == "heading" else episode["heading"][pushed])
-    outward = side_sign(int(episode["stance_side"][pushed])) * turned
+    outward = observation.side_sign(int(episode["stance_side"][pushed])) * turned
     return PushCorrections(
         episode.scenario.id,
         math.degrees(math.remainder(outward, math.tau)),
@@ -97,7 +79,9 @@ def corrections_of(episode: EpisodeRecord, added: Array, below_recovered: bool) 
 SECTORS = ("forward", "forward outward", "outward", "backward outward",
            "backward", "backward inward", "inward", "forward inward")  # fmt: skip
 UNITS = (("mm", 1e3),) * 2 + (("ms", 1e3),) + (("mm", 1e3),) * 2 + (("rad/s^2", 1.0),) * 2
-SHOWN = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, (unit, _) in zip(GAIT_NAMES, UNITS, strict=True))
+SHOWN = tuple(
+    f"{name.replace('_', ' ')} [{unit}]" for name, (unit, _) in zip(gait_box.GAIT_NAMES, UNITS, strict=True)
+)
 STEP_NAMES = ("the step that is pushed in", "the next step", "the one after")
 
 
@@ -121,7 +105,7 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
         for name in ("below_recovered", "recovered")
     )
     scaled = np.array([one.corrections for one in found]) * [factor for _, factor in UNITS]
-    shape = (STEPS, len(SECTORS), len(GAIT_NAMES))
+    shape = (STEPS, len(SECTORS), len(gait_box.GAIT_NAMES))
     mean, spread = np.full(shape, np.nan), np.full(shape, np.nan)
     for sector in range(len(SECTORS)):
         for step in range(STEPS):
@@ -130,17 +114,11 @@ def summarise(found: Sequence[PushCorrections]) -> Summary:
             if len(values):
                 mean[step, sector], spread[step, sector] = values.mean(axis=0), values.std(axis=0)
 
-    def count(which: NDArray[np.bool_]) -> Array:
-        return np.bincount(sectors[which], minlength=len(SECTORS)).astype(np.float64)
-
-    return Summary(
-        count(np.ones(len(found), np.bool_)),
-        count(with_it & ~below),
-        count(below & ~with_it),
-        count(~below & ~with_it),
-        mean,
-        spread,
+    groups = np.full_like(below, True), with_it & ~below, below & ~with_it, ~below & ~with_it
+    pushes, repaired, lost, left = (
+        np.bincount(sectors[one], minlength=len(SECTORS)).astype(np.float64) for one in groups
     )
+    return Summary(pushes, repaired, lost, left, mean, spread)
 
 
 def outcome_table(summary: Summary) -> str:
@@ -185,7 +163,7 @@ def save_corrections(summary: Summary, directory: Path, stem: str = "corrections
         return save(figure, directory, stem)
 
 
-def _decision(axes: Axes, summary: Summary, decision: int, name: str) -> None:
+def _decision(axes: Any, summary: Summary, decision: int, name: str) -> None:
     """Mean correction against direction, one line a step, with a band of one standard deviation."""
     axes.axhline(0.0, color="#555555", lw=0.8)
     for step, (look, label) in enumerate(zip(LOOKS, STEP_NAMES, strict=True)):
@@ -196,7 +174,7 @@ def _decision(axes: Axes, summary: Summary, decision: int, name: str) -> None:
     axes.set_title(name.replace("acceleration", "acc."), loc="left")
 
 
-def _outcomes(axes: Axes, summary: Summary) -> None:
+def _outcomes(axes: Any, summary: Summary) -> None:
     """Endings of the pushes that either policy loses, by direction."""
     bottom = np.zeros(len(ANGLES))
     for name, colour, hatch in OUTCOMES:

@@ -1,17 +1,16 @@
 """Films of episodes as mp4 or GIF, several policies side by side, and contact sheets of a push."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence
 from functools import cache
 from itertools import chain, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_atomically
@@ -22,10 +21,6 @@ from ..rollout.episodes import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 from ..score.evaluate import Evaluation
 from .words import ending_words, info_push_words
-
-if TYPE_CHECKING:
-    from PIL.ImageDraw import ImageDraw
-    from PIL.ImageFont import FreeTypeFont
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 FILM_RATE = 25.0  # frames per simulated second
@@ -60,10 +55,7 @@ def rendered(robot: GymRobot) -> Frame:
 class Shot:
     """One policy's episode as a camera sees it: frames at a rate of simulated time, and how it ends.
 
-    Args:
-        policy: its name.
-        period: of planning [s].
-        rate: frames per simulated second.
+    `period` is that of planning [s], `rate` in frames per simulated second.
     """
 
     def __init__(self, policy: str, period: float, rate: float = FILM_RATE):
@@ -96,11 +88,6 @@ class Shot:
         return "no push" if push is None else info_push_words(push)
 
     @property
-    def ending(self) -> str:
-        """Ending of the episode in words."""
-        return ending_words(self.info)
-
-    @property
     def fell(self) -> bool:
         """Whether it ended in a fall."""
         return bool(self.info.get("failure_reason"))
@@ -119,8 +106,6 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     The push is written over all of them, each policy's name over its own picture, and below the name how it
     has ended once that is decided; a robot that has fallen stays as it fell.
     """
-    from PIL import Image, ImageDraw
-
     width, height = PANEL
     sheet = Image.new("RGB", (len(shots) * (width + GAP) - GAP, HEAD + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -134,15 +119,15 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
     return np.asarray(sheet)
 
 
-def _title(draw: ImageDraw, centre: float, shot: Shot, after: float) -> None:
+def _title(draw: Any, centre: float, shot: Shot, after: float) -> None:
     draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
     if after >= shot.decided:
-        words = shot.ending.partition(" (")[0]
+        words = ending_words(shot.info).partition(" (")[0]
         colour = BAD if shot.fell else GOOD
         draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
 
 
-def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
+def draw_legend(draw: Any, size: tuple[int, int], words: str) -> None:
     """The colours of the markers in the last line of a picture, and words at its right end."""
     letters, middle_line = font(13, False), size[1] - FOOT / 2
     left: float = 8
@@ -153,7 +138,7 @@ def draw_legend(draw: ImageDraw, size: tuple[int, int], words: str) -> None:
     draw.text((size[0] - 8, middle_line), words, INK, letters, anchor="rm")
 
 
-def _fitting(draw: ImageDraw, text: str) -> str:
+def _fitting(draw: Any, text: str) -> str:
     """A text cut at its front to the width of a picture: paths of files differ at their ends."""
     while draw.textlength(text, font(18, True)) > PANEL[0] - 8:
         text = "\N{HORIZONTAL ELLIPSIS}" + text.lstrip("\N{HORIZONTAL ELLIPSIS}")[1:]
@@ -161,10 +146,9 @@ def _fitting(draw: ImageDraw, text: str) -> str:
 
 
 @cache
-def font(size: int, bold: bool) -> FreeTypeFont:
+def font(size: int, bold: bool) -> Any:
     """DejaVu Sans, which comes with matplotlib."""
     import matplotlib
-    from PIL import ImageFont
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     data: Any = matplotlib.get_data_path()
@@ -206,18 +190,11 @@ def mp4_bytes(frames: Sequence[Frame], rate: float) -> bytes:
 def gif_bytes(
     frames: Sequence[Frame], rate: float, keep: Sequence[Colour] = (), limit: int = GIF_LIMIT
 ) -> bytes:
-    """Frames as a GIF that loops, at so many a second; smaller pictures where it would pass the limit.
+    """Frames of one shape as a GIF that loops, so many a second; smaller ones to stay below a limit [bytes].
 
-    All pictures share one palette without dithering, so that what stands still costs nothing.
-
-    Args:
-        frames: of one shape.
-        rate: a second.
-        keep: colours that must stay what they are, however small the things that have them.
-        limit: of the size [bytes].
+    All pictures share one palette without dithering, so that what stands still costs nothing; the colours to
+    `keep` stay what they are, however small the things that have them.
     """
-    from PIL import Image
-
     pictures = [Image.fromarray(frame) for frame in frames]
     palette = _palette(frames, keep)
     width, height = map(float, pictures[0].size)
@@ -234,8 +211,6 @@ def gif_bytes(
 
 def _palette(frames: Sequence[Frame], keep: Sequence[Colour]) -> Any:
     """A picture that holds the palette of pictures from all over the film."""
-    from PIL import Image
-
     samples = Image.fromarray(np.concatenate(frames[:: max(1, len(frames) // SAMPLES)]))
     found = samples.quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE).getpalette() or []
     palette = Image.new("P", (1, 1))
@@ -252,8 +227,6 @@ def strip(shot: Shot) -> bytes:
 
     Below them stand what the markers mean, the push, and how it has ended.
     """
-    from PIL import Image, ImageDraw
-
     width, height = STRIP_PANEL
     sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -265,27 +238,20 @@ def strip(shot: Shot) -> bytes:
         sheet.paste(frame.resize(STRIP_PANEL, Image.Resampling.LANCZOS), (left, LINE))
         time = f"{shot.times[index] - shot.push_start:+.2f} s"
         draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
-    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
+    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {ending_words(shot.info)}")
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 
 SLOW = 0.5  # speed of a film of two policies against time
-RATE = 25.0  # pictures a second of an mp4
-GIF_RATE = 12.5  # and of a GIF
+RATE = 25.0  # pictures a second of an mp4; a GIF has every second one
 BEFORE, LONGEST = 0.4, 3.2  # seen before the push began and at most after it [s]
 LINGER = 0.6  # seen after all is decided [s]
 
 
 def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
-    """Run a scenario before a camera.
-
-    Args:
-        env_id: of the environment.
-        policy: a name, a file, or MODULE:ATTRIBUTE.
-        scenario: what happens.
-        rate: frames per simulated second.
+    """Run a scenario before a camera, at so many frames per simulated second.
 
     Raises:
         PushRecoveryError: the policy can't act, or nothing can be drawn here.
@@ -305,11 +271,11 @@ def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame
 def write_pair(shots: Sequence[Shot], stem: Path) -> list[Path]:
     """STEM.gif and STEM.mp4 of the same push under several policies; returns their paths."""
     frames = side_by_side(shots, SLOW, RATE)
-    every = round(RATE / GIF_RATE)
-    contents = {".gif": gif_bytes(frames[::every], GIF_RATE, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
-    for suffix, content in contents.items():
-        write_atomically(stem.with_name(stem.name + suffix), content)
-    return [stem.with_name(stem.name + suffix) for suffix in contents]
+    contents = {".gif": gif_bytes(frames[::2], RATE / 2, COLOURS), ".mp4": mp4_bytes(frames, RATE)}
+    paths = [stem.with_name(stem.name + suffix) for suffix in contents]
+    for path, content in zip(paths, contents.values(), strict=True):
+        write_atomically(path, content)
+    return paths
 
 
 def episode_film(shot: Shot, suffix: str) -> bytes:
@@ -413,11 +379,7 @@ def disagreements(evaluation: Evaluation) -> list[Disagreement]:
 
 
 def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
-    """Film at most `count` of the pushes on which the policies disagree; returns the paths of the films.
-
-    Args:
-        evaluation: of two policies or more, each by its name, file or MODULE:ATTRIBUTE.
-        count: of pushes; each makes a GIF and an mp4.
+    """Film at most `count` of the pushes on which the policies disagree, as GIF and mp4; returns the paths.
 
     Raises:
         PushRecoveryError: nothing can be drawn here.

@@ -1,21 +1,16 @@
 """Learning curves from the files of policies, and their figure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.policies.learned import policy_paths
 from ..output.statistics import wilson_interval
 from ..rollout.load_policy import named_file, training_note
 from .style import curve_style, new_figure, print_style, save
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MILLION = 1e6
 MARGIN = 0.05  # below the curves
@@ -56,13 +51,9 @@ def learning_curve(policy: str) -> LearningCurve:
 def save_learning_curves(
     curves: Sequence[LearningCurve], lines: Sequence[tuple[str, float]], directory: Path, stem: str
 ) -> list[Path]:
-    """Write STEM.png and STEM.svg: recovered against learned actions.
+    """Write STEM.png and STEM.svg: recovered against learned actions, with Wilson's 95 % intervals as bands.
 
-    Args:
-        curves: to draw; the bands are Wilson's 95 % intervals.
-        lines: names and shares of what does not learn.
-        directory: of the files.
-        stem: of their names.
+    `lines` are names and shares of what does not learn.
     """
     with print_style():
         figure = new_figure(7.2, 4.6)
@@ -83,7 +74,7 @@ def save_learning_curves(
         return save(figure, directory, stem)
 
 
-def _draw(axes: Axes, curve: LearningCurve) -> None:
+def _draw(axes: Any, curve: LearningCurve) -> None:
     look = curve_style(curve.name)
     x = [steps / MILLION for steps in curve.timesteps]
     bands = [wilson_interval(round(share * curve.pushes), curve.pushes) for share in curve.recovered]

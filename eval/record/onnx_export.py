@@ -1,7 +1,5 @@
 """A learned policy's network as an ONNX graph, written only where it computes what the policy does."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -9,7 +7,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError
 from ...controllers.files import write_atomically
@@ -18,19 +15,20 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import require_place
 from ..rollout.episodes import rollout
-from .record import RecordedPolicy
+from .record import Array, RecordedPolicy
 
 OPSET, IR = 17, 8  # which runtimes of 2022 and later read
 INPUT = "inputs"
 NODES = {"tanh": "Tanh", "relu": "Relu"}
 
 
-def require_onnx() -> None:
-    """Raise MissingExtraError, naming the command that installs it, unless onnx is there."""
+def require_onnx() -> Any:
+    """Onnx; raises MissingExtraError, naming the command that installs it, where it is not there."""
     try:
-        import onnx  # noqa: F401
+        import onnx
     except ImportError as error:
         raise MissingExtraError("onnx", "onnx") from error
+    return onnx
 
 
 def onnx_model(policy: NetworkPolicy) -> Any:
@@ -38,19 +36,15 @@ def onnx_model(policy: NetworkPolicy) -> Any:
 
     The normalisation clip((x - mean) / sqrt(variance + epsilon), -clip, clip) is in double precision, as
     numpy's is: a large mean over a small deviation would cost digits. The metadata say how to use the output.
-
-    Args:
-        policy: of a file, or from Stable-Baselines3.
     """
-    require_onnx()
-    from onnx import TensorProto, helper
-
-    parts, n = _Parts(), policy.normalisation
-    row = parts.add("Cast", INPUT, to=TensorProto.DOUBLE)
+    onnx = require_onnx()
+    helper, kinds = onnx.helper, onnx.TensorProto
+    parts, n = _Parts(onnx), policy.normalisation
+    row = parts.add("Cast", INPUT, to=kinds.DOUBLE)
     row = parts.add("Sub", row, parts.constant(n.mean))
     row = parts.add("Div", row, parts.constant(np.sqrt(n.variance + n.epsilon)))
     row = parts.add("Clip", row, *(parts.constant(np.float64(end)) for end in (-n.clip, n.clip)))
-    row = parts.add("Cast", row, to=TensorProto.FLOAT)
+    row = parts.add("Cast", row, to=kinds.FLOAT)
     network, last = policy.network, len(policy.network.weights) - 1
     for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         row = parts.add("Gemm", row, parts.constant(weight), parts.constant(bias), transB=1)
@@ -60,7 +54,7 @@ def onnx_model(policy: NetworkPolicy) -> Any:
     name = "action" if policy.description.residual is None else "correction"
     parts.add("Clip", row, *bounds, output=name)
     begin, end = (
-        helper.make_tensor_value_info(end, TensorProto.FLOAT, ["n", size])
+        helper.make_tensor_value_info(end, kinds.FLOAT, ["n", size])
         for end, size in ((INPUT, network.sizes[0]), (name, network.sizes[-1]))
     )
     graph = helper.make_graph(parts.nodes, "push-recovery policy", [begin], [end], parts.constants)
@@ -72,24 +66,21 @@ def onnx_model(policy: NetworkPolicy) -> Any:
 class _Parts:
     """Nodes and constants of a graph, in the order in which they are made."""
 
-    def __init__(self) -> None:
+    def __init__(self, onnx: Any):
+        self._onnx = onnx
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
     def constant(self, value: Any) -> str:
         """The name of a constant."""
-        from onnx import numpy_helper
-
         name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(value), name))
+        self.constants.append(self._onnx.numpy_helper.from_array(np.asarray(value), name))
         return name
 
     def add(self, kind: str, *inputs: str, output: str = "", **attributes: Any) -> str:
         """The name of the output of a node."""
-        from onnx import helper
-
         name = output or f"row_{len(self.nodes)}"
-        self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
+        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], **attributes))
         return name
 
 
@@ -126,14 +117,9 @@ class ExportError(PushRecoveryError):
 
 
 def export_onnx(policy: NetworkPolicy, env: gym.Env, path: Path) -> float:
-    """Write a policy as ONNX; returns the largest difference from numpy that was met.
+    """Write a policy, which acts in `env`, as ONNX; returns the largest difference from numpy that was met.
 
     It is compared on random inputs and on those that the policy meets in an episode with a push.
-
-    Args:
-        policy: of a file, or from Stable-Baselines3.
-        env: that it acts in.
-        path: of the file.
 
     Raises:
         MissingExtraError: onnx is not installed.
@@ -156,21 +142,21 @@ def export_onnx(policy: NetworkPolicy, env: gym.Env, path: Path) -> float:
     return difference
 
 
-def random_inputs(policy: NetworkPolicy) -> NDArray[np.float64]:
+def random_inputs(policy: NetworkPolicy) -> Array:
     """RANDOM inputs (n, i), normal, with twice the deviation that those of the training had."""
     n = policy.normalisation
     draws = np.random.default_rng(0).normal(size=(RANDOM, n.mean.size))
     return n.mean + 2.0 * np.sqrt(n.variance) * draws
 
 
-def met_inputs(policy: NetworkPolicy, env: gym.Env) -> NDArray[np.float64]:
+def met_inputs(policy: NetworkPolicy, env: gym.Env) -> Array:
     """Inputs of the network (n, i) in an episode with a push."""
     recorded = RecordedPolicy(policy)
     rollout(env, recorded, PUSHED, "export")
     return np.concatenate([policy.network_inputs(seen) for seen in recorded.observations])
 
 
-def largest_difference(content: bytes, policy: NetworkPolicy, inputs: NDArray[np.float32]) -> float:
+def largest_difference(content: bytes, policy: NetworkPolicy, inputs: np.ndarray) -> float:
     """Largest difference of a file's outputs from numpy's for inputs (n, i), in units of the action."""
     import onnx
     from onnx.reference import ReferenceEvaluator

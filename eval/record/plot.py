@@ -1,10 +1,8 @@
 """A recorded episode as a figure: both directions, trunk, torques and limits over time."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +10,6 @@ from ...controllers.files import write_atomically
 from . import style
 from .record import LIMIT, TORQUE, Array, EpisodeRecord
 from .words import push_words, verdict
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PLOT_FORMATS = (".png", ".svg")
 CMP_LINE: dict[str, Any] = {"color": "#7a5195", "ls": (0, (1, 1)), "lw": 1.6}
@@ -34,7 +28,7 @@ def write_plot(record: EpisodeRecord, path: Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def draw(record: EpisodeRecord) -> Figure:
+def draw(record: EpisodeRecord) -> Any:
     """The figure of an episode; call it inside `print_style`."""
     met = [name for name in record.columns if name.startswith(LIMIT) and record[name].any()]
     heights = [2.0, 2.0, 1.2, 1.3] + ([0.3 + 0.17 * len(met)] if met else [])
@@ -67,7 +61,7 @@ def draw(record: EpisodeRecord) -> Figure:
     return figure
 
 
-def _mark_events(axes: Axes, record: EpisodeRecord) -> None:
+def _mark_events(axes: Any, record: EpisodeRecord) -> None:
     """Touchdowns as vertical lines, pushes as shaded intervals."""
     time, step = record["time"], record["step"]
     for i in np.flatnonzero(np.diff(step)) + 1:
@@ -77,7 +71,7 @@ def _mark_events(axes: Axes, record: EpisodeRecord) -> None:
             style.shade_push(axes, start, push.duration)
 
 
-def _floor(axes: Axes, record: EpisodeRecord, axis: str) -> None:
+def _floor(axes: Any, record: EpisodeRecord, axis: str) -> None:
     """DCM, CoM, CoP, CMP and the soles that carry load, along one axis of the world."""
     time, half = record["time"], record.sole[axis == "y"] / 2
     seen = []
@@ -96,7 +90,7 @@ def _floor(axes: Axes, record: EpisodeRecord, axis: str) -> None:
     axes.set_ylim(min(map(np.min, seen)) - MARGIN, max(map(np.max, seen)) + MARGIN)
 
 
-def _trunk(axes: Axes, record: EpisodeRecord) -> None:
+def _trunk(axes: Any, record: EpisodeRecord) -> None:
     colours = {"trunk_roll": style.COP_COLOUR, "trunk_pitch": style.COM_COLOUR}
     labels = {"trunk_roll": "roll, positive to the left", "trunk_pitch": "pitch, positive forward"}
     for name, colour in colours.items():
@@ -109,7 +103,7 @@ def _trunk(axes: Axes, record: EpisodeRecord) -> None:
     axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=0.9)
 
 
-def _torques(axes: Axes, record: EpisodeRecord) -> None:
+def _torques(axes: Any, record: EpisodeRecord) -> None:
     """The largest torque against its bound of each kind of joint, on either leg."""
     shares = {
         name: np.abs(record[name]) / record.bounds[name] for name in record.columns if name.startswith(TORQUE)
@@ -127,7 +121,7 @@ def _torques(axes: Axes, record: EpisodeRecord) -> None:
     axes.legend(loc="upper right", ncols=len(groups), frameon=True, framealpha=0.9)
 
 
-def _limits(axes: Axes, record: EpisodeRecord, met: list[str]) -> None:
+def _limits(axes: Any, record: EpisodeRecord, met: list[str]) -> None:
     """A bar for the time in which a limit is met, a row for each; the first one met is on top."""
     time = record["time"]
     met = sorted(met, key=lambda name: -int(np.flatnonzero(record[name])[0]))

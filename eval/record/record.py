@@ -1,7 +1,5 @@
 """Recorded episodes: the recorder, its time histories as columns with units, and their files."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -18,19 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import write_atomically
 from ...controllers.model import gait_box, observation
-from ...controllers.model.observation import canonical_frame, point_in_world, side_sign
 from ...controllers.policies.interface import Policy
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.biped.env import BipedEpisodes
 from ...envs.episode import period_end
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
-from ...envs.scenario.scenario import Scenario, get_profile
-from ..rollout.environments import size_of
+from ...envs.scenario.scenario import Scenario
+from ..rollout import environments, policy_source
 from ..rollout.episodes import Watch, rollout
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import acting_in
 
 Array = NDArray[np.float64]
 Row = dict[str, float]
@@ -51,6 +47,51 @@ UNITS = {  # of the columns that every robot has; places are in the world, x for
     "push_x": "N", "push_y": "N", "push_z": "N",
 }  # fmt: skip
 NAN = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecord:
+    """Time histories of one episode; a sample after reset and after every environment step, n of them.
+
+    `record["dcm_y"]` is a column, `len(record)` the number of samples; iteration gives the columns' names.
+    """
+
+    scenario: Scenario
+    outcome: Outcome
+    columns: Mapping[str, Array]  # (n,) each, read-only
+    units: Mapping[str, str]  # of every column
+    bounds: Mapping[str, float]  # how far some columns may go both ways, in their units
+    sole: tuple[float, float]  # length, width [m]
+    push_starts: tuple[float, ...]  # of the scenario's pushes [s], inf: its gait event has not come
+    mass: float  # [kg]
+
+    def __getitem__(self, name: str) -> Array:
+        """One column.
+
+        Raises:
+            UnknownNameError: no such column; lists the valid ones.
+            TypeError: an index of samples.
+        """
+        if not isinstance(name, str):
+            raise TypeError(
+                f"a record is indexed by the name of a column, got {name!r}; for samples index the column: "
+                f"record['time'][{name if isinstance(name, int) else '...'}]"
+            )
+        if name not in self.columns:
+            raise UnknownNameError("column", name, self.columns)
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the columns, in their order."""
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.columns["time"])
+
+    def points(self, name: str) -> Array:
+        """The columns NAME_x and NAME_y side by side, (n, 2)."""
+        return np.column_stack([self[f"{name}_x"], self[f"{name}_y"]])
 
 
 class Recorder:
@@ -123,12 +164,12 @@ class Recorder:
         core: Any = self._episodes.core
         info, truth, motion = self._episodes.info_rows()[0], core.truth[0], self._episodes.motion()
         stance, heading, com = int(motion.side[0]), float(motion.heading[0]), motion.com[0]
-        frame, sign = canonical_frame(heading, stance), float(side_sign(stance))
+        frame, sign = observation.canonical_frame(heading, stance), float(observation.side_sign(stance))
         soles = np.zeros((2, 3))  # centres in the world, heights over the floor [m]
         soles[stance, :2] = com - np.array(observation.in_world(frame, *truth[observation.COM].tolist()))
         origin = soles[stance, :2].tolist()
         x, y, z = truth[observation.SWING_POSITION].tolist()
-        soles[1 - stance] = (*point_in_world(frame, *origin, x, y), z)
+        soles[1 - stance] = (*observation.point_in_world(frame, *origin, x, y), z)
         row: Row = {
             "time": info[period_end.TIME], "step": motion.steps[0], "stance_side": stance, "heading": heading,
             "capture_margin": info[period_end.MARGIN],
@@ -151,7 +192,7 @@ class Recorder:
         plan = (core.gait if self._limits else core.state).plan[0]
         unknown = int(motion.steps[0]) != self._step
         for form, place in (("planned_step_{}", gait_box.STEP), ("planned_cop_{}", gait_box.COP)):
-            point = point_in_world(frame, *origin, float(plan[place]), float(plan[place + 1]))
+            point = observation.point_in_world(frame, *origin, float(plan[place]), float(plan[place + 1]))
             put(form, "x y", (NAN, NAN) if unknown else point)
         row["planned_duration"] = NAN if unknown else plan[gait_box.DURATION]
         turn = plan[gait_box.TRUNK : gait_box.TRUNK + 2] * (1.0, sign)
@@ -185,62 +226,13 @@ class RecordedPolicy:
         self.actions: list[NDArray[np.float32]] = []
 
     def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
         """Action and state of the policy."""
         action, state = self._policy.predict(observation, state, episode_start, deterministic)
         self.observations.append(np.asarray(observation, np.float64))
         self.actions.append(action)
         return action, state
-
-
-@dataclass(frozen=True, eq=False)
-class EpisodeRecord:
-    """Time histories of one episode; a sample after reset and after every environment step, n of them.
-
-    `record["dcm_y"]` is a column, `len(record)` the number of samples; iteration gives the columns' names.
-    """
-
-    scenario: Scenario
-    outcome: Outcome
-    columns: Mapping[str, Array]  # (n,) each, read-only
-    units: Mapping[str, str]  # of every column
-    bounds: Mapping[str, float]  # how far some columns may go both ways, in their units
-    sole: tuple[float, float]  # length, width [m]
-    push_starts: tuple[float, ...]  # of the scenario's pushes [s], inf: its gait event has not come
-    mass: float  # [kg]
-
-    def __getitem__(self, name: str) -> Array:
-        """One column.
-
-        Raises:
-            UnknownNameError: no such column; lists the valid ones.
-            TypeError: an index of samples.
-        """
-        if not isinstance(name, str):
-            raise TypeError(
-                f"a record is indexed by the name of a column, got {name!r}; for samples index the column: "
-                f"record['time'][{name if isinstance(name, int) else '...'}]"
-            )
-        if name not in self.columns:
-            raise UnknownNameError("column", name, self.columns)
-        return self.columns[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Names of the columns, in their order."""
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        return len(self.columns["time"])
-
-    def points(self, name: str) -> Array:
-        """The columns NAME_x and NAME_y side by side, (n, 2)."""
-        return np.column_stack([self[f"{name}_x"], self[f"{name}_y"]])
 
 
 def gait_episodes(env: gym.Env) -> GaitEpisodes:
@@ -295,9 +287,8 @@ def record(
     Raises:
         PushRecoveryError: unknown names, a policy that can't act, an environment of another project.
     """
-    with acting_in(env, policy, policy_name) as (made, acting, label):
-        scenario = get_profile(profile).scaled(size_of(made)).applied(scenario)
-        return record_episode(made, acting, scenario, label)
+    with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
+        return record_episode(made, acting, environments.under_profile(made, scenario, profile), label)
 
 
 LOG_FORMATS = (".npz", ".csv")
@@ -310,30 +301,24 @@ def log_bytes(record: EpisodeRecord, suffix: str) -> bytes:
     `outcome` as JSON. csv: a head of `name [unit]`, and a line for each sample with digits enough to read the
     same numbers back.
     """
-    return _npz(record) if suffix == ".npz" else _csv(record)
-
-
-def write_log(record: EpisodeRecord, path: Path) -> None:
-    """Write an episode whole or not at all, in the format of the suffix."""
-    write_atomically(path, log_bytes(record, path.suffix.lower()))
-
-
-def _npz(record: EpisodeRecord) -> bytes:
-    buffer = io.BytesIO()
-    about = {
-        "columns": np.array(list(record.columns)),
-        "units": np.array([record.units[name] for name in record.columns]),
-        "scenario": np.array(record.scenario.to_json()),
-        "outcome": np.array(json.dumps(record.outcome.to_dict(), sort_keys=True)),
-    }
-    np.savez_compressed(buffer, allow_pickle=False, **about, **record.columns)
-    return buffer.getvalue()
-
-
-def _csv(record: EpisodeRecord) -> bytes:
+    if suffix == ".npz":
+        buffer = io.BytesIO()
+        about = {
+            "columns": np.array(list(record.columns)),
+            "units": np.array([record.units[name] for name in record.columns]),
+            "scenario": np.array(record.scenario.to_json()),
+            "outcome": np.array(json.dumps(record.outcome.to_dict(), sort_keys=True)),
+        }
+        np.savez_compressed(buffer, allow_pickle=False, **about, **record.columns)
+        return buffer.getvalue()
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{name} [{record.units[name]}]" for name in record.columns])
     for row in zip(*(column.tolist() for column in record.columns.values()), strict=True):
         writer.writerow([repr(value) for value in row])
     return text.getvalue().encode()
+
+
+def write_log(record: EpisodeRecord, path: Path) -> None:
+    """Write an episode whole or not at all, in the format of the suffix."""
+    write_atomically(path, log_bytes(record, path.suffix.lower()))

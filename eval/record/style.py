@@ -1,20 +1,14 @@
 """Look of the figures: colours and lines by policy and by quantity, fonts, legends, and files."""
 
-from __future__ import annotations
-
 import io
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...controllers.files import write_atomically
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDTH = 7.2  # of a figure in print, two columns [in]
 PIXELS = 200  # of the PNG [1/in]
@@ -97,18 +91,16 @@ def print_style() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float, pixels: float = PIXELS) -> Figure:
+def new_figure(width: float, height: float, pixels: float = PIXELS) -> Any:
     """An empty figure [in] on a canvas that needs no display and leaves no state behind."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=pixels, layout="constrained", facecolor="white")
-    figure.get_layout_engine().set(h_pad=0.07, w_pad=0.06)  # type: ignore[union-attr, call-arg]
-    FigureCanvasAgg(figure)
+    figure: Any = Figure(figsize=(width, height), dpi=pixels, layout="constrained", facecolor="white")
+    figure.get_layout_engine().set(h_pad=0.07, w_pad=0.06)
     return figure
 
 
-def legend(figure: Figure, looks: Mapping[str, Mapping[str, Any]], columns: int, **options: Any) -> None:
+def legend(figure: Any, looks: Mapping[str, Mapping[str, Any]], columns: int, **options: Any) -> None:
     """Explain marks below the panels.
 
     Args:
@@ -128,7 +120,7 @@ def legend(figure: Figure, looks: Mapping[str, Mapping[str, Any]], columns: int,
 
 
 def draw_arrow(
-    axes: Axes, tail: Sequence[float], tip: Sequence[float], head: float = 0.35, zorder: int = 8, **look: Any
+    axes: Any, tail: Sequence[float], tip: Sequence[float], head: float = 0.35, zorder: int = 8, **look: Any
 ) -> None:
     """A push from its tail to its tip; the head is `head` wide and twice as long."""
     form = f"-|>,head_width={head:g},head_length={2 * head:g}"
@@ -136,18 +128,18 @@ def draw_arrow(
     axes.annotate("", (tip[0], tip[1]), (tail[0], tail[1]), arrowprops=arrow, zorder=zorder)
 
 
-def shade_push(axes: Axes, start: float, duration: float) -> None:
+def shade_push(axes: Any, start: float, duration: float) -> None:
     """The time in which a push acts [s]."""
     axes.axvspan(start, start + duration, color=PUSH_COLOUR, alpha=0.22, lw=0, zorder=0)
 
 
-def draw_bounds(axes: Axes, bound: float) -> None:
+def draw_bounds(axes: Any, bound: float) -> None:
     """Dashed lines at how far a quantity may go both ways."""
     for sign in (-1.0, 1.0):
         axes.axhline(sign * bound, color="#555555", ls="--", lw=1.0)
 
 
-def save(figure: Figure, directory: Path, stem: str) -> list[Path]:
+def save(figure: Any, directory: Path, stem: str) -> list[Path]:
     """Write stem.png and stem.svg; the same figure gives the same bytes.
 
     Call it inside `print_style`.

@@ -1,7 +1,5 @@
 """A push and what became of it, in words for people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

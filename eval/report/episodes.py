@@ -3,10 +3,8 @@
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +14,7 @@ from ...envs.scenario.scenario import Scenario
 from ..record.film import sheet, watch
 from ..rollout.environments import make_env
 from ..score.evaluate import Evaluation
-from ..score.report import REASONS, brief_measures, ranked, reasons_of
+from ..score.report import brief_measures, ranked, reasons_of
 from . import page
 from .headline import SEED
 
@@ -48,15 +46,9 @@ def ending_figure(evaluation: Evaluation) -> str:
         axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
         axes.invert_yaxis()
         axes.set(xlabel="pushes", xlim=(0, len(evaluation.suite.scenarios)))
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return page.to_svg(
-            figure, "Pushes of each policy by what became of them; the numbers stand in the table"
-        )
-
-
-def explained(reasons: Iterable[str]) -> list[tuple[str, str]]:
-    """Reasons with what they mean, each once, as far as that is known."""
-    return [(reason, REASONS[reason]) for reason in dict.fromkeys(reasons) if reason in REASONS]
+        page.legend_below(figure)
+        words = "Pushes of each policy by what became of them; the numbers stand in the table"
+        return page.to_svg(figure, words)
 
 
 SIGNS = {"recovered": "\N{CHECK MARK}", "survived": "\N{WHITE CIRCLE}", "fell": "\N{MULTIPLICATION X}"}

@@ -1,7 +1,5 @@
 """The page of `evaluate` and `compare`: policies on the same pushes, under one profile or several."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +8,9 @@ from typing import Any
 import gymnasium as gym
 
 from ..record.film import STRIP
-from ..rollout.environments import make_env
+from ..rollout import environments, outcome
 from ..score.evaluate import Evaluation
-from ..score.report import MEASURES, REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
+from ..score.report import REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
 from . import headline, pushes
 from .episodes import SIGNS, PicturePart, ending_figure, picture_part, scenario_lines
 from .page import Command, manifest, require_report, rows_hash, short_labels, write_page
@@ -32,20 +30,14 @@ def labelled(evaluations: Evaluations) -> dict[str, Evaluation]:
 def write_evaluation_page(
     evaluations: Evaluations, command: Command, directory: Path, pictures: PicturePart = NONE
 ) -> Path:
-    """Write report.html into a directory; returns its path.
-
-    Args:
-        evaluations: of the same policies, by profile.
-        command: that led to them.
-        directory: where the page goes.
-        pictures: of pushes that set two policies apart.
+    """Write report.html into a directory, for evaluations of the same policies by profile; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
     found = labelled(evaluations)
     first = next(iter(found.values()))
-    env = make_env(first.env_id)
+    env = environments.make_env(first.env_id)
     unwrapped: Any = env.unwrapped
     content = {
         "title": f"Push recovery on {first.suite.name}",
@@ -59,7 +51,7 @@ def write_evaluation_page(
         "moments": f"{STRIP[0]:g} s to {STRIP[-1]:g} s",
         "most_shown": headline.SHOWN,
         "explained": {r: REASONS[r] for one in found.values() for r in reasons_of(one) if r in REASONS},
-        "measures": [one for one in MEASURES.values() if one.about],
+        "measures": [one for one in outcome.MEASURES.values() if one.about],
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),

@@ -3,10 +3,9 @@
 Frontiers here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -90,9 +89,8 @@ def _figures(found: Frontier) -> list[tuple[str, str]]:
     """Label and map of each policy, all to one scale."""
     settings = found.settings
     angles = np.arange(0.0, 360.0 + CURVE_STEP / 2.0, CURVE_STEP)
-    env = make_env(settings.env_id)
-    curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
-    env.close()
+    with closing(make_env(settings.env_id)) as env:
+        curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
     forces = [row["survived_N"] for rows in found.rows.values() for row in rows]
     furthest = 1.05 * max(*forces, *curves[OWN])
     return [(label, _figure(label, rows, angles, curves, furthest)) for label, rows in found.rows.items()]
@@ -107,9 +105,8 @@ def _figure(
     with page.panel(3.6, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
         for name, color, line in ((OWN, page.INK, "-"), (PAPER, page.GREY, (0, (4, 2)))):
-            axes.plot(
-                np.radians(angles), curves[name], color=color, linewidth=1.1, linestyle=line, label=name
-            )
+            look = {"color": color, "linewidth": 1.1, "linestyle": line}
+            axes.plot(np.radians(angles), curves[name], label=name, **look)
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]
         axes.plot(
@@ -122,6 +119,5 @@ def _figure(
         axes.set_rlabel_position(22.5)
         axes.grid(color="#cccccc", linewidth=0.5)
         figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)
-        return page.to_svg(
-            figure, f"{label}: largest force before the first failure [N], by direction, and F*"
-        )
+        words = f"{label}: largest force before the first failure [N], by direction, and F*"
+        return page.to_svg(figure, words)

@@ -3,18 +3,15 @@
 Evaluations here have the labels of policies as their names; rows keep the names that commands take.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..output import statistics as seeds
-from ..output.statistics import PairedCounts, wilson_interval
+from ..output.statistics import Array, PairedCounts, wilson_interval
 from ..output.tables import Table
 from ..record.words import sector_of
 from ..score.evaluate import Evaluation
@@ -49,13 +46,9 @@ def sureness(pairs: PairedCounts) -> str:
     """Whether chance explains a difference, with Newcombe's interval and McNemar's p."""
     low, high = pairs.interval
     p = pairs.p_value
-    words = (
-        "a lead that chance hardly makes"
-        if p < VERY_SURE
-        else "a lead that chance is unlikely to make"
-        if p < SURE
-        else "too few to say that it is better"
-    )
+    words = "too few to say that it is better"
+    if p < SURE:
+        words = f"a lead that chance {'hardly makes' if p < VERY_SURE else 'is unlikely to make'}"
     found = f"{points(pairs.rate_difference)} points, 95 % interval {points(low)} to {points(high)}"
     return f"{words} ({found}; exact McNemar {p_words(p)})"
 
@@ -85,10 +78,9 @@ def rate_figure(evaluations: Evaluations) -> str:
         axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="share of the pushes [%]")
         axes.grid(axis="x", color="#e4e4e4", linewidth=0.6)
         axes.set_axisbelow(True)
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return page.to_svg(
-            figure, "Share of pushes recovered from and survived; the numbers stand in the table"
-        )
+        page.legend_below(figure)
+        words = "Share of pushes recovered from and survived; the numbers stand in the table"
+        return page.to_svg(figure, words)
 
 
 def _draw(
@@ -160,7 +152,6 @@ def _pair(evaluation: Evaluation, a: str, b: str, profile: str, command: Command
     return Pair(a, b, counts, sureness(counts), only_a, only_b)
 
 
-Array = NDArray[np.float64]
 SEED = re.compile(r"-seed\d+")  # in a label; without it, it names the recipe
 QUARTERS = 4  # of the pushes, by impulse
 DRAWS = 1000  # of a bootstrap
@@ -192,7 +183,7 @@ def recipes_of(labels: Iterable[str]) -> dict[str, list[str]]:
     return groups
 
 
-def strata_of(rows: Sequence[Mapping[str, Any]]) -> NDArray[np.int64]:
+def strata_of(rows: Sequence[Mapping[str, Any]]) -> np.ndarray:
     """Number of each push's stratum: one of eight directions and a quarter of the impulses."""
     rank = np.argsort(np.argsort([row["impulse"] for row in rows], kind="stable"), kind="stable")
     quarter = rank * QUARTERS // len(rows)
@@ -231,7 +222,7 @@ def _scores(evaluation: Evaluation, members: Sequence[str]) -> Array:
     return np.array([[row["recovered"] for row in evaluation.rows[name]] for name in members], dtype=float)
 
 
-def _cells(scores: Array, strata: NDArray[np.int64]) -> tuple[str, ...]:
+def _cells(scores: Array, strata: np.ndarray) -> tuple[str, ...]:
     """Number of seeds, counts of recoveries, and interquartile mean with its interval."""
     counts = scores.sum(axis=1)
     middle = seeds.interquartile_mean(seeds.stratum_rates(scores, strata))
@@ -246,7 +237,7 @@ def _cells(scores: Array, strata: NDArray[np.int64]) -> tuple[str, ...]:
     )
 
 
-def _improvement(a: Array, b: Array, strata: NDArray[np.int64]) -> str:
+def _improvement(a: Array, b: Array, strata: np.ndarray) -> str:
     """The chance that a seed of a recovers more of a stratum than one of b, with its interval."""
 
     def chance(first: Array, second: Array) -> float:
@@ -258,20 +249,17 @@ def _improvement(a: Array, b: Array, strata: NDArray[np.int64]) -> str:
     return f"{100.0 * chance(a, b):.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f})"
 
 
-def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> str:
-    """Share of strata in which a recipe recovers from more than a share of the pushes, over that share.
-
-    Args:
-        scores: by recipe (seeds, scenarios).
-        strata: of the scenarios.
-    """
+def profile_figure(scores: Mapping[str, Array], strata: np.ndarray) -> str:
+    """Share of strata in which a recipe recovers from more than a share of the pushes, over that share."""
 
     def profile(drawn: Array) -> Array:
         return seeds.performance_profile(seeds.stratum_rates(drawn, strata), THRESHOLDS)
 
     with page.panel(2.6) as (figure, axes):
         for (name, mine), look in zip(scores.items(), SEED_LOOKS, strict=False):
-            band = seeds.bootstrap_band(profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata)
+            band = seeds.bootstrap_interval(
+                profile, [mine], np.random.default_rng(0), draws=DRAWS, strata=strata
+            )
             axes.fill_between(
                 100.0 * THRESHOLDS, *(100.0 * band), color=look["color"], alpha=0.15, linewidth=0
             )
@@ -282,7 +270,6 @@ def profile_figure(scores: Mapping[str, Array], strata: NDArray[np.int64]) -> st
             xlim=(0.0, 100.0), ylim=(-3.0, 103.0), xlabel="recovered from more than [%]",
             ylabel="of groups and seeds [%]",
         )  # fmt: skip
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
-        return page.to_svg(
-            figure, "Share of strata in which more than a share of the pushes is recovered from"
-        )
+        page.legend_below(figure)
+        words = "Share of strata in which more than a share of the pushes is recovered from"
+        return page.to_svg(figure, words)

@@ -1,7 +1,5 @@
 """Pages from templates: figures as SVG, short labels, commands to type; nothing is asked for elsewhere."""
 
-from __future__ import annotations
-
 import hashlib
 import html
 import io
@@ -13,7 +11,7 @@ from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
@@ -22,9 +20,6 @@ from ..output.rows import machine_kind, source_commit, versions
 from ..record.words import direction_words
 from ..rollout.environments import code_digest
 from ..score.report import KINDS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PROGRAM = "push-recovery"
 WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
@@ -48,9 +43,8 @@ class Command:
 
     def replay(self, profile: str, scenario_id: str, policy: str) -> str:
         """The line that draws one scenario of a suite under a profile and says what became of it."""
-        more = {"--scenario": scenario_id} if profile == "exact" else {
-            "--profile": profile, "--scenario": scenario_id
-        }  # fmt: skip
+        under = {} if profile == "exact" else {"--profile": profile}
+        more = {**under, "--scenario": scenario_id}
         return self._play(OF_SUITE, more, scenario_id, policy)
 
     def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
@@ -67,22 +61,15 @@ class Command:
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
-    """The command that a dataclass of options stands for.
-
-    Args:
-        name: of the command.
-        options: its fields are the options, as in `cli/options.py`.
-        positional: fields whose values stand without an option.
-    """
+    """The command of a dataclass of options; the values of `positional` fields stand without an option."""
     given = []
     for entry in fields(options):
         value = getattr(options, entry.name)
         default = entry.default if entry.default_factory is MISSING else entry.default_factory()
         if value == default or entry.name in {*positional, *WITHOUT_RESULT}:
             continue
-        values = (
-            () if value is True else tuple(map(str, value)) if isinstance(value, tuple) else (str(value),)
-        )
+        several = value if isinstance(value, tuple) else () if value is True else (value,)
+        values = tuple(map(str, several))
         given.append(("--" + entry.name.replace("_", "-"), values))
     return Command((name, *(str(getattr(options, field)) for field in positional)), tuple(given))
 
@@ -93,11 +80,15 @@ LONGEST_LABEL = 22  # characters beside an axis
 POINTS = 72.0  # an inch
 
 
+def legend_below(figure: Any) -> None:
+    """A legend below the axes, two marks beside each other."""
+    figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+
+
 @contextmanager
-def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
+def panel(height: float, polar: bool = False) -> Iterator[tuple[Any, Any]]:
     """A figure [in] with one pair of axes that needs no display; draw it, and turn it into SVG."""
     import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     settings: Any = {
@@ -108,11 +99,10 @@ def panel(height: float, polar: bool = False) -> Iterator[tuple[Figure, Any]]:
     }  # fmt: skip
     with matplotlib.rc_context(settings):
         figure = Figure(figsize=(PANEL, height), layout="constrained")
-        FigureCanvasSVG(figure)
         yield figure, figure.add_subplot(projection="polar" if polar else None)
 
 
-def to_svg(figure: Figure, text: str) -> str:
+def to_svg(figure: Any, text: str) -> str:
     """The figure as an element of HTML, with words for those who cannot see it.
 
     Names are taken out but for those that are referred to, which are made from `text`, so that many figures
@@ -193,12 +183,7 @@ def require_report() -> None:
 
 
 def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Path:
-    """Write report.html from a template; returns its path.
-
-    Args:
-        directory: where the page goes.
-        template: file of `templates`; every text of `content` is escaped but for the figures of `figure`.
-        content: what the template shows.
+    """Write report.html from a template, which escapes every text but the SVG of figures; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -224,13 +209,7 @@ def rows_hash(directory: Path) -> tuple[str, str]:
 
 
 def manifest(command: Command, hashes: Sequence[tuple[str, str]], seeds: str) -> list[tuple[str, str]]:
-    """Names and values of all that a page is made from.
-
-    Args:
-        command: that wrote it.
-        hashes: of what the numbers come from besides the code, by name.
-        seeds: what stands for the random part of the pushes.
-    """
+    """Names and values of all that a page is made from; `seeds` tells what is random."""
     return [
         ("command", command.text),
         *hashes,

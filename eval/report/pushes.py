@@ -3,8 +3,6 @@
 Evaluations here have the labels of policies as their names.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,17 +10,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import Scenario
-from ..output.statistics import LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
+from ..output.statistics import Array, LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
-from ..score.evaluate import Evaluation
-from ..score.frontier import limit_share
+from ..score import evaluate, frontier
 from ..score.report import KINDS
-from .page import BLUE, GREY, INK, ORANGE, beside_axis, panel, to_svg
+from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_svg
 
 Row = Mapping[str, Any]
 FAINT = "#b4b4b4"
@@ -42,12 +38,11 @@ def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPus
     """The single pushes of a suite that come at a moment of the gait and have a limit."""
     found = []
     for scenario in scenarios:
-        if len(scenario.pushes) != 1:
-            continue
-        (push,) = scenario.pushes
-        share = limit_share(env, push, scenario.command)
-        if share is not None:
-            found.append(MappedPush(scenario.id, stance_direction(push), share))
+        if len(scenario.pushes) == 1:
+            (push,) = scenario.pushes
+            share = frontier.limit_share(env, push, scenario.command)
+            if share is not None:
+                found.append(MappedPush(scenario.id, stance_direction(push), share))
     return found
 
 
@@ -58,13 +53,7 @@ def stance_direction(push: Push) -> float:
 
 
 def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> str:
-    """The map of one policy: every push, and at the rim how many of each sector were recovered from.
-
-    Args:
-        policy: its label.
-        pushes: of the map.
-        rows: of the policy, by scenario.
-    """
+    """The map of one policy: every push, and at the rim how many of each sector were recovered from."""
     furthest = max(1.0, *(push.share for push in pushes))
     with panel(3.5, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
@@ -105,7 +94,6 @@ def _draw_pushes(axes: Any, pushes: Sequence[MappedPush], rows: Mapping[str, Row
         axes.scatter([push.psi for push in inside], [push.share for push in inside], **looks[kind])
 
 
-Array = NDArray[np.float64]
 SHARES = (0.5, 0.95)  # of pushes recovered from, at J50 and J95
 BINS = 6  # of equally many pushes
 BODY_LOOKS: tuple[dict[str, Any], ...] = (  # of the bodies in turn
@@ -122,7 +110,7 @@ class Curve:
     policy: str
     body: str
     impulse: Array  # of a push, (n,) [N s]
-    recovered: NDArray[np.bool_]  # (n,)
+    recovered: np.ndarray  # (n,)
     fit: LogisticFit | None  # none where there is no finite one
 
     def threshold(self, share: float) -> str:
@@ -172,11 +160,9 @@ def curves_table(curves: Iterable[Curve]) -> Table:
 
 
 def curve_figure(curves: Sequence[Curve], furthest: float) -> str:
-    """The curves of one policy, their bands, and the shares of BINS groups of pushes with their intervals.
+    """The curves of one policy by body, their bands, and the shares of BINS groups with their intervals.
 
-    Args:
-        curves: of one policy, one a body.
-        furthest: largest impulse on the axis [N s].
+    The axis goes up to `furthest` [N s].
     """
     policy = curves[0].policy
     with panel(2.35) as (figure, axes):
@@ -206,7 +192,7 @@ def _draw(axes: Any, curve: Curve, look: Mapping[str, Any]) -> None:
         )
 
 
-def binned(impulse: Array, recovered: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+def binned(impulse: Array, recovered: np.ndarray) -> tuple[Array, Array, Array, Array]:
     """Groups of equally many pushes: mean impulse, share recovered, and how far Wilson's interval reaches.
 
     Returns:
@@ -236,7 +222,7 @@ class SurvivalPart:
     figure: str
 
 
-def survival_part(evaluation: Evaluation) -> SurvivalPart | None:
+def survival_part(evaluation: evaluate.Evaluation) -> SurvivalPart | None:
     """Curves and a table over the scenarios with several pushes; None where there is none."""
     chosen = [i for i, scenario in enumerate(evaluation.suite.scenarios) if len(scenario.pushes) > 1]
     if not chosen:
@@ -269,12 +255,7 @@ def share_at(curve: SurvivalCurve, time: float) -> str:
 
 
 def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
-    """A staircase for each policy, down where one of its robots falls.
-
-    Args:
-        curves: by label.
-        longest: of the episodes [s].
-    """
+    """A staircase for each policy, down where one of its robots falls; `longest` episode [s]."""
     with panel(2.2 + 0.1 * len(curves)) as (figure, axes):
         for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
@@ -284,5 +265,5 @@ def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
             )  # fmt: skip
         axes.set(xlim=(0.0, longest), xlabel="time since the walk began [s]", ylabel="standing [%]")
         axes.grid(axis="y", color="#e4e4e4", linewidth=0.6)
-        figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+        legend_below(figure)
         return to_svg(figure, "Share of robots still standing, over time, under repeated pushes")

@@ -1,7 +1,5 @@
 """The page of `reproduce`: the paper's claims and what became of them, pictures and tables."""
 
-from __future__ import annotations
-
 import base64
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -53,12 +51,7 @@ def verdict(known: Sequence[Claim]) -> str:
 
 
 def pictures(paths: Sequence[Path], directory: Path) -> list[tuple[str, str]]:
-    """Caption and content of each picture that the paper's figures stand for, in its order.
-
-    Args:
-        paths: of all pictures; those in folders below are variants.
-        directory: of the reproduction.
-    """
+    """Caption and content of each picture that stands for a figure of the paper; folders have variants."""
     by_name = {path.name: path for path in paths if path.parent == directory}
     found = []
     for name, caption in SHOWN:

@@ -27,7 +27,7 @@ from ...envs.pendulum.env import PendulumCore, PendulumEpisodes
 from ...envs.scenario.push import GaitEvent, polar_push
 from ...envs.scenario.scenario import Command, Scenario
 from ..record.record import Array, EpisodeRecord, Recorder
-from ..rollout.episodes import Ints, Looking, Slots, Watch, run_episodes
+from ..rollout.episodes import Ints, Slots, Watch, run_episodes
 from ..rollout.outcome import Outcome
 from ..score.frontier import NOMINAL_STEPS
 
@@ -123,8 +123,7 @@ def run_batch(
     """
     episodes = PendulumEpisodes(len(scenarios)) if episodes is None else episodes
     slots = _MeasuredSlots(episodes, scenarios, measurement)
-    observer = None if watch is None else Looking(watch)
-    outcomes = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum", observer))
+    outcomes = dict(run_episodes(slots, _PlansOnce(policy), scenarios, "pendulum", watch))
     return [outcomes[number] for number in range(len(scenarios))]
 
 

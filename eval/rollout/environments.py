@@ -1,7 +1,5 @@
 """Environments by name, as the command line gives them, and the digests that their results belong to."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import re
@@ -10,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
@@ -19,7 +17,7 @@ from ...controllers.files import read_file
 from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
 from ...controllers.settings import ARMS, is_preset_file, load_preset
-from ...envs.scenario.scenario import EXACT, Profile, get_profile
+from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
 from .load_policy import import_from_here, is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 
@@ -43,7 +41,7 @@ class EnvName:
     robot: str = ""  # robot file; empty: the id's own robot
 
     @classmethod
-    def parse(cls, text: str) -> EnvName:
+    def parse(cls, text: str) -> Self:
         """The parts of a name.
 
         Raises:
@@ -113,10 +111,7 @@ def has_own_robot(env: Any, policy: Any) -> bool:
 
 
 def own_form(policy: Any, env_id: str) -> str | None:
-    """The form on the joints of a robot's environment whose actions a policy file gives, if it does.
-
-    Robot, pushes and judgement are the same there, so its rows stand beside those of `env_id`.
-    """
+    """The form on the joints, of the same robot and pushes, whose actions a policy file gives, if it does."""
     name = EnvName.parse(env_id)
     if name.module or name.robot or not (isinstance(policy, str) and is_policy_file(policy)):
         return None
@@ -127,10 +122,7 @@ def own_form(policy: Any, env_id: str) -> str | None:
 
 
 def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None:
-    """An environment for this policy alone, beside the one of an id; None where it acts in that.
-
-    It has the robot that the policy walks, or takes the actions that it gives.
-    """
+    """An environment with this policy's own robot or actions; None where it acts in that of the id."""
     if has_own_robot(env, policy):
         return make_env(env_id, arm=policy, **kwargs)
     form = own_form(policy, env_id)
@@ -155,11 +147,7 @@ def preset_digest(env_id: str) -> dict[str, str]:
 
 @cache
 def robot_of(env_id: str) -> tuple[str, Similarity]:
-    """Name of an environment's robot, and its size against the one that suites and profiles are written for.
-
-    Raises:
-        PushRecoveryError: as `make_env`.
-    """
+    """Name of an environment's robot, and its size against the one that suites are written for."""
     name = EnvName.parse(env_id)
     if not (name.module or name.robot) and name.label.startswith(OF_REFERENCE):
         return "biped", SAME
@@ -173,12 +161,13 @@ def size_of(env: Any) -> Similarity:
     return Similarity.of(env.unwrapped.robot)
 
 
-def profile_on(env_id: str, profile: str) -> Profile:
-    """A profile by name, of the size of an environment's robot.
+def under_profile(env: Any, scenario: Scenario, profile: str) -> Scenario:
+    """A scenario under a profile, of the size of an environment's robot; what it says itself stands."""
+    return get_profile(profile).scaled(size_of(env)).applied(scenario)
 
-    Raises:
-        PushRecoveryError: there is no such profile, or as `make_env`.
-    """
+
+def profile_on(env_id: str, profile: str) -> Profile:
+    """A profile by name, of the size of an environment's robot."""
     found = get_profile(profile)
     return found if found == EXACT else found.scaled(robot_of(env_id)[1])
 

@@ -4,8 +4,6 @@
 all that share a core (`Slots`). Whoever looks on is an `Observer`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
@@ -94,14 +92,11 @@ class Observer:
         """The episode of robot k has ended, and nothing has moved it since."""
 
 
-class Looking(Observer):
-    """An observer whose only function is called with the robots after each start and each step."""
-
+class _Calling(Observer):
     def __init__(self, watch: Watch):
         self._watch = watch
 
     def after_step(self, robots: Any, rows: Ints) -> None:
-        """Call it."""
         self._watch(robots)
 
 
@@ -136,7 +131,7 @@ def run_episodes(
     policy: Policy,
     scenarios: Iterable[Scenario],
     policy_name: str,
-    observer: Observer | None = None,
+    watch: Observer | Watch | None = None,
 ) -> Iterator[tuple[int, Outcome]]:
     """Run scenarios to their ends; yields (number of the scenario, outcome) as they finish.
 
@@ -145,11 +140,12 @@ def run_episodes(
         policy: acts for all robots in one call; its state starts anew with each episode.
         scenarios: taken one at a time, when a robot is free: what has been yielded may decide what comes.
         policy_name: for the outcomes.
-        observer: looks on.
+        watch: looks on; a function is called with the robots after each start and each step.
 
     Raises:
         InvalidValueError: an episode that never ends.
     """
+    observer = watch if isinstance(watch, Observer) else Observer() if watch is None else _Calling(watch)
     queue, running = enumerate(scenarios), {}
     steps, live = np.zeros(robots.n, np.int64), np.zeros(robots.n, np.bool_)
 
@@ -160,8 +156,7 @@ def run_episodes(
             return
         robots.begin(k, numbered[1])
         running[k], live[k] = numbered, True
-        if observer is not None:
-            observer.begin(robots, k, numbered[1])
+        observer.begin(robots, k, numbered[1])
 
     for k in range(robots.n):
         fill(k)
@@ -176,13 +171,11 @@ def run_episodes(
         )
         ended = robots.step(rows, action)
         steps[rows] += 1
-        if observer is not None:
-            observer.after_step(robots, rows)
+        observer.after_step(robots, rows)
         for k in ended:
             number, scenario = running.pop(k)
             outcome = Outcome.of(scenario, policy_name, robots.ending(k), int(steps[k]))
-            if observer is not None:
-                observer.end(robots, k, outcome)
+            observer.end(robots, k, outcome)
             yield number, outcome
             fill(k)
         if ended:
@@ -220,9 +213,8 @@ def rollout(
     """
     policy = as_policy(policy)
     begin_policy(policy, scenario)
-    observer = watch if watch is None or isinstance(watch, Observer) else Looking(watch)
     with GymRobot(env) as robot:
-        _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name, observer))
+        _, outcome = next(run_episodes(robot, policy, (scenario,), policy_name, watch))
     return outcome
 
 
@@ -230,7 +222,7 @@ def begin_policy(policy: Policy, scenario: Scenario) -> None:
     """Let a policy that acts alone begin a scenario, where it has something to begin."""
     if hasattr(policy, "reset"):
         policy.reset(seed=scenario.noise_seed)  # type: ignore[attr-defined]
-    if hasattr(policy, "begin_scenario"):  # replays by scenario, or does not act in every one
+    if hasattr(policy, "begin_scenario"):
         policy.begin_scenario(scenario)  # type: ignore[attr-defined]
 
 

@@ -6,14 +6,11 @@ rows of all others, as they are. How each came about stands in its JSON; its set
 `training.recipes`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import inspect
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +19,12 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
+from ...controllers.policies import two_stage
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.learned import NetworkPolicy, policy_paths
-from ...controllers.validation import parse_json
-from ..sampling_mpc import NAME as SAMPLING_MPC
+from ...envs.wrappers import ResidualAction, ResidualVectorEnv
+from .. import sampling_mpc
+from ..output.rows import read_json
 from .names import DEFAULT_ENV
 
 FOLDER = Path(__file__).parent / "policies"
@@ -57,10 +56,7 @@ def training_note(path: Path) -> Any:
     Raises:
         InvalidValueError: the file can't be read, or is no JSON.
     """
-    try:
-        about = parse_json(f"the policy description {path}", read_file(path))
-    except OSError as error:
-        raise InvalidValueError(f"can't read the policy description {path}: {error.strerror}") from error
+    about = read_json(path, "the policy description")
     return about.get("training") if isinstance(about, dict) else None
 
 
@@ -186,9 +182,6 @@ def make_policy(name: str, env: Any) -> Policy:
         InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
             policy was made for another environment, or its file is not there.
     """
-    from ...controllers.policies.two_stage import RandomPolicy
-    from ...controllers.policies.two_stage import make_policy as make_analytic
-
     if name in NAMES:
         return load_policy(name, env)
     if name.endswith(".zip"):
@@ -211,24 +204,20 @@ def make_policy(name: str, env: Any) -> Policy:
                 f"policy {name!r} gives gait actions, but {episodes.name} takes {episodes.action_size} of "
                 f"the joints; score it on {DEFAULT_ENV}, and here random, {' or '.join(FORMS)}"
             )
-        return RandomPolicy(name, episodes.observation_size, episodes.action_size)
+        return two_stage.RandomPolicy(name, episodes.observation_size, episodes.action_size)
     if acts_on_residual(env):
         raise InvalidValueError(
             f"policy {name!r} gives whole actions, but this environment takes residuals; score it on the "
             f"environment below, such as {DEFAULT_ENV}"
         )
-    if name == SAMPLING_MPC:
-        from ..sampling_mpc import SamplingMpcPolicy
-
-        return SamplingMpcPolicy(env)
-    return make_analytic(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
+    if name == sampling_mpc.NAME:
+        return sampling_mpc.SamplingMpcPolicy(env)
+    return two_stage.make_policy(name, unwrapped.robot, unwrapped.limits, unwrapped.preset)
 
 
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
-    from ...controllers.policies.two_stage import POLICY_NAMES
-
-    return (*POLICY_NAMES, SAMPLING_MPC, *shipped_names())
+    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names())
 
 
 def is_policy_file(name: str) -> bool:
@@ -243,8 +232,6 @@ def is_attribute(name: str) -> bool:
 
 def acts_on_residual(env: Any) -> bool:
     """Whether the actions of an environment are residuals on a policy of its own."""
-    from ...envs.wrappers import ResidualAction, ResidualVectorEnv
-
     layer: Any = env
     while isinstance(layer, gym.Wrapper) and not isinstance(layer, ResidualAction):
         layer = layer.env
@@ -262,10 +249,14 @@ def _load_object(policy: Any, env: gym.Env) -> Policy:
     kinds = {(kind.__module__, kind.__name__) for kind in type(policy).__mro__}
     if not (kinds & OF_MODELS or type(policy).__name__ == ARCHIVE):
         return as_policy(policy)
-    return import_module(MODELS, __package__).model_policy(policy, env)
+    return importlib.import_module(MODELS, __package__).model_policy(policy, env)
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
+    """A file's policy; refused where whole actions and residuals would be taken for one another.
+
+    A residual's file adds the planner below by itself, so that it acts on the plain environment.
+    """
     policy = NetworkPolicy.load(name)
     sizes = (policy.observation_size, policy.action_size)
     spaces = (env.observation_space.shape, env.action_space.shape)
@@ -274,17 +265,6 @@ def _load_file(name: str, env: gym.Env) -> NetworkPolicy:
             f"policy {name!r} was made for {sizes[0]} observations and {sizes[1]} actions; the environment "
             f"has observation shape {spaces[0]} and action shape {spaces[1]}"
         )
-    _check_kind(name, policy, env)
-    unwrapped: Any = env.unwrapped
-    policy.check_made_for(unwrapped.robot, unwrapped.limits)
-    return policy
-
-
-def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
-    """Raise InvalidValueError where whole actions and residuals would be taken for one another.
-
-    A residual's file adds the planner below by itself, so that it acts on the plain environment.
-    """
     about = policy.description
     here = env.spec.id if env.spec is not None else type(env.unwrapped).__name__
     if about.residual is not None and acts_on_residual(env):
@@ -296,3 +276,6 @@ def _check_kind(name: str, policy: NetworkPolicy, env: gym.Env) -> None:
         raise InvalidValueError(
             f"policy {name!r} acts alone and was made for {about.env_id}, not for {here}: score it there"
         )
+    unwrapped: Any = env.unwrapped
+    policy.check_made_for(unwrapped.robot, unwrapped.limits)
+    return policy

@@ -1,7 +1,5 @@
 """Names that the command line offers; this module imports nothing that is slow to load."""
 
-from __future__ import annotations
-
 import os
 
 from ...controllers.settings import ARMS, ON_REQUEST

@@ -1,26 +1,23 @@
 """Outcome of one episode, scores over many, and measures of what an episode took: torque, energy, lean."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
-from ...envs.biped.env import BipedEpisodes
-from ...envs.biped.limits_record import LimitsReport
+from ...envs.biped import env, limits_record
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
-from ..output.statistics import wilson_interval
+from ..output.statistics import Array, wilson_interval
 
-NO_LIMITS = LimitsReport({}, {})
+Row = Mapping[str, Any]  # an outcome as its file holds it
+NO_LIMITS = limits_record.LimitsReport({}, {})
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
 
 
@@ -33,7 +30,7 @@ class Ending:
     recovered_at: float | None  # time from which the recovery criterion held [s]
     failure_reason: str | None
     total_reward: float
-    bounds: LimitsReport = NO_LIMITS  # met; none where the core keeps no record
+    bounds: limits_record.LimitsReport = NO_LIMITS  # met; none where the core keeps no record
     measures: Mapping[str, float | int | None] = field(default_factory=dict)  # of an `EffortMeter`, if any
 
 
@@ -62,7 +59,7 @@ class Outcome:
     measures: Mapping[str, float | int | None] = field(default_factory=dict)  # by name, see MEASURES
 
     @classmethod
-    def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Outcome:
+    def of(cls, scenario: Scenario, policy_name: str, ending: Ending, steps: int) -> Self:
         """The row of an episode that has ended after so many environment steps."""
         first = scenario.forces[0] if scenario.forces else None
         moving = first is not None and (first.force[0] != 0.0 or first.force[1] != 0.0)
@@ -97,7 +94,7 @@ class Outcome:
         return {**values, "measures": measures} if measures else values
 
 
-def failure_label(row: Mapping[str, Any]) -> str:
+def failure_label(row: Row) -> str:
     """Why a row does not count as recovered."""
     return row["failure_reason"] or ("unknown" if not row["survived"] else NOT_SETTLED)
 
@@ -112,7 +109,7 @@ class Score:
     failures: dict[str, int]  # reason -> episodes that did not recover
 
     @classmethod
-    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Score:
+    def of(cls, rows: Iterable[Row]) -> Self:
         """Count rows as written to the outcome file."""
         rows = list(rows)
         failures = Counter(failure_label(row) for row in rows if not row["recovered"])
@@ -145,7 +142,6 @@ class Score:
         }
 
 
-Array = NDArray[np.float64]
 DIGITS = 6  # of a measure in a row, after the point
 
 
@@ -205,7 +201,7 @@ class EffortMeter:
         touchdowns = self.episodes.monitor.state.touchdowns.item(k)
         found = {}
         for name, measure in MEASURES.items():
-            if self.motors or not measure.motors:
+            if measure.of is not None and (self.motors or not measure.motors):
                 value = measure.of(self, k)
                 known = math.isfinite(value) and touchdowns >= measure.touchdowns
                 found[name] = round(value, DIGITS) if known else None
@@ -214,38 +210,70 @@ class EffortMeter:
 
 @dataclass(frozen=True)
 class Measure:
-    """A number of an episode that its row holds, and each report of it that is made of all measures."""
+    """A number of an episode: how a row gets it, and how tables and pages show it."""
 
-    unit: str
-    of: Callable[[EffortMeter, int], float | int]  # of robot k at the end; not finite: not known
+    of: Callable[[EffortMeter, int], float | int] | None = None  # of robot k; not finite: not known
+    label: str = ""  # of its column; what has none stands in rows alone
+    unit: str = ""  # of the column
+    digits: int = 0
+    factor: float = 1.0  # from the unit of the row to that of the column
+    about: str = ""  # what the label leaves open
+    brief: str = ""  # the number in a line about one episode, as a format; none: it has no place there
     touchdowns: int = 0  # before which it is not known
     motors: bool = False  # only of robots that have some
+    value: Callable[[Row, Scenario], float | None] | None = None  # of the column; by default that of the row
+
+    def text(self, value: float | None) -> str:
+        """A value of a row, in the unit of the column."""
+        return "-" if value is None else f"{value * self.factor:.{self.digits}f}"
 
 
-# By the key of a row; one that is added here stands in every row from then on. Over the periods i of an
-# episode, each dt long, with m motors j:
+def recovered_after(row: Row, scenario: Scenario) -> float | None:
+    """Time from the end of the last push to recovery [s]; an episode ends `settle_time` after that push."""
+    if row.get("recovered_at") is None:
+        return None
+    return max(row["recovered_at"] - (row["end_time"] - scenario.settle_time), 0.0)
+
+
+# By the key of a row; one that is added here stands in every row, and in every report if it has a label. Over
+# the periods i of an episode, each dt long, with m motors j:
 #     peak torque = max |tau_ij|,  mean torque = mean |tau_ij|,  energy = sum |tau_ij w_ij| dt.
 MEASURES: dict[str, Measure] = {
-    "steps": Measure("1", lambda seen, k: seen.episodes.motion().steps.item(k)),
-    "smallest_margin": Measure("m", lambda seen, k: seen.margin.item(k)),
-    "dcm_error": Measure("m", lambda seen, k: seen.episodes.monitor.state.error.item(k, 0), touchdowns=1),
-    "velocity_error": Measure(
-        "m/s", lambda seen, k: seen.episodes.monitor.state.speed_error.item(k), touchdowns=3
+    "recovered_after": Measure(
+        None, "recovered after", "s", 2, value=recovered_after,
+        about="from the end of the last push to the touchdown at which the recovery criterion holds",
     ),
-    "trunk_excursion": Measure("rad", lambda seen, k: seen.lean.item(k)),
-    "peak_torque": Measure("N m", lambda seen, k: seen.peak.item(k), motors=True),
+    "steps": Measure(lambda seen, k: seen.episodes.motion().steps.item(k), "steps"),
+    "smallest_margin": Measure(  # [m]
+        lambda seen, k: seen.margin.item(k), "smallest margin", "cm", 1, 100.0, brief="margin {:.0f} cm",
+        about="by how much the DCM could still be off before no step catches it; the smallest of an episode "
+        "says how near a fall was",
+    ),
+    "dcm_error": Measure(lambda seen, k: seen.episodes.monitor.state.error.item(k, 0), touchdowns=1),  # [m]
+    "velocity_error": Measure(  # [m/s]
+        lambda seen, k: seen.episodes.monitor.state.speed_error.item(k), touchdowns=3
+    ),
+    "trunk_excursion": Measure(  # [rad]
+        lambda seen, k: seen.lean.item(k), "largest lean", "deg", 1, math.degrees(1.0),
+        "of the trunk, in pitch or roll", "lean {:.0f} deg",
+    ),
+    "peak_torque": Measure(
+        lambda seen, k: seen.peak.item(k), "peak torque", "N m", about="of a single motor", motors=True
+    ),
     "mean_torque": Measure(
-        "N m", lambda seen, k: seen.torque.item(k) / (max(seen.periods.item(k), 1) * len(seen.motors)),
-        motors=True,
+        lambda seen, k: seen.torque.item(k) / (max(seen.periods.item(k), 1) * len(seen.motors)),
+        "mean torque", "N m", 1, about="over motors and time", motors=True,
     ),
-    "energy": Measure(
-        "J", lambda seen, k: seen.power.item(k) * (1.0 / seen.episodes.control_hz), motors=True
+    "energy": Measure(  # [J]
+        lambda seen, k: seen.power.item(k) * (1.0 / seen.episodes.control_hz), "energy", "kJ", 2, 1e-3,
+        "the sum of |torque times joint speed| over motors and time, braking included", "{:.1f} kJ",
+        motors=True,
     ),
 }  # fmt: skip
 
 
 def _motors(episodes: GaitEpisodes) -> list[int]:
     """Indices of control's 14 motors that the robot has; none for a pendulum."""
-    if not isinstance(episodes, BipedEpisodes):
+    if not isinstance(episodes, env.BipedEpisodes):
         return []
     return [i for i, motor in enumerate(episodes.core.body.indices.motors) if motor != MISSING]

@@ -1,7 +1,5 @@
 """Where a policy comes from: a name, a file, MODULE:ATTRIBUTE, or an object in memory."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import os
@@ -20,10 +18,8 @@ from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import episode_seconds
-from ..output.rows import RowFile, default_directory
-from ..sampling_mpc import NAME as SAMPLING_MPC
-from ..sampling_mpc import TIMES_THE_PLANNER, sampling_mpc_source
+from .. import sampling_mpc
+from ..output import progress, rows
 from .environments import make_env_for
 from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
 
@@ -60,8 +56,8 @@ class PolicySource:
             content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):
             content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
-        elif self.origin == SAMPLING_MPC:
-            content = sampling_mpc_source()
+        elif self.origin == sampling_mpc.NAME:
+            content = sampling_mpc.sampling_mpc_source()
         else:
             return None
         return hashlib.sha256(content).hexdigest()
@@ -69,7 +65,7 @@ class PolicySource:
     @property
     def cost(self) -> float:
         """How long an episode takes, about, as a multiple of the planner's."""
-        return TIMES_THE_PLANNER if self.origin == SAMPLING_MPC else 1.0
+        return sampling_mpc.TIMES_THE_PLANNER if self.origin == sampling_mpc.NAME else 1.0
 
     def load(self, env: gym.Env) -> Policy:
         """The policy, for an environment."""
@@ -84,7 +80,7 @@ def guessed_seconds(
 ) -> float:
     """Wall seconds for scenarios by label, about, where no robot falls."""
     return sum(
-        sources[name].cost * episode_seconds(env_id, scenarios, workers)
+        sources[name].cost * progress.episode_seconds(env_id, scenarios, workers)
         for name, scenarios in missing.items()
     )
 
@@ -131,12 +127,6 @@ def acting_in(
 ) -> Iterator[PolicyEnv]:
     """A policy in an environment; one that is named by its id is made here and closed at the end.
 
-    Args:
-        env: an environment, or its id.
-        policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
-        label: by default the name, or the object's class.
-        arguments: of an environment that is made here.
-
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
@@ -157,17 +147,10 @@ def open_rows(
     fields: tuple[str, ...],
     directory: Path | None,
     overwrite: bool,
-) -> tuple[RowFile, dict[str, str | None]]:
-    """The row file of a run of policies, and the digest of each.
+) -> tuple[rows.RowFile, dict[str, str | None]]:
+    """The row file of a run of policies, and the digest of each; see `RowFile`.
 
-    Args:
-        label: of the directory, where none is given.
-        config: what the rows belong to.
-        sources: the policies.
-        key: fields that identify a row.
-        fields: that each row must have besides those.
-        directory: where the rows lie; by default under runs/.
-        overwrite: start over where it already holds rows.
+    The label names the directory under runs/ where none is given.
 
     Raises:
         InvalidValueError: rows of another configuration, or of another content of a policy, or another run
@@ -176,8 +159,8 @@ def open_rows(
     digests = {name: source.digest() for name, source in sources.items()}
     # An object without a digest gets a default directory that no other run has.
     objects = {name: digests[name] or secrets.token_hex(8) for name in sources if sources[name].in_memory}
-    directory = directory or default_directory(label, config | ({"objects": objects} if objects else {}))
-    store = RowFile(directory, config, key, overwrite, fields)
+    directory = directory or rows.default_directory(label, config | ({"objects": objects} if objects else {}))
+    store = rows.RowFile(directory, config, key, overwrite, fields)
     try:
         store.check_policies(digests)
         for row in store.rows.values():

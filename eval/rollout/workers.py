@@ -1,7 +1,5 @@
 """Episodes and other jobs on several processes; results depend neither on how many nor on the order."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,8 +12,7 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.scenario import Scenario
-from ..output.processes import Pool, RayPool, RayWorkers, WorkerPool
-from ..output.rows import versions
+from ..output import processes, rows
 from .environments import code_digest, make_env, own_env, preset_digest
 from .episodes import Observer, Slots, action_rule, batch_episodes, plans_batches, rollout, run_episodes
 from .outcome import Outcome
@@ -31,14 +28,10 @@ SLOTS = 16  # episodes side by side, and in a chunk at most: its rows are writte
 
 
 class Runner:
-    """Runs jobs in one environment, making it and its policies once.
+    """Runs jobs in one environment, making it and its policies once; a label without a source is its name.
 
     A policy that has a robot of its own in the environment's preset, or that acts on the joints of the same
     robot, acts in an environment of its own.
-
-    Args:
-        env_id: environment.
-        sources: of the policies by label; a label without one is a name or file.
     """
 
     def __init__(self, env_id: str, sources: Sources = MappingProxyType({})):
@@ -78,13 +71,9 @@ class Runner:
         observer: Observer | None = None,
         side_by_side: bool = True,
     ) -> Iterator[Outcome]:
-        """Episodes of one policy as they finish; one such run at a time.
+        """Episodes of one policy as they finish, on many robots where that changes no outcome.
 
-        Args:
-            name: label of the policy.
-            scenarios: taken when there is room for one: outcomes so far may decide what comes.
-            observer: looks on.
-            side_by_side: on many robots, where that changes no outcome.
+        Scenarios are taken when there is room for one: outcomes so far may decide what comes.
         """
         env, policy, _ = self.acting(name)
         robots = self.robots(name) if side_by_side else None
@@ -108,10 +97,7 @@ def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
 
 
 def chunk_sizes(env_id: str, sources: Sources) -> dict[str, int]:
-    """How many scenarios are worth a job of each policy.
-
-    Every policy is made for it: names and files fail here, before any work, and caches are warm for workers.
-    """
+    """How many scenarios are worth a job of each policy; what can't be made fails here, before any work."""
     with closing(Runner(env_id, sources)) as runner:
         return {name: runner.chunk(name) for name in sources}
 
@@ -136,7 +122,7 @@ def named_files(env_id: str, sources: Sources) -> dict[str, str | None]:
 
 def installation() -> dict[str, str]:
     """Versions and the digest of the source, which rows hang on besides the kind of processor."""
-    return {**versions(), "code": code_digest()}
+    return {**rows.versions(), "code": code_digest()}
 
 
 def same_runner(files: Mapping[str, str | None], env_id: str, sources: Sources) -> Runner:
@@ -153,18 +139,18 @@ def same_installation(installed: Mapping[str, str], start: Callable[..., S], *ar
 
 def _require_same(there: Mapping[str, Any], here: Mapping[str, Any], what: str) -> None:
     """Raise InvalidValueError where a worker has other files or versions than the process that asks."""
-    if differs := sorted(name for name in {*there, *here} if there.get(name) != here.get(name)):
+    if differs := rows.differing(there, here):
         raise InvalidValueError(
             f"a worker on {platform.node()!r} would give other rows: {', '.join(differs)} differ there, and "
             f"all machines need {what}"
         )
 
 
-def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> Pool[S]:
+def open_pool(workers: int, start: Callable[..., S], *arguments: Any) -> processes.Pool[S]:
     """Worker processes here, or those of the Ray cluster that `workers` are of; `start` makes a state."""
-    if isinstance(workers, RayWorkers):
-        return RayPool(same_installation, installation(), start, *arguments)
-    return WorkerPool(workers, start, *arguments)
+    if isinstance(workers, processes.RayWorkers):
+        return processes.RayPool(same_installation, installation(), start, *arguments)
+    return processes.WorkerPool(workers, start, *arguments)
 
 
 def parallel(
@@ -174,20 +160,14 @@ def parallel(
     workers: int,
     sources: Sources = MappingProxyType({}),
 ) -> Iterator[R]:
-    """Results of the jobs as they finish; in this process for one worker, else in others.
+    """Results of the jobs, which pickle, as they finish; the task is a function of a module.
 
-    Args:
-        env_id: environment that every worker makes.
-        task: module-level function of a runner and a job.
-        jobs: picklable.
-        workers: number of processes, or those of a Ray cluster; one process, this one, where a policy is an
-            object that cannot be handed to others.
-        sources: of the policies by label.
+    They run in this process for one worker and where a policy can't be handed to others, else in others.
 
     Raises:
         WorkerError: a job raised in a worker, or a worker ended.
     """
-    cluster = isinstance(workers, RayWorkers)
+    cluster = isinstance(workers, processes.RayWorkers)
     if not jobs:
         return
     if (not cluster and min(workers, len(jobs)) <= 1) or not all(one.pickles for one in sources.values()):

@@ -9,16 +9,13 @@ nominal robot on a level floor, by further coordinates of its point. The ranges 
 two-stage on 64 pushes of another seed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
@@ -42,27 +39,24 @@ def gf16_multiply(a: int, b: int) -> int:
     return product
 
 
-def orthogonal_array(factors: int) -> NDArray[np.int64]:
+def orthogonal_array(factors: int) -> np.ndarray:
     """Strength-2 orthogonal array (256, factors) of 16 levels (Bush 1952), up to 17 factors.
 
     Row (a, b) holds a, b, a + b, a + 2 b, ... in the field of 16 elements: any two columns take each of the
     256 pairs of levels exactly once.
     """
-    rows = [
-        [a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))]
-        for a in range(LEVELS)
-        for b in range(LEVELS)
-    ]
+    pairs = product(range(LEVELS), repeat=2)
+    rows = [[a, *(b if k == 0 else a ^ gf16_multiply(k, b) for k in range(factors - 1))] for a, b in pairs]
     return np.array(rows, dtype=np.int64)
 
 
-def _uniforms(generator: np.random.PCG64, *shape: int) -> NDArray[np.float64]:
+def _uniforms(generator: np.random.PCG64, *shape: int) -> np.ndarray:
     """Uniforms in [0, 1) from raw bits, whose stream numpy guarantees across versions."""
     raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
     return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
 
 
-def stratified_uniforms(blocks: int, factors: int, seed: int) -> NDArray[np.float64]:
+def stratified_uniforms(blocks: int, factors: int, seed: int) -> np.ndarray:
     """Points (256 blocks, factors) in the unit cube, stratified in every block of 256.
 
     In each block every pair of factors falls once into each of 16 x 16 cells, and each factor once into each
@@ -94,7 +88,7 @@ def uniform_force(ranges: PushDistribution) -> ForceOf:
 
 
 def stratified_scenario(
-    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: NDArray[np.float64], noise_seed: int
+    scenario_id: str, ranges: PushDistribution, force_of: ForceOf, u: np.ndarray, noise_seed: int
 ) -> Scenario:
     """Scenario of one stratified point: direction, force, phase, command speed, kind and sides.
 
@@ -143,12 +137,10 @@ class Target:
 
 
 Targets = Mapping[Body, Target]
-TARGETS: Targets = MappingProxyType(
-    {
-        "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
-        "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
-    }
-)
+TARGETS: Targets = {
+    "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
+    "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
+}
 
 
 def harder(pelvis: float, trunk: float) -> Targets:
@@ -364,16 +356,14 @@ class Shift:
     ranges: PushDistribution = HARD
 
 
-SHIFTS: Mapping[str, Shift] = MappingProxyType(
-    {
-        "shift-duration": Shift(longer_or_shorter, 1, 20261201),
-        "shift-body": Shift(elsewhere, 4, 20261202),
-        "shift-model": Shift(another_robot, 9, 20261205),
-        "shift-magnitude": Shift(None, 0, 20261206, BEYOND),
-        "shift-floor": Shift(another_floor, 3, 20261207),
-        "shift-repeated": Shift(repeated, 3, 20261208),
-    }
-)
+SHIFTS: Mapping[str, Shift] = {
+    "shift-duration": Shift(longer_or_shorter, 1, 20261201),
+    "shift-body": Shift(elsewhere, 4, 20261202),
+    "shift-model": Shift(another_robot, 9, 20261205),
+    "shift-magnitude": Shift(None, 0, 20261206, BEYOND),
+    "shift-floor": Shift(another_floor, 3, 20261207),
+    "shift-repeated": Shift(repeated, 3, 20261208),
+}
 
 
 def shifted_scenarios(kind: str, name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:

@@ -1,10 +1,8 @@
 """Score policies on a suite: every policy meets the same pushes, in parallel, resumable, paired."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -15,13 +13,11 @@ from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.statistics import PairedCounts
-from ..rollout.environments import code_digest, env_label, preset_digest
-from ..rollout.outcome import Score
-from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
+from ..rollout import environments, policy_source
+from ..rollout.outcome import Row, Score
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .suites import Suite
 
-Row = Mapping[str, Any]
 FORMAT = 3  # of the rows
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "impulse")  # fields that a score is made of
@@ -85,8 +81,8 @@ def limit_summary(rows: Iterable[Row]) -> dict[str, dict[str, dict[str, float]]]
 
 def configuration(suite: Suite, env_id: str) -> dict[str, Any]:
     """All that the rows of a directory belong to: suite, environment, and the code behind them."""
-    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": code_digest()}
-    return names | preset_digest(env_id)
+    names = {"format": FORMAT, "suite": suite.summary(), "env": env_id, "code": environments.code_digest()}
+    return names | environments.preset_digest(env_id)
 
 
 def evaluate(
@@ -96,27 +92,19 @@ def evaluate(
     workers: int = 1,
     directory: Path | None = None,
     overwrite: bool = False,
-    on_row: Callable[[dict[str, Any]], None] | None = None,
 ) -> Evaluation:
     """Run every policy on every scenario of the suite; rows present in the directory are kept.
 
-    Args:
-        suite: scenarios.
-        env_id: environment.
-        policies: names, files, MODULE:ATTRIBUTE or objects, or a mapping of labels to them.
-        workers: processes.
-        directory: where outcomes.jsonl, config.json and the reports go; by default under runs/.
-        overwrite: start over where the directory holds rows.
-        on_row: called after each new row is on disk.
+    Arguments as those of `eval.api.evaluate`.
 
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
-    sources = policy_sources(policies)
+    sources = policy_source.policy_sources(policies)
     sizes = chunk_sizes(env_id, sources)
     config = configuration(suite, env_id)
-    label = f"{suite.name}-{env_label(env_id)}"
-    store, digests = open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
+    label = f"{suite.name}-{environments.env_label(env_id)}"
+    store, digests = policy_source.open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     began = time.perf_counter()
     with store:
         missing = {name: [s for s in suite.scenarios if (name, s.id) not in store.rows] for name in sources}
@@ -125,11 +113,9 @@ def evaluate(
             for name in sources
         }
         whose = f"each of {len(sources)} policies" if len(sources) > 1 else next(iter(sources))
-        work = Work(
-            f"{suite.name}: {len(suite.scenarios)} episodes of {whose}",
-            about(guessed_seconds(env_id, missing, sources, workers)),
-            store.directory,
-        )
+        what = f"{suite.name}: {len(suite.scenarios)} episodes of {whose}"
+        seconds = policy_source.guessed_seconds(env_id, missing, sources, workers)
+        work = Work(what, about(seconds), store.directory)
         begun = {name: len(rows) for name, rows in done.items()}
         chunks = make_chunks(missing, sizes, workers)
         with progress_bars(list(sources), len(suite.scenarios), work, begun) as bars:
@@ -139,8 +125,6 @@ def evaluate(
                 done[outcome.policy].append(row)
                 score = Score.of(done[outcome.policy])
                 bars.set(outcome.policy, score.episodes, f"recovered {score.rate:.3f}")
-                if on_row is not None:
-                    on_row(row)
     rows = {name: [store.rows[name, s.id] for s in suite.scenarios] for name in sources}
     return Evaluation(suite, env_id, rows, store.directory, time.perf_counter() - began)
 
@@ -176,10 +160,7 @@ class Comparison:
             "b": self.b,
             "suite": self.suite.name,
             "pairs": counts.pairs,
-            "both": counts.both,
-            "only_a": counts.only_a,
-            "only_b": counts.only_b,
-            "neither": counts.neither,
+            **asdict(counts),
             "mcnemar_p": counts.p_value,
             "rate_difference": counts.rate_difference,
             "ci95": list(counts.interval),
@@ -199,19 +180,10 @@ def compare(
 ) -> Comparison:
     """Evaluate both on the suite (rows in the directory are kept) and pair their outcomes.
 
-    Args:
-        a: a name, a file, MODULE:ATTRIBUTE, an object, or a mapping of one label to one of them.
-        b: the same.
-        suite: scenarios.
-        env_id: environment.
-        workers: processes.
-        directory: where outcomes.jsonl and config.json go; by default under runs/.
-        overwrite: start over where the directory holds rows.
-
     Raises:
         PushRecoveryError: as `evaluate`; InvalidValueError too where these are not two policies.
     """
-    sources = policy_sources([a, b])
+    sources = policy_source.policy_sources([a, b])
     if len(sources) != 2:
         raise InvalidValueError(f"two policies are compared, got {len(sources)}: {', '.join(sources)}")
     evaluation = evaluate(suite, env_id, sources, workers, directory, overwrite)

@@ -8,18 +8,16 @@ F* of the robot's own box of steps says what its controller could at best have r
 other limits.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import write_atomically
@@ -55,7 +53,7 @@ class Scanned:
     failed: tuple[float, ...]  # rising
 
     @classmethod
-    def of(cls, survives: Mapping[float, bool]) -> Scanned:
+    def of(cls, survives: Mapping[float, bool]) -> Self:
         """From whether each strength was survived."""
         failed = tuple(sorted(strength for strength, ok in survives.items() if not ok))
         survived = [strength for strength, ok in survives.items() if ok]
@@ -121,11 +119,6 @@ class DirectionLimits:
     own: float  # of the robot's own gait limits
     paper: float  # of the paper's robot and gait limits
 
-    @staticmethod
-    def share(force: float, limit: float) -> float | None:
-        """A force [N] as a share of a limit [N]; None where the limit is 0."""
-        return force / limit if limit > 0 else None
-
 
 def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
     """Nominal gait of an environment for a command, on left stance (its y axis points right)."""
@@ -185,8 +178,8 @@ class PushedStart:
     """A nominal step when a push begins, in its canonical frame."""
 
     elapsed: float  # of the step [s]
-    dcm: NDArray[np.float64]  # (2,) [m]
-    shift: NDArray[np.float64]  # (2,) that the push counts as [m]
+    dcm: np.ndarray  # (2,) [m]
+    shift: np.ndarray  # (2,) that the push counts as [m]
 
 
 def pushed_start(robot: RobotModel, limits: GaitLimits, push: Push, command: Command) -> PushedStart | None:
@@ -210,15 +203,8 @@ def limit_share(env: gym.Env, push: Push, command: Command) -> float | None:
 
     The share is that by which the shift of `pushed_start` must be divided so that the DCM ends on the nearest
     of its bounds; at the start of a left stance it is F / F* of the frontier. The pendulum's limit: no turn,
-    no legs.
-
-    Args:
-        env: its robot and gait limits.
-        push: at a moment of the gait.
-        command: commanded velocity.
-
-    Returns:
-        None where there is no such limit: the push comes at a time, or the unpushed gait is out of bounds.
+    no legs. None where there is no such limit: the push comes at a time, or the unpushed gait is out of
+    bounds.
     """
     unwrapped: Any = env.unwrapped
     start = pushed_start(unwrapped.robot, unwrapped.limits, push, command)
@@ -273,6 +259,9 @@ class ScanJob:
     psi_deg: float
 
 
+OF_A_FALL = ("failure_reason", "first_limit", "limits_met", "limit_shares")  # fields of an outcome
+
+
 def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
     """The row of one direction: raise the force by the grid until BEYOND past the first failure."""
     outcomes = scan_upwards(
@@ -289,14 +278,8 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         "largest_survived_N": found.largest_survived,
         "failed_N": list(found.failed),
         "falls": [
-            {
-                "force_N": force,
-                "failure_reason": outcomes[force].failure_reason,
-                "first_limit": outcomes[force].first_limit,
-                "limits_met": dict(outcomes[force].limits_met),
-                "limit_shares": dict(outcomes[force].limit_shares),
-            }
-            for force in found.failed
+            {"force_N": force, **{name: fell[name] for name in OF_A_FALL}}
+            for force, fell in ((force, outcomes[force].to_dict()) for force in found.failed)
         ],
     }
 
@@ -335,9 +318,9 @@ class Frontier:
                     "survived_N": force,
                     "largest_survived_N": row["largest_survived_N"],
                     "limit_N": limit.paper,
-                    "fraction": limit.share(force, limit.paper),
+                    "fraction": force / limit.paper if limit.paper > 0 else None,
                     "own_limit_N": limit.own,
-                    "own_fraction": limit.share(force, limit.own),
+                    "own_fraction": force / limit.own if limit.own > 0 else None,
                 }
             )
         push = {"duration": self.settings.duration, "body": self.settings.body}
@@ -346,10 +329,9 @@ class Frontier:
 
 def default_grid(env_id: str) -> float:
     """The environment's own grid [N]; that of any gait environment where it names none."""
-    env: Any = make_env(env_id)
-    grid = float(getattr(getattr(env.unwrapped, "episodes", None), "force_grid", GaitEpisodes.force_grid))
-    env.close()
-    return grid
+    with closing(make_env(env_id)) as env:
+        episodes = getattr(env.unwrapped, "episodes", None)
+        return float(getattr(episodes, "force_grid", GaitEpisodes.force_grid))
 
 
 def frontier(
@@ -367,11 +349,11 @@ def frontier(
     """
     sources = policy_sources(policies)
     angles = directions_deg(directions)
-    runner = Runner(settings.env_id, sources)
-    for name in sources:
-        runner.acting(name)
-    limits = {psi: direction_limits(runner.env, psi, settings.duration, settings.command) for psi in angles}
-    runner.close()
+    push = settings.duration, settings.command
+    with closing(Runner(settings.env_id, sources)) as runner:
+        for name in sources:
+            runner.acting(name)
+        limits = {psi: direction_limits(runner.env, psi, *push) for psi in angles}
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
     config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
@@ -455,18 +437,15 @@ def save_pictures(frontier: Frontier) -> list[Path]:
 
     Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5, 7.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(projection="polar")
-    axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
+    axes: Any = figure.add_subplot(projection="polar")
+    axes.set_theta_zero_location("N")
     settings = frontier.settings
     angles = np.linspace(0.0, 360.0, 361)
-    env = make_env(settings.env_id)
-    curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
-    env.close()
+    with closing(make_env(settings.env_id)) as env:
+        curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
     for label, curve in curves.items():
         axes.plot(np.radians(angles), curve, STYLES[label], linewidth=1, label=label)
     for policy, rows in frontier.rows.items():
@@ -478,11 +457,10 @@ def save_pictures(frontier: Frontier) -> list[Path]:
         f"{settings.body}, {settings.duration:g} s, start of a left stance; forward is up"
     )
     figure.legend(loc="outside lower center", fontsize="small", ncols=3)
-    paths = []
-    for suffix in ("png", "svg"):
+    paths = [frontier.directory / f"frontier.{suffix}" for suffix in ("png", "svg")]
+    for path in paths:
         buffer = io.BytesIO()
-        figure.savefig(buffer, format=suffix, dpi=130, metadata={"Date": None} if suffix == "svg" else None)
-        path = frontier.directory / f"frontier.{suffix}"
+        metadata = {"Date": None} if path.suffix == ".svg" else None
+        figure.savefig(buffer, format=path.suffix[1:], dpi=130, metadata=metadata)
         write_atomically(path, buffer.getvalue())
-        paths.append(path)
     return paths

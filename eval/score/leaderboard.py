@@ -4,8 +4,6 @@ A directory of `evaluate` is read and every row held against its scenario; a ran
 again, of which every bit has to be the same; the board has a file for each policy on a suite, and a page.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random
@@ -15,16 +13,15 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import read_file, write_text
+from ...controllers.files import write_text
 from ...controllers.validation import parse_json
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
-from ..output.progress import Work, about, progress_bars
-from ..output.tables import markdown_table
-from ..rollout.environments import EnvName, profile_on
+from ..output import progress, tables
+from ..output.rows import differing, read_content, read_json
+from ..rollout import environments, policy_source
 from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Ending, Outcome, Score
-from ..rollout.policy_source import guessed_seconds, policy_sources
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
@@ -66,7 +63,7 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     env_id = str(config.get("env"))
     pushes = _suite(str(summary.get("name")), suite, env_id)
     known = configuration(pushes, env_id)
-    if differs := [name for name in sorted({*known, *config}) if known.get(name) != config.get(name)]:
+    if differs := differing(known, config):
         raise InvalidValueError(
             f"{str(directory)!r} can't be checked by running it again: it belongs to another "
             f"{' and another '.join(differs)} than this installation has"
@@ -76,15 +73,8 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     return Submission(directory, pushes, env_id, config["code"], rows)
 
 
-def _content(path: Path) -> bytes:
-    try:
-        return read_file(path)
-    except OSError as error:
-        raise InvalidValueError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
-
-
 def _object(path: Path) -> dict[str, Any]:
-    content = parse_json(repr(str(path)), _content(path))
+    content = read_json(path)
     if not isinstance(content, dict):
         raise InvalidValueError(f"{str(path)!r} holds no JSON object")
     return content
@@ -97,21 +87,20 @@ def _suite(name: str, given: str | None, env_id: str) -> Suite:
     whole, plus, profile = name.partition("+")
     base, at, _ = whole.partition(OF_ROBOT)
     # a name in a file that is handed in opens no other file, and runs no code
-    if base not in SUITES or (at and EnvName.parse(env_id).runs_code):
+    if base not in SUITES or (at and environments.EnvName.parse(env_id).runs_code):
         raise InvalidValueError(f"suite {name!r} of the results is not built in: name its file with --suite")
     own = env_id if at else DEFAULT_ENV
     pushes = get_suite(base, own)
-    return with_profile(pushes, profile_on(own, profile)) if plus else pushes
+    return with_profile(pushes, environments.profile_on(own, profile)) if plus else pushes
 
 
 def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
     """Rows by policy in the suite's order, every one of them there once."""
     scenarios, found = {s.id: s for s in suite.scenarios}, {}
-    for number, line in enumerate(_content(path).splitlines(), start=1):
+    for number, line in enumerate(read_content(path).splitlines(), start=1):
         row = parse_json(f"{str(path)!r} line {number}", line)
-        policy, scenario_id = (
-            row.get(key) if isinstance(row, dict) else None for key in ("policy", "scenario_id")
-        )
+        told = row if isinstance(row, dict) else {}
+        policy, scenario_id = told.get("policy"), told.get("scenario_id")
         if not isinstance(policy, str) or scenario_id not in scenarios:
             raise InvalidValueError(f"{str(path)!r} line {number} is no row of suite {suite.name!r}")
         if scenario_id in found.setdefault(policy, {}):
@@ -141,14 +130,10 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
         bounds = LimitsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
+        names = "end_time", "recovered_at", "failure_reason", "total_reward"
+        end, settled, reason, reward = (outcome[name] for name in names)
         ending = Ending(
-            not outcome["survived"],
-            outcome["end_time"],
-            outcome["recovered_at"],
-            outcome["failure_reason"],
-            outcome["total_reward"],
-            bounds,
-            outcome.get("measures", {}),
+            not outcome["survived"], end, settled, reason, reward, bounds, outcome.get("measures", {})
         )
         follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
         if DIGEST not in row:
@@ -157,7 +142,7 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
         raise InvalidValueError(
             f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error!r}"
         ) from error
-    differs = [key for key in sorted({*outcome, *follows}) if outcome.get(key) != follows.get(key)]
+    differs = differing(outcome, follows)
     if differs or not isinstance(outcome["survived"], bool):
         raise InvalidValueError(
             f"row {scenario.id!r} of {row['policy']!r} contradicts its scenario or itself in: "
@@ -194,7 +179,7 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
         InvalidValueError: a policy is not the one that its rows state, or a row is not what comes now.
         PushRecoveryError: a policy cannot be loaded.
     """
-    sources = policy_sources(list(submission.rows))
+    sources = policy_source.policy_sources(list(submission.rows))
     for name, source in sources.items():
         if source.digest() != submission.digest(name):
             raise InvalidValueError(
@@ -204,9 +189,9 @@ def run_again(submission: Submission, samples: dict[str, list[Scenario]], worker
     rows = {(name, row["scenario_id"]): row for name, given in submission.rows.items() for row in given}
     chunks = make_chunks(samples, chunk_sizes(submission.env_id, sources), workers)
     done = dict.fromkeys(samples, 0)
-    seconds = guessed_seconds(submission.env_id, samples, sources, workers)
-    work = Work(f"running {sum(map(len, samples.values()))} rows again", about(seconds))
-    with progress_bars(list(samples), max(map(len, samples.values())), work) as bars:
+    seconds = policy_source.guessed_seconds(submission.env_id, samples, sources, workers)
+    work = progress.Work(f"running {sum(map(len, samples.values()))} rows again", progress.about(seconds))
+    with progress.progress_bars(list(samples), max(map(len, samples.values())), work) as bars:
         for outcomes in parallel(submission.env_id, run_chunk, chunks, workers, sources):
             for outcome in outcomes:
                 _compare(rows[outcome.policy, outcome.scenario_id], outcome.to_dict())
@@ -218,7 +203,7 @@ def _compare(given: Row, outcome: dict[str, Any]) -> None:
     """Raise InvalidValueError where an outcome is not the row that was handed in."""
     again = json.loads(json.dumps(outcome))
     stated = {key: value for key, value in given.items() if key != DIGEST}
-    if differs := [key for key in sorted({*stated, *again}) if stated.get(key) != again.get(key)]:
+    if differs := differing(stated, again):
         key = "recovered" if "recovered" in differs else differs[0]
         raise InvalidValueError(
             f"row {given['scenario_id']!r} of {given['policy']!r} is not what running it again gives: {key} "
@@ -275,7 +260,7 @@ def read_board(board: Path) -> list[Entry]:
     """
     entries = []
     for path in sorted(board.glob("*/*.json")):
-        entry = parse_json(repr(str(path)), read_file(path))
+        entry = read_json(path)
         if not isinstance(entry, dict) or not entry.keys() >= FIELDS:
             raise InvalidValueError(f"{str(path)!r} is no entry of a leaderboard")
         place = entry["suite"]["sha256"][:KEY], f"{policy_key(entry)[:KEY]}.json"
@@ -296,7 +281,7 @@ def board_page(entries: Sequence[Entry]) -> str:
         groups.setdefault((suite["name"], suite["sha256"], entry["env"]), []).append(entry)
     for (name, digest, env), group in sorted(groups.items()):
         group.sort(key=lambda entry: (-entry["score"]["recovered"], entry["policy"], policy_key(entry)))
-        table = markdown_table(COLUMNS, [_cells(entry) for entry in group])
+        table = tables.markdown_table(COLUMNS, [_cells(entry) for entry in group])
         parts.append(f"\n## {name}, {env}\n\nSuite SHA-256 `{digest}`.\n\n{table}")
     parts.append(
         "\nRecovered counts; intervals are Wilson's, 95 %. Checked: rows that were run again, bit for bit, "

@@ -1,25 +1,19 @@
 """An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits, profiles side by side."""
 
-from __future__ import annotations
-
-import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 from ...controllers.files import write_text
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
-from ..rollout.outcome import Score
+from ..rollout.outcome import MEASURES, Measure, Row, Score
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
 
-Row = Mapping[str, Any]
 Evaluations = Mapping[str, Evaluation]  # by profile, the first one what the others are held against
 RECOVERED_NOTE = (
     "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
@@ -60,51 +54,9 @@ KINDS: dict[str, Callable[[Scenario], str]] = {  # a question about a scenario, 
 }
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A number of an episode, as tables and pages show it."""
-
-    label: str
-    unit: str
-    digits: int
-    factor: float = 1.0  # from the unit of the row to that of the table
-    about: str = ""  # what the label leaves open
-    brief: str = ""  # the number in a line about one episode, as a format; none: it has no place there
-    value: Callable[[Row, Scenario], float | None] | None = None  # by default the row's measure of that name
-
-    def text(self, value: float | None) -> str:
-        """A value of a row, in the unit of the table."""
-        return "-" if value is None else f"{value * self.factor:.{self.digits}f}"
-
-
-def recovered_after(row: Row, scenario: Scenario) -> float | None:
-    """Time from the end of the last push to recovery [s]; an episode ends `settle_time` after that push."""
-    if row.get("recovered_at") is None:
-        return None
-    return max(row["recovered_at"] - (row["end_time"] - scenario.settle_time), 0.0)
-
-
-MEASURES = {  # by their names in a row
-    "recovered_after": Measure(
-        "recovered after", "s", 2, value=recovered_after,
-        about="from the end of the last push to the touchdown at which the recovery criterion holds",
-    ),
-    "steps": Measure("steps", "", 0),
-    "smallest_margin": Measure(
-        "smallest margin", "cm", 1, 100.0, brief="margin {:.0f} cm",
-        about="by how much the DCM could still be off before no step catches it; the smallest of an episode "
-        "says how near a fall was",
-    ),
-    "trunk_excursion": Measure(
-        "largest lean", "deg", 1, math.degrees(1.0), "of the trunk, in pitch or roll", "lean {:.0f} deg"
-    ),
-    "peak_torque": Measure("peak torque", "N m", 0, about="of a single motor"),
-    "mean_torque": Measure("mean torque", "N m", 1, about="over motors and time"),
-    "energy": Measure(
-        "energy", "kJ", 2, 1e-3, brief="{:.1f} kJ",
-        about="the sum of |torque times joint speed| over motors and time, braking included",
-    ),
-}  # fmt: skip
+def shown_measures() -> dict[str, Measure]:
+    """The measures that have a column, by name."""
+    return {name: one for name, one in MEASURES.items() if one.label}
 
 
 def measure_of(name: str, row: Row, scenario: Scenario) -> float | None:
@@ -115,14 +67,12 @@ def measure_of(name: str, row: Row, scenario: Scenario) -> float | None:
 
 def brief_measures(row: Row) -> str:
     """Measures of an episode in few words; empty where the row lacks one of the measures for it."""
-    words = []
-    for name, measure in MEASURES.items():
-        if measure.brief:
-            value = row.get("measures", {}).get(name)
-            if value is None:
-                return ""
-            words.append(measure.brief.format(value * measure.factor))
-    return ", ".join(words)
+    brief = {name: one for name, one in MEASURES.items() if one.brief}
+    values = [row.get("measures", {}).get(name) for name in brief]
+    if None in values:
+        return ""
+    pairs = zip(brief.values(), values, strict=True)
+    return ", ".join(measure.brief.format(value * measure.factor) for measure, value in pairs)
 
 
 def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, float | None]]]:
@@ -133,12 +83,9 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
     together = [pair for pair in evaluation.by_scenario() if all(row["recovered"] for row in pair[1])]
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
-        for name in MEASURES:
-            values = [
-                measure_of(name, rows[place], scenario)
-                for scenario, rows in together
-                if scenario.duration is None
-            ]
+        for name in shown_measures():
+            free = ((scenario, rows) for scenario, rows in together if scenario.duration is None)
+            values = (measure_of(name, rows[place], scenario) for scenario, rows in free)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None
     return len(together), found
@@ -147,19 +94,17 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
 def effort_table(evaluation: Evaluation) -> Table:
     """Medians of what recovering took; no rows where no episode has measures."""
     together, summary = effort_summary(evaluation)
-    in_rows = [name for name, measure in MEASURES.items() if measure.value is None]
+    shown = shown_measures()
+    in_rows = [name for name, measure in shown.items() if measure.value is None]
     measured = any(one[name] is not None for one in summary.values() for name in in_rows)
-    headings = (f"{one.label} [{one.unit}]" if one.unit else one.label for one in MEASURES.values())
+    headings = (f"{one.label} [{one.unit}]" if one.unit else one.label for one in shown.values())
     pushes = f"{together} of {len(evaluation.suite.scenarios)} pushes"
-    return Table(
-        "Effort",
-        ("policy", *headings),
-        [
-            (policy, *(measure.text(one[name]) for name, measure in MEASURES.items()))
-            for policy, one in (summary.items() if measured else ())
-        ],
-        f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is.",
-    )
+    lines = [
+        (policy, *(measure.text(one[name]) for name, measure in shown.items()))
+        for policy, one in (summary.items() if measured else ())
+    ]
+    note = f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is."
+    return Table("Effort", ("policy", *headings), lines, note)
 
 
 def groups_of(scenarios: Sequence[Scenario]) -> dict[str, tuple[str, ...]]:
@@ -184,15 +129,9 @@ def kinds_table(evaluation: Evaluation) -> Table:
         )
         return f"{recovered} / {survived} of {len(ids)}"
 
-    return Table(
-        "Kinds of push",
-        ("kind of push", *evaluation.rows),
-        [
-            (group, *(cell(rows, ids) for rows in evaluation.rows.values()))
-            for group, ids in groups_of(evaluation.suite.scenarios).items()
-        ],
-        "Recovered / survived.",
-    )
+    groups = groups_of(evaluation.suite.scenarios)
+    lines = [(name, *(cell(rows, ids) for rows in evaluation.rows.values())) for name, ids in groups.items()]
+    return Table("Kinds of push", ("kind of push", *evaluation.rows), lines, "Recovered / survived.")
 
 
 def rate_cells(score: Score) -> tuple[str, str]:
@@ -212,16 +151,12 @@ def evaluation_title(evaluation: Evaluation) -> str:
 
 def rates_table(evaluation: Evaluation) -> Table:
     """Recovered and survived of each policy."""
-    scores = {name: evaluation.score(name) for name in evaluation.rows}
-    return Table(
-        evaluation_title(evaluation),
-        ("policy", "recovered", "rate", "95 % interval", "survived"),
-        [
-            (name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}")
-            for name, score in scores.items()
-        ],
-        RECOVERED_NOTE,
-    )
+    lines = []
+    for name in evaluation.rows:
+        score = evaluation.score(name)
+        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}"))
+    columns = ("policy", "recovered", "rate", "95 % interval", "survived")
+    return Table(evaluation_title(evaluation), columns, lines, RECOVERED_NOTE)
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:
@@ -330,11 +265,9 @@ def evaluation_tables(evaluation: Evaluation) -> dict[str, Table]:
 
 
 def write_evaluation_reports(evaluation: Evaluation, reported: Evaluation) -> Path:
-    """Write report.json of an evaluation, and report.md of what is reported of it; returns the latter's path.
+    """Write report.json of an evaluation, and report.md, whose path is returned.
 
-    Args:
-        evaluation: whose directory the reports go to.
-        reported: the same, or with a stored ceiling among its policies.
+    The latter is of `reported`: the same, or with a stored ceiling among its policies.
     """
     content = evaluation.to_dict()
     for name, entry in content["policies"].items():

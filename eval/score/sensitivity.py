@@ -4,12 +4,9 @@ Each variation is a profile that changes one thing of the exact robot or its phy
 is held against the exact robot on the same pushes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ...controllers.errors import InvalidValueError
@@ -55,14 +52,12 @@ BODIES = (  # of which a robot has some
     ("continuous-0.4", ModelErrors(continuous_torque=0.4)),
 )
 SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own sensors
-VARIATIONS: Mapping[str, Profile] = MappingProxyType(
-    {
-        EXACT.name: EXACT,
-        **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
-        **{name: Profile(name, errors) for name, errors in BODIES},
-        **{profile.name: profile for profile in (SENSES, HARDWARE)},
-    }
-)
+VARIATIONS: Mapping[str, Profile] = {
+    EXACT.name: EXACT,
+    **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
+    **{name: Profile(name, errors) for name, errors in BODIES},
+    **{profile.name: profile for profile in (SENSES, HARDWARE)},
+}
 
 
 @dataclass(frozen=True)
@@ -132,12 +127,7 @@ def sample_of(suite: Suite, count: int) -> Suite:
 
 
 def varied_by(suite: Suite, variations: Sequence[str]) -> Suite:
-    """The scenarios of a suite under each variation in turn, with ids of their own.
-
-    Raises:
-        UnknownNameError: a variation that does not exist; lists those that do.
-        InvalidValueError: the first is not EXACT, or one comes twice.
-    """
+    """The scenarios of a suite under each variation, EXACT first, with ids of their own."""
     for name in variations:
         require_choice("variation", name, list(VARIATIONS))
     if variations[0] != EXACT.name or len(set(variations)) < len(variations):
@@ -164,15 +154,8 @@ def sensitivity(
 ) -> Sensitivity:
     """Run a sample of a suite under every variation; a run that was stopped goes on where it was.
 
-    Args:
-        suite: that the sample is of; model errors and physics that its scenarios have themselves stand.
-        count: scenarios of the sample.
-        env_id: environment.
-        policies: as those of `evaluate`.
-        variations: of VARIATIONS; the exact robot comes first whether it is named or not.
-        workers: processes.
-        directory: of rows and reports; by default under runs/.
-        overwrite: start over where the directory holds rows.
+    Model errors and physics that the scenarios have themselves stand; the exact robot comes first whether it
+    is named or not.
 
     Raises:
         PushRecoveryError: as `evaluate`, `sample_of` and `varied_by`.

@@ -3,8 +3,6 @@
 Built-in suites have names, to which `register_suite` adds; `new_suite` draws one from a seed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -13,16 +11,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
+from ...controllers import files, validation
 from ...controllers.errors import InvalidValueError, UnknownNameError, shown
-from ...controllers.files import is_file, read_file, write_text
 from ...controllers.model.robot import SAME, Similarity
-from ...controllers.validation import parse_json, require_choice, require_integer, require_keys
 from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
+from ..output.rows import read_json
 from ..protocols.kick import every_kick
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
@@ -78,17 +75,13 @@ class Suite:
 
     def summary(self) -> dict[str, Any]:
         """Name, version, hash and number of scenarios."""
-        return {
-            "name": self.name,
-            "version": self.version,
-            "sha256": self.sha256,
-            "scenarios": len(self.scenarios),
-        }
+        head = {"name": self.name, "version": self.version, "sha256": self.sha256}
+        return {**head, "scenarios": len(self.scenarios)}
 
     def save(self, path: Path) -> None:
         """Write the suite as JSON, whole or not at all."""
         content = {**self.summary(), "scenarios": [scenario.to_dict() for scenario in self.scenarios]}
-        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        files.write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def load_suite(path: Path) -> Suite:
@@ -97,19 +90,16 @@ def load_suite(path: Path) -> Suite:
     Raises:
         InvalidValueError: the file is missing, no suite, or its hash does not match.
     """
-    try:
-        content = read_file(path)
-    except OSError as error:
-        raise InvalidValueError(f"cannot read suite file {str(path)!r}: {error}") from error
-    data = parse_json(f"suite file {str(path)!r}", content)
-    content = require_keys(f"suite file {str(path)!r}", data, {"name", "version", "scenarios"}, {"sha256"})
+    what = f"suite file {str(path)!r}"
+    data = read_json(path, "suite file")
+    content = validation.require_keys(what, data, {"name", "version", "scenarios"}, {"sha256"})
     if not isinstance(content["scenarios"], list):
-        raise InvalidValueError(f"suite file {str(path)!r}: scenarios must be a list")
+        raise InvalidValueError(f"{what}: scenarios must be a list")
     scenarios = tuple(Scenario.from_dict(entry) for entry in content["scenarios"])
     suite = Suite(str(content["name"]), str(content["version"]), scenarios)
     if "sha256" in content and content["sha256"] != suite.sha256:
         raise InvalidValueError(
-            f"suite file {str(path)!r} states sha256 {content['sha256']} but its content has {suite.sha256}: "
+            f"{what} states sha256 {content['sha256']} but its content has {suite.sha256}: "
             "it was changed; remove the sha256 key to use it as a suite of your own"
         )
     return suite
@@ -173,54 +163,9 @@ def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
     return Suite(name, VERSION, pelvis_scenarios(name, ranges, BLOCKS, seed))
 
 
-@cache
-def standard_suite() -> Suite:
-    """1024 pushes of 5-80 N s, 0.1 s at the pelvis, after four nominal steps."""
-    return _stratified_suite("standard", PushDistribution(), SEED)
-
-
-@cache
-def quick_suite() -> Suite:
-    """256 pushes of every kind like those of `varied`, up to harder ones."""
-    return Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST)))
-
-
-@cache
-def hard_suite() -> Suite:
-    """Like `standard`, but 80-200 N s: pushes that separate strong controllers."""
-    return _stratified_suite("hard", HARD, HARD_SEED)
-
-
-@cache
-def varied_suite() -> Suite:
-    """1024 pushes of every kind, see `varied_scenarios`."""
-    return Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED))
-
-
 def sealed_seed() -> int:
     """Seed of the sealed suites: whoever changes the code or a shipped policy meets other pushes."""
     return int(hashlib.sha256(f"{code_digest()} {shipped_digest()}".encode()).hexdigest(), 16)
-
-
-@cache
-def varied_sealed_suite() -> Suite:
-    """1024 more, whose seed is the hash of planner, control and simulation: other code meets other pushes.
-
-    So nobody can have looked at them while designing the code that they are drawn for.
-    """
-    return Suite("varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed()))
-
-
-@cache
-def hard_sealed_suite() -> Suite:
-    """Like `hard`, drawn as `varied-sealed` is; the policies that ship are part of the code."""
-    return _stratified_suite("hard-sealed", HARD, sealed_seed())
-
-
-@cache
-def hardware_suite() -> Suite:
-    """The pushes of `varied`, by the same ids, on robots of the profile `hardware`."""
-    return with_profile(varied_suite(), HARDWARE)
 
 
 def _shift_suite(name: str) -> Suite:
@@ -228,21 +173,32 @@ def _shift_suite(name: str) -> Suite:
 
 
 SUITES: dict[str, Callable[[], Suite]] = {
-    "quick": quick_suite,  # 256 of every kind
-    "standard": standard_suite,
-    "hard": hard_suite,
-    "varied": varied_suite,
-    "hardware": hardware_suite,
-    "varied-sealed": varied_sealed_suite,
-    "hardware-sealed": cache(lambda: with_profile(varied_sealed_suite(), HARDWARE)),
-    "hard-sealed": hard_sealed_suite,
-    # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
-    "quick-1": cache(lambda: Suite("quick", VERSION, standard_suite().scenarios[:BLOCK])),
-    # 256 pushes like those of `hard`, one thing changed of each
-    **{name: cache(partial(_shift_suite, name)) for name in SHIFTS},
-    # 1200 jumps of the velocity in place
-    "kick": cache(lambda: Suite("kick", VERSION, every_kick("stated"))),
-    "kick-coded": cache(lambda: Suite("kick-coded", VERSION, every_kick("coded"))),
+    name: cache(maker)
+    for name, maker in {
+        # 256 pushes of every kind like those of `varied`, up to harder ones
+        "quick": lambda: Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST))),
+        # 1024 of 5-80 N s, 0.1 s at the pelvis, after four nominal steps
+        "standard": lambda: _stratified_suite("standard", PushDistribution(), SEED),
+        # the same, but 80-200 N s: pushes that separate strong controllers
+        "hard": lambda: _stratified_suite("hard", HARD, HARD_SEED),
+        # 1024 of every kind, see `varied_scenarios`
+        "varied": lambda: Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED)),
+        # these, by the same ids, on robots of the profile `hardware`
+        "hardware": lambda: with_profile(SUITES["varied"](), HARDWARE),
+        # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
+        "varied-sealed": lambda: Suite(
+            "varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed())
+        ),
+        "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
+        "hard-sealed": lambda: _stratified_suite("hard-sealed", HARD, sealed_seed()),
+        # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
+        "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
+        # 256 pushes like those of `hard`, one thing changed of each
+        **{name: partial(_shift_suite, name) for name in SHIFTS},
+        # 1200 jumps of the velocity in place
+        "kick": lambda: Suite("kick", VERSION, every_kick("stated")),
+        "kick-coded": lambda: Suite("kick-coded", VERSION, every_kick("coded")),
+    }.items()
 }
 
 
@@ -278,12 +234,12 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     if name_or_file in SUITES:
         return of_size(SUITES[name_or_file](), *robot_of(env_id))
     path = Path(name_or_file)
-    if path.suffix == ".json" or is_file(path):
+    if path.suffix == ".json" or files.is_file(path):
         return load_suite(path)
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])
 
 
-RANGES: Mapping[str, PushDistribution] = MappingProxyType({"standard": PushDistribution(), "hard": HARD})
+RANGES: Mapping[str, PushDistribution] = {"standard": PushDistribution(), "hard": HARD}
 KINDS = (*RANGES, "varied", *SHIFTS)
 LARGEST = 65536  # scenarios
 # Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
@@ -313,9 +269,9 @@ def new_suite(
         InvalidValueError: a number out of its bounds, an impossible range or name, or ranges of a kind that
             has others.
     """
-    require_choice("kind of suite", like, KINDS)
-    require_integer("seed", seed)
-    require_integer("scenarios", scenarios, 1, LARGEST)
+    validation.require_choice("kind of suite", like, KINDS)
+    validation.require_integer("seed", seed)
+    validation.require_integer("scenarios", scenarios, 1, LARGEST)
     label, blocks = name or f"{like}-{seed}", math.ceil(scenarios / BLOCK)
     if like in RANGES:
         drawn = pelvis_scenarios(label, _ranges(like, pushes or {}), blocks, seed)
@@ -333,5 +289,5 @@ def new_suite(
 def _ranges(like: str, pushes: Mapping[str, Any]) -> PushDistribution:
     """The ranges of a kind, with other values of some fields."""
     known = RANGES[like].to_dict()
-    given = require_keys("ranges of pushes", dict(pushes), set(), set(known) - UNUSED)
+    given = validation.require_keys("ranges of pushes", dict(pushes), set(), set(known) - UNUSED)
     return PushDistribution.from_dict({**known, **given})

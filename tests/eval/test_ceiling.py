@@ -5,20 +5,11 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval import ceiling as stored
-from push_recovery.eval.ceiling import (
-    Answers,
-    Ceiling,
-    ceiling,
-    ceiling_table,
-    load_answers,
-    search_lines,
-    shares_table,
-    write_ceiling_reports,
-)
+from push_recovery.eval.ceiling import ceiling
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.hindsight import CEILING, CeilingSettings
 from push_recovery.eval.output.progress import about, episode_seconds
@@ -38,7 +29,7 @@ FALLS = "passive"  # without a push, so that all pushes are searched
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory) -> Ceiling:
+def found(tmp_path_factory) -> stored.Ceiling:
     return ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path_factory.mktemp("one"))
 
 
@@ -53,15 +44,12 @@ def rows_in(directory) -> list[str]:
     return sorted((directory / CEILING / "outcomes.jsonl").read_text().splitlines())
 
 
-def test_what_all_policies_lose_is_searched_and_counts_where_it_is_answered(found):
+def test_what_all_policies_lose_and_nothing_else_is_searched_and_counts_where_it_is_answered(found):
     assert [row["scenario_id"] for row in found.searched] == ["light-0", "hopeless", "light-1"]
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, False, True]
+    told = found.to_dict()
+    assert (told["policies"][CEILING]["recovered"], told["search"]["answered"]) == (2, 2)
     assert found.score.recovered == 2
-    assert found.to_dict()["policies"][CEILING]["recovered"] == 2
-    assert found.to_dict()["search"]["answered"] == 2
-
-
-def test_what_one_policy_recovers_is_not_searched(found):
     both = ceiling(SUITE, ENV, [FALLS, "two-stage"], SETTINGS, directory=found.evaluation.directory)
     assert [row["scenario_id"] for row in both.searched] == ["hopeless"]
     assert both.score.recovered == 2
@@ -69,22 +57,16 @@ def test_what_one_policy_recovers_is_not_searched(found):
 
 
 def test_rows_are_the_same_on_two_processes(found, tmp_path):
-    ceiling(SUITE, ENV, FALLS, SETTINGS, workers=2, directory=evaluated(found, tmp_path))
+    stored.ceiling(SUITE, ENV, FALLS, SETTINGS, workers=2, directory=evaluated(found, tmp_path))
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
 
-def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path):
-    def stop(row):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        ceiling(SUITE, ENV, FALLS, SETTINGS, directory=evaluated(found, tmp_path), on_row=stop)
-    assert len(rows_in(tmp_path)) == 1
-    with (tmp_path / CEILING / "outcomes.jsonl").open("a") as file:
-        file.write('{"scenario_id": "hopel')  # torn by a kill
-    new = []
-    ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path, on_row=new.append)
-    assert len(new) == 2
+def test_a_run_that_was_stopped_goes_on_to_the_same_rows(found, tmp_path, interrupted):
+    interrupted(1, ceiling, SUITE, ENV, FALLS, SETTINGS, 1, evaluated(found, tmp_path))
+    (kept,) = rows_in(tmp_path)
+    (tmp_path / CEILING / "outcomes.jsonl").write_text(kept + '\n{"scenario_id": "hopel')  # torn by a kill
+    ceiling(SUITE, ENV, FALLS, SETTINGS, directory=tmp_path)
+    assert kept in rows_in(tmp_path)
     assert rows_in(tmp_path) == rows_in(found.evaluation.directory)
 
 
@@ -97,49 +79,44 @@ def test_it_says_what_is_searched_at_what_cost_and_counts_the_answers(found, tmp
         return (row for row in found.searched if row["scenario_id"] in asked[-1][1])
 
     monkeypatch.setattr(stored, "parallel", known)
-    directory, seen = evaluated(found, tmp_path), []
+    directory = evaluated(found, tmp_path)
     for ids in (["light-0", "hopeless", "light-1"], []):
-        again = ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory, on_row=seen.append)
+        again = ceiling(SUITE, ENV, FALLS, SETTINGS, 2, directory)
         assert again.searched == found.searched
         assert asked[-1] == (ENV, ids, {SETTINGS} if ids else set())
-        said = [
-            line for line in capsys.readouterr().err.splitlines() if "attempts" in line or "/3 in" in line
-        ]
+        lines = capsys.readouterr().err.splitlines()
+        said = [line for line in lines if "attempts" in line or "/3 in" in line]
         seconds = 6 * episode_seconds(ENV, SUITE.scenarios, 2)
         how_long = f"{about(seconds)} at most" if ids else "nothing is left to run"
         pushes = "up to 6 attempts at each of the 3 pushes that all policies lose"
         assert said[-2] == f"{pushes}: {how_long}; output in {directory / CEILING}"
         assert said[-1] == "3/3 in 0:00:00" + (" (ceiling answered 2)" if ids else "")
-    assert seen == found.searched
-
-
-def test_searches_of_other_settings_are_not_mixed(found):
-    with pytest.raises(InvalidValueError, match=r"another configuration \(differs in: ceiling\)"):
-        ceiling(SUITE, ENV, FALLS, CeilingSettings(seed=1), directory=found.evaluation.directory)
+    assert rows_in(directory) == rows_in(found.evaluation.directory)
 
 
 def test_stored_answers_replay_in_an_ordinary_evaluation_to_the_same_rows(found, tmp_path):
-    policy = load_answers(found.directory, make_env(ENV))
+    policy = stored.load_answers(found.directory, make_env(ENV))
     again = evaluate(SUITE, ENV, {CEILING: policy}, directory=tmp_path)
     for row, searched in zip(again.rows[CEILING], found.searched, strict=True):
-        assert {name: searched[name] for name in row if name != "policy_sha256"} == {
-            name: value for name, value in row.items() if name != "policy_sha256"
-        }
+        del row["policy_sha256"]
+        assert {name: searched[name] for name in row} == row
 
 
-def test_a_directory_without_searches_is_refused(found, tmp_path):
+def test_a_directory_without_searches_or_with_those_of_other_settings_is_refused(found, tmp_path):
+    with pytest.raises(InvalidValueError, match=r"another configuration \(differs in: ceiling\)"):
+        ceiling(SUITE, ENV, FALLS, CeilingSettings(seed=1), directory=found.evaluation.directory)
     for place in (tmp_path, found.evaluation.directory):
         with pytest.raises(InvalidValueError, match="holds no searches"):
-            load_answers(place, make_env(ENV))
+            stored.load_answers(place, make_env(ENV))
 
 
 def test_answers_go_through_a_file(found, tmp_path):
     path = tmp_path / "answers.json"
-    answers = Answers.of(found)
+    answers = stored.Answers.of(found)
     answers.save(path)
-    assert Answers.load(path) == answers
+    assert stored.Answers.load(path) == answers
     assert list(answers.sequences) == ["light-0", "light-1"]
-    assert load_answers(path, make_env(ENV)).sequences == answers.sequences
+    assert stored.load_answers(path, make_env(ENV)).sequences == answers.sequences
     faults = (
         ('"format": 1', '"format": 7', "has format 7"),
         ('"light-0": [', '"l": [3, [1.0]], "x": [', "rows of 7 numbers"),
@@ -149,7 +126,7 @@ def test_answers_go_through_a_file(found, tmp_path):
     for good, bad, message in faults:
         (tmp_path / "bad.json").write_text(path.read_text().replace(good, bad))
         with pytest.raises(InvalidValueError, match=message):
-            Answers.load(tmp_path / "bad.json")
+            stored.Answers.load(tmp_path / "bad.json")
 
 
 def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path, monkeypatch, capsys):
@@ -161,7 +138,7 @@ def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path
     there = str(evaluated(found, tmp_path))
     assert main([*words, there]) == 0
     assert "ceiling" not in json.loads(capsys.readouterr().out)
-    answers = Answers.of(found)
+    answers = stored.Answers.of(found)
     answers.save(tmp_path / "mixed.json")
     assert main([*words, there]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -172,7 +149,7 @@ def test_a_report_of_a_suite_with_stored_answers_has_the_ceiling(found, tmp_path
     assert stored.stored_answers(SUITE) is None
 
 
-def hand_written() -> Ceiling:
+def hand_written() -> stored.Ceiling:
     """Four pushes: a recovers 0, b 0 and 1 (and survives 2), a search answers 2 and none 3."""
 
     def row(name, recovered, survived=False, **more):
@@ -186,17 +163,19 @@ def hand_written() -> Ceiling:
     a = [row(name, name == "s0") for name in names]
     b = [row("s0", True), row("s1", True), row("s2", False, True), row("s3", False)]
     searched = [row("s2", True, attempts=64, neighbours=18), row("s3", False, attempts=1280, neighbours=None)]
-    return Ceiling(Evaluation(suite, ENV, {"a": a, "b": b}, None, 0.0), CeilingSettings(), searched, None)  # type: ignore[arg-type]
+    return stored.Ceiling(
+        Evaluation(suite, ENV, {"a": a, "b": b}, None, 0.0), CeilingSettings(), searched, None
+    )  # type: ignore[arg-type]
 
 
 def test_the_ceiling_is_what_policies_and_searches_recover_together():
     found = hand_written()
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, True, True, False]
-    rates, shares = ceiling_table(found).rows, shares_table(found).rows
+    rates, shares = stored.ceiling_table(found).rows, stored.shares_table(found).rows
     assert [cells[:2] for cells in rates] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
     assert [cells[:4] for cells in shares] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
     assert found.robust == [0.75]
-    text = search_lines(found)
+    text = stored.search_lines(found)
     for part in ("2 pushes lost by all policies, 1 of them answered", "at most 1280 attempts", "Median 64",
                  "recovers 75% of the 24 pushes within 2% of the force and 2 degrees"):  # fmt: skip
         assert part in text
@@ -211,7 +190,7 @@ def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads(json.dumps(found.to_dict()))
     assert json.loads((found.directory / "report.json").read_text()) == told
-    assert "| ceiling | 2/3 |" in write_ceiling_reports(found).read_text()
+    assert "| ceiling | 2/3 |" in stored.write_ceiling_reports(found).read_text()
 
 
 @pytest.mark.parametrize(
@@ -220,6 +199,7 @@ def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
         (["--env", "PushRecovery/Pendulum-v0"], "searched for on bipeds"),
         (["--env", "PushRecovery/BipedResidual-v0"], "needs plain gait actions"),
         (["--planner", "two-stag"], "did you mean 'two-stage'"),
+        (["--planner", "random"], "unknown policy 'random'"),
         (["--elites", "65"], "elites must be at most the population 64, got 65"),
         (["--sample", "2000"], r"sample must be an integer in [1, 1024], got 2000"),
     ],
@@ -227,8 +207,3 @@ def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
 def test_bad_input_is_one_line(words, message, capsys):
     assert main(["ceiling", *words]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_an_unknown_planner_is_refused_by_name():
-    with pytest.raises(UnknownNameError, match="random"):
-        CeilingSettings(policy="random")

@@ -131,10 +131,7 @@ def test_bodies_that_collide_do_so_in_its_copies(env):
     assert since == 41 * [10**9] + 11 * [0] + list(range(1, 29))
 
 
-@pytest.mark.parametrize(
-    "scenario",
-    [HARDWARE.applied(HARD), replace(HARD, errors=ModelErrors(mass=0.05))],
-)
+@pytest.mark.parametrize("scenario", [HARDWARE.applied(HARD), replace(HARD, errors=ModelErrors(mass=0.05))])
 def test_a_robot_that_is_not_exact_is_refused(env, scenario):
     with pytest.raises(InvalidValueError) as error:
         rollout(env, SamplingMpcPolicy(env, FEW), scenario, "")
@@ -180,17 +177,14 @@ def test_a_new_episode_begins_with_an_empty_memory(env):
 @pytest.mark.parametrize(
     ("env_id", "said"),
     [
-        (
-            "PushRecovery/Pendulum-v0",
-            "acts on one biped under plain gait actions, such as PushRecovery/Biped-v0",
-        ),
-        ("PushRecovery/BipedResidual-v0", "gives whole actions, but this environment takes residuals"),
-        ("PushRecovery/BipedJoint-v0", "gives gait actions, but"),
+        ("Pendulum-v0", "acts on one biped under plain gait actions, such as PushRecovery/Biped-v0"),
+        ("BipedResidual-v0", "gives whole actions, but this environment takes residuals"),
+        ("BipedJoint-v0", "gives gait actions, but"),
     ],
 )
 def test_another_environment_is_refused(env_id, said):
     with pytest.raises(InvalidValueError, match=f"^policy 'sampling-mpc' {said}"):
-        load_policy("sampling-mpc", make_env(env_id))
+        load_policy("sampling-mpc", make_env(f"PushRecovery/{env_id}"))
 
 
 def test_robots_of_a_vector_and_held_actions_are_refused(env):
@@ -220,9 +214,7 @@ def test_a_run_says_that_it_takes_longer_than_the_planners():
     sources = policy_sources(["sampling-mpc", "two-stage"])
     calm = Scenario("calm", duration=10.0)
     alone = episode_seconds("PushRecovery/Biped-v0", [calm])
-    for missing, times in (
-        ({"two-stage": [calm]}, 1),
-        ({"two-stage": [calm], "sampling-mpc": [calm] * 2}, 51),
-    ):
+    planners = {"two-stage": [calm]}
+    for missing, times in ((planners, 1), ({**planners, "sampling-mpc": [calm] * 2}, 51)):
         guess = guessed_seconds("PushRecovery/Biped-v0", missing, sources, 2)
         assert guess == pytest.approx(times * alone / 2)

@@ -57,6 +57,7 @@ def test_the_best_attempt_becomes_the_plan_and_the_best_few_are_drawn_about(env)
     found = policy._searched(memory(plan=0.25), NOW)
     (tried,) = policy._many.tried
     assert tried.shape == (16, 2, 7)
+    assert SamplingMpcSettings(population=4, elites=4).size == 28  # all may be elites
     assert (tried[0] == 0.25).all()
     assert (tried[1] == 0.0).all()
     assert not found.stands
@@ -170,8 +171,3 @@ def test_another_robot_at_another_rate(monkeypatch):
     assert since == 16 * [NEVER] + list(range(24))
     rule = policy._rule._rule.scale / SamplingMpcPolicy(env, FEW)._rule._rule.scale
     np.testing.assert_allclose(rule, 0.5)
-
-
-def test_as_many_elites_as_attempts_are_possible():
-    assert SamplingMpcSettings(population=4, elites=4).size == 28
-    assert SamplingMpcSettings().horizon == 1.5

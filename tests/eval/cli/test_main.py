@@ -21,7 +21,7 @@ from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import SUITE_NAMES
-from push_recovery.eval.score.suites import SUITES, Suite, quick_suite, standard_suite
+from push_recovery.eval.score.suites import SUITES, Suite, get_suite
 from push_recovery.eval.tuning.study import TuningSettings
 
 import push_recovery
@@ -73,7 +73,7 @@ def test_errors_are_the_same_on_every_terminal(encoding):
 @pytest.fixture
 def suite(tmp_path):
     path = tmp_path / "suite.json"
-    Suite("head", "1", standard_suite().scenarios[:6]).save(path)
+    Suite("head", "1", get_suite("standard").scenarios[:6]).save(path)
     return str(path)
 
 
@@ -146,7 +146,7 @@ def test_list(capsys):
     assert "two-stage" in content["policies"]
     assert [s["name"] for s in content["suites"]] == list(SUITE_NAMES)
     assert main(["list"]) == 0
-    assert quick_suite().sha256 in capsys.readouterr().out
+    assert get_suite("quick").sha256 in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -364,7 +364,7 @@ COMMANDS_ONE_WRITER = {
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("name", COMMANDS_ONE_WRITER)
 def test_a_second_writer_is_refused(tmp_path, capsys, name, overwrite):
-    Suite("head", "1", standard_suite().scenarios[:2]).save(tmp_path / "suite.json")
+    Suite("head", "1", get_suite("standard").scenarios[:2]).save(tmp_path / "suite.json")
     stands_for = {"SUITE": str(tmp_path / "suite.json")}
     stands_for["POLICY"] = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     words = [stands_for.get(word, word) for word in COMMANDS_ONE_WRITER[name]]
@@ -382,7 +382,7 @@ def test_the_command_takes_it_with_trust_alone(tmp_path, capsys):
     path, suite = tmp_path / "model.zip", tmp_path / "suite.json"
     model = sb3.PPO("MlpPolicy", make_env(toy.ENV_ID), n_steps=8, batch_size=8, device="cpu", seed=3)
     model.save(path)
-    Suite("head", "1", standard_suite().scenarios[:4]).save(suite)
+    Suite("head", "1", get_suite("standard").scenarios[:4]).save(suite)
     words = ["--env", toy.ENV_ID, "--suite", str(suite), "--workers", "1"]
     given = ["evaluate", "--policies", str(path), *words]
     assert main([*given, "--out", str(tmp_path / "no")]) == 2

@@ -62,10 +62,9 @@ def test_held_back_it_comes_at_the_end_and_children_are_deaf():
     assert subprocess.check_output([sys.executable, "-c", deaf], text=True) == "False\n"
 
 
-def run(code):
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
-    )
+def run(code, *words, folder=None):
+    argv = [sys.executable, *(words or ("-c", code))]
+    return subprocess.run(argv, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
 
 
 STUCK = {
@@ -110,15 +109,17 @@ def test_a_process_that_does_not_end_by_itself_is_ended(name):
     assert done.stderr == f"{STOPPED}\n"
 
 
+AFTER = """
+import os, signal
+from push_recovery.eval.output.interrupt import CtrlC
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with CtrlC(last=True): pass
+os.kill(os.getpid(), signal.SIGINT); print('done')
+"""
+
+
 def test_after_the_last_block_it_has_no_effect():
-    code = (
-        "import os, signal\n"
-        "from push_recovery.eval.output.interrupt import CtrlC\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "with CtrlC(last=True): pass\n"
-        "os.kill(os.getpid(), signal.SIGINT); print('done')"
-    )
-    done = run(code)
+    done = run(AFTER)
     assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
 
 
@@ -142,14 +143,10 @@ def test_a_program_that_imports_the_package_keeps_its_own_ctrl_c(tmp_path, words
     path.parent.mkdir(exist_ok=True)
     path.write_text(IMPORTING)
     (path.parent / "__main__.py").write_text("")
-    done = subprocess.run(
-        [sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
+    done = run("", *words, folder=tmp_path)
     assert (done.returncode, done.stdout) == (0, "its own\n"), done.stderr
 
 
 def test_the_command_says_the_same_before_and_after_it_has_loaded():
-    assert (push_recovery_command.INTERRUPTED, push_recovery_command.LINE.decode()) == (
-        INTERRUPTED,
-        f"{STOPPED}\n",
-    )
+    said = push_recovery_command.INTERRUPTED, push_recovery_command.LINE.decode()
+    assert said == (INTERRUPTED, f"{STOPPED}\n")

@@ -5,8 +5,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,13 +19,13 @@ from push_recovery.eval.output.processes import RayPool, RayWorkers, WorkerError
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import installation, named_files, same_installation, same_runner
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 from push_recovery.eval.tuning.scorer import PENDULUM, Scorer
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra ray is not installed")
 
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:16])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:16])
 MORTAL = """
 import os, pathlib, signal
 import numpy as np
@@ -134,16 +134,12 @@ def test_a_worker_at_work_is_not_waited_for():
 
 @pytest.mark.usefixtures("here")
 def test_it_works_in_a_thread():
-    found = []
-
     def work():
         with WorkerPool(1, base, 1) as pool:
-            found.extend(pool.run(add, [1]))
+            return list(pool.run(add, [1]))
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert found == [(0, 2)]
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(work).result() == [(0, 2)]
 
 
 PARENT = """

@@ -5,6 +5,7 @@ A planted difference of 0.05 in 1024 pairs is found as often as theory says, and
 
 import math
 from collections import Counter
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,26 +13,14 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.output import statistics
 from push_recovery.eval.output.statistics import (
     PairedCounts,
-    bootstrap_band,
     bootstrap_interval,
     fit_logistic,
-    interquartile_mean,
     kaplan_meier,
     mcnemar_exact,
     newcombe_interval,
-    performance_profile,
-    probability_of_improvement,
-    stratum_rates,
     wilson_interval,
 )
 from scipy import stats
-from scipy.stats import multinomial
-
-
-def test_wilson_interval_without_trials_and_bad_counts():
-    assert wilson_interval(0, 0) == (0.0, 1.0)
-    with pytest.raises(InvalidValueError, match=r"\[0, trials = 3\]"):
-        wilson_interval(4, 3)
 
 
 def test_mcnemar_is_the_two_sided_sign_test():
@@ -47,6 +36,7 @@ def test_paired_counts():
     counts = PairedCounts.of(a, b)
     assert counts == PairedCounts(both=4, only_a=3, only_b=2, neither=1)
     assert counts.rate_difference == pytest.approx(a.mean() - b.mean())
+    assert counts.interval == newcombe_interval(4, 3, 2, 1)
     with pytest.raises(InvalidValueError, match="equal lengths"):
         PairedCounts.of(a, b[:3])
 
@@ -74,9 +64,6 @@ def test_newcombe_interval_where_all_pairs_agree():
     bound = 1.959963984540054**2 / (9 + 1.959963984540054**2)
     assert high == pytest.approx(1.0)
     assert low == pytest.approx(1.0 - np.sqrt(2.0) * bound)
-
-
-def test_newcombe_interval_refuses_negative_counts():
     with pytest.raises(InvalidValueError, match="must be >= 0"):
         newcombe_interval(3, -1, 0, 0)
 
@@ -94,32 +81,24 @@ def test_few_discordant_pairs_leave_the_difference_open():
     """5 : 0 of 256, where the exact test has p = 0.06: the percentile bootstrap gave 0.004 to 0.039."""
     low, high = newcombe_interval(200, 5, 0, 51)
     assert mcnemar_exact(5, 0) == pytest.approx(0.0625)
-    assert low < 0.0
-    assert high > 0.040
+    assert low < 0.0 < 0.040 < high
 
 
 def test_newcombe_interval_covers_as_it_says_by_enumeration():
     """Exact coverage with 30 pairs: the probability of all tables whose interval holds the difference."""
     n = 30
-    tables = [
-        (both, a, b, n - both - a - b)
-        for both in range(n + 1)
-        for a in range(n + 1 - both)
-        for b in range(n + 1 - both - a)
-    ]
+    counts = product(range(n + 1), repeat=3)
+    tables = [(both, a, b, n - both - a - b) for both, a, b in counts if both + a + b <= n]
     wilson = {k: wilson_interval(k, n) for k in range(n + 1)}
     with pytest.MonkeyPatch.context() as patch:  # the same 31 intervals many times over
         patch.setattr(statistics, "wilson_interval", lambda k, _: wilson[k])
         limits = np.array([newcombe_interval(*table) for table in tables])
     coverage = []
-    for only_a in (0.02, 0.1, 0.2, 0.35):
-        for only_b in (0.01, 0.05, 0.15):
-            for share in (0.3, 0.8):  # of the rest, both
-                rest = 1.0 - only_a - only_b
-                cells = [share * rest, only_a, only_b, (1 - share) * rest]
-                weights = multinomial(n, cells).pmf(np.array(tables))
-                inside = (limits[:, 0] <= only_a - only_b) & (only_a - only_b <= limits[:, 1])
-                coverage.append(weights[inside].sum())
+    for only_a, only_b, share in product((0.02, 0.1, 0.2, 0.35), (0.01, 0.05, 0.15), (0.3, 0.8)):
+        rest = 1.0 - only_a - only_b  # a share of which is both
+        weights = stats.multinomial(n, [share * rest, only_a, only_b, (1 - share) * rest]).pmf(tables)
+        inside = (limits[:, 0] <= only_a - only_b) & (only_a - only_b <= limits[:, 1])
+        coverage.append(weights[inside].sum())
     assert min(coverage) > 0.94
     assert 0.95 < np.mean(coverage) < 0.975
 
@@ -131,11 +110,9 @@ def test_newcombe_interval_covers_as_it_says_by_enumeration():
 )
 def test_wilson_interval_is_the_published_one(k, n, low, high):
     np.testing.assert_allclose(wilson_interval(k, n), (low, high), rtol=0, atol=5e-5)
-
-
-def test_paired_counts_give_their_interval():
-    assert PairedCounts(both=1, only_a=1, only_b=7, neither=12).interval == newcombe_interval(1, 1, 7, 12)
-    assert PairedCounts(0, 0, 0, 0).interval == (-1.0, 1.0)
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+    with pytest.raises(InvalidValueError, match=r"\[0, trials = 3\]"):
+        wilson_interval(4, 3)
 
 
 def test_holm_corrects_in_steps():
@@ -190,33 +167,21 @@ def test_the_interval_ends_where_the_band_crosses_the_share(share, sign):
     assert fit.band(ends[1])[1] == pytest.approx(share)
 
 
-def test_no_interval_where_the_slope_may_be_none():
-    fit = fit_logistic([0, 1, 2, 3, 0, 1, 2, 3], [1, 0, 1, 0, 0, 1, 0, 1])
-    assert fit is not None
-    assert fit.input_interval(0.5) is None
-
-
-@pytest.mark.parametrize(
-    "yes", [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1], [1, 1, 0, 0]], ids=["all", "none", "above", "below"]
-)
-def test_no_fit_without_an_overlap(yes):
+@pytest.mark.parametrize("yes", [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1], [1, 1, 0, 0]])
+def test_no_fit_without_an_overlap_and_no_interval_where_the_slope_may_be_none(yes):
     assert fit_logistic([1.0, 2.0, 3.0, 4.0], yes) is None
+    flat = fit_logistic([0, 1, 2, 3, 0, 1, 2, 3], [1, 0, 1, 0, 0, 1, 0, 1])
+    assert flat is not None
+    assert flat.input_interval(0.5) is None
 
 
 def test_units_of_the_input_do_not_matter():
     one, other = fit_logistic(DOSE, KILLED), fit_logistic(1000.0 * DOSE + 7.0, KILLED)
-    assert one is not None
-    assert other is not None
+    assert None not in (one, other)
     assert other.input_at(0.5) == pytest.approx(1000.0 * one.input_at(0.5) + 7.0)
     assert other.input_interval(0.9) == pytest.approx(
         [1000.0 * end + 7.0 for end in one.input_interval(0.9) or ()]
     )
-
-
-@pytest.mark.parametrize(("x", "yes"), [([1.0, 2.0], [1]), ([1.0, np.nan, 3.0], [1, 0, 1])])
-def test_bad_inputs(x, yes):
-    with pytest.raises(InvalidValueError, match="inputs"):
-        fit_logistic(x, yes)
 
 
 # Remission of 21 patients on 6-mercaptopurine [weeks], Freireich et al. (1963); the estimate as tabled in
@@ -233,10 +198,15 @@ def remission():
 def test_it_is_the_published_table():
     curve = remission()
     for week, share in TABLE.items():
-        assert curve.at(week) == pytest.approx(share, abs=5e-5)
-    assert curve.at(5.99) == 1.0
-    assert curve.at(9) == curve.at(7)  # a censored one changes nothing
-    assert curve.at(100) == curve.at(23)
+        assert at(curve, week) == pytest.approx(share, abs=5e-5)
+    assert at(curve, 5.99) == 1.0
+    assert at(curve, 9) == at(curve, 7)  # a censored one changes nothing
+    assert at(curve, 100) == at(curve, 23)
+
+
+def at(curve, time) -> float:
+    """Share that has not fallen by a time."""
+    return [1.0, *curve.survival][np.searchsorted(curve.times, time, side="right")]
 
 
 def test_the_interval_is_greenwoods_on_a_doubly_logarithmic_scale():
@@ -255,57 +225,61 @@ def test_the_interval_is_greenwoods_on_a_doubly_logarithmic_scale():
 def test_without_censoring_it_is_the_share_that_stands():
     ends = [0.5, 2.0, 2.0, 3.5]
     curve = kaplan_meier(ends, [True] * 4)
-    assert [curve.at(time) for time in (0.4, 0.5, 2.0, 3.5)] == pytest.approx([1.0, 0.75, 0.25, 0.0])
+    assert [at(curve, time) for time in (0.4, 0.5, 2.0, 3.5)] == pytest.approx([1.0, 0.75, 0.25, 0.0])
 
 
 def test_where_nobody_or_everybody_falls_the_interval_is_whole():
     standing = kaplan_meier([4.0, 4.0, 4.0], [False] * 3)
-    assert (standing.at(4.0), standing.low[0], standing.high[0]) == (1.0, 0.0, 1.0)
+    assert (at(standing, 4.0), standing.low[0], standing.high[0]) == (1.0, 0.0, 1.0)
     fallen = kaplan_meier([1.0, 2.0], [True, True])
-    assert (fallen.at(2.0), fallen.low[1], fallen.high[1]) == (0.0, 0.0, 1.0)
+    assert (at(fallen, 2.0), fallen.low[1], fallen.high[1]) == (0.0, 0.0, 1.0)
     assert 0.0 < fallen.low[0] < 0.5 < fallen.high[0] < 1.0
 
 
 @pytest.mark.parametrize(
-    ("ends", "fell"), [([], []), ([1.0], [True, False]), ([-1.0], [True]), ([float("nan")], [True])]
+    ("estimate", "values", "happened", "message"),
+    [
+        (kaplan_meier, [], [], "one length >= 1"),
+        (kaplan_meier, [1.0], [True, False], "one length >= 1"),
+        (kaplan_meier, [-1.0], [True], "finite and >= 0"),
+        (kaplan_meier, [float("nan")], [True], "finite and >= 0"),
+        (fit_logistic, [1.0, 2.0], [1], "inputs"),
+        (fit_logistic, [1.0, np.nan, 3.0], [1, 0, 1], "inputs"),
+    ],
 )
-def test_bad_input_is_refused(ends, fell):
-    with pytest.raises(InvalidValueError):
-        kaplan_meier(ends, fell)
-
-
-def mean(scores):
-    return float(scores.mean())
-
-
-def gain(a, b):
-    return float(a.mean() - b.mean())
+def test_bad_input_is_refused(estimate, values, happened, message):
+    with pytest.raises(InvalidValueError, match=message):
+        estimate(values, happened)
 
 
 def test_the_interquartile_mean_leaves_out_a_quarter_on_each_side():
-    assert interquartile_mean([[-100.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 1e6]]) == pytest.approx(4.5)
-    assert interquartile_mean([[1.0, 2.0, 9.0]]) == pytest.approx(4.0)  # floor(3 / 4) = 0
-    assert interquartile_mean([[0.0, 1.0, 2.0, 3.0, 10.0]]) == pytest.approx(2.0)
+    assert statistics.interquartile_mean([[-100.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 1e6]]) == pytest.approx(
+        4.5
+    )
+    assert statistics.interquartile_mean([[1.0, 2.0, 9.0]]) == pytest.approx(4.0)  # floor(3 / 4) = 0
+    assert statistics.interquartile_mean([[0.0, 1.0, 2.0, 3.0, 10.0]]) == pytest.approx(2.0)
 
 
 def test_the_probability_of_improvement_is_mann_whitneys_u_over_the_pairs():
     rng = np.random.default_rng(1)
     a, b = rng.integers(0, 4, (5, 30)).astype(float), rng.integers(0, 3, (3, 30)).astype(float)
     expected = np.mean([stats.mannwhitneyu(a[:, k], b[:, k]).statistic / 15 for k in range(30)])
-    assert probability_of_improvement(a, b) == pytest.approx(expected)
-    assert probability_of_improvement(a, b) + probability_of_improvement(b, a) == pytest.approx(1.0)
-    assert probability_of_improvement([[2.0], [0.0]], [[1.0]]) == 0.5
-    assert probability_of_improvement([[2.0, 5.0]], [[1.0, 5.0]]) == 0.75
+    assert statistics.probability_of_improvement(a, b) == pytest.approx(expected)
+    assert statistics.probability_of_improvement(a, b) + statistics.probability_of_improvement(
+        b, a
+    ) == pytest.approx(1.0)
+    assert statistics.probability_of_improvement([[2.0], [0.0]], [[1.0]]) == 0.5
+    assert statistics.probability_of_improvement([[2.0, 5.0]], [[1.0, 5.0]]) == 0.75
 
 
 def test_the_profile_counts_what_lies_above():
-    profile = performance_profile([[0.0, 0.5], [0.5, 1.0]], [-1.0, 0.0, 0.4, 0.5, 1.0])
+    profile = statistics.performance_profile([[0.0, 0.5], [0.5, 1.0]], [-1.0, 0.0, 0.4, 0.5, 1.0])
     np.testing.assert_allclose(profile, [1.0, 0.75, 0.75, 0.25, 0.0])
 
 
 def test_with_one_seed_it_is_the_bootstrap_over_scenarios():
     scores = np.random.default_rng(2).exponential(size=(1, 400))
-    interval = bootstrap_interval(mean, [scores], np.random.default_rng(3), draws=4000)
+    interval = bootstrap_interval(np.mean, [scores], np.random.default_rng(3), draws=4000)
     theirs = stats.bootstrap(
         (scores[0],), np.mean, n_resamples=4000, method="percentile", rng=np.random.default_rng(4)
     ).confidence_interval
@@ -316,14 +290,16 @@ def test_seeds_that_differ_widen_the_interval_and_scenarios_alone_do_not_tell():
     """Scores that depend on the seed alone: the interval is that of a normal mean of so many seeds."""
     rates = np.random.default_rng(5).normal(size=40)
     scores = np.repeat(rates[:, None], 100, axis=1)
-    low, high = bootstrap_interval(mean, [scores], np.random.default_rng(6), draws=4000)
+    low, high = bootstrap_interval(np.mean, [scores], np.random.default_rng(6), draws=4000)
     assert high - low == pytest.approx(2 * 1.96 * rates.std() / np.sqrt(40), rel=0.06)
 
 
 def test_scenarios_are_drawn_together_for_both_arms():
     """Two arms apart by a constant on every scenario: the pairs leave nothing to chance."""
     base = np.random.default_rng(7).normal(size=(1, 50))
-    interval = bootstrap_interval(gain, [base + 0.25, base], np.random.default_rng(8), draws=50)
+    interval = bootstrap_interval(
+        lambda a, b: float(np.mean(a - b)), [base + 0.25, base], np.random.default_rng(8), draws=50
+    )
     assert interval == pytest.approx((0.25, 0.25))
 
 
@@ -334,22 +310,24 @@ def test_each_scenario_is_drawn_from_its_own_stratum():
     scores = np.where(strata == 0, 0.0, 100.0) + rng.normal(scale=np.where(strata == 0, 1.0, 3.0))
     sizes, variances = (30, 10), [np.var(scores[strata == k]) for k in (0, 1)]
     deviation = np.sqrt(sum((n / 40) ** 2 * v / n for n, v in zip(sizes, variances, strict=True)))
-    low, high = bootstrap_interval(mean, [scores[None]], np.random.default_rng(11), draws=4000, strata=strata)
+    low, high = bootstrap_interval(
+        np.mean, [scores[None]], np.random.default_rng(11), draws=4000, strata=strata
+    )
     assert high - low == pytest.approx(2 * 1.96 * deviation, rel=0.06)
-    alone = bootstrap_interval(mean, [scores[None]], np.random.default_rng(11), draws=400)
+    alone = bootstrap_interval(np.mean, [scores[None]], np.random.default_rng(11), draws=400)
     assert alone[1] - alone[0] > 5 * (high - low)
 
 
 def test_rates_of_strata():
-    rates = stratum_rates([[1.0, 0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0]], [0, 2, 0, 1, 2])
+    rates = statistics.stratum_rates([[1.0, 0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0]], [0, 2, 0, 1, 2])
     np.testing.assert_allclose(rates, [[1.0, 1.0, 0.0], [0.5, 0.0, 0.0]])
 
 
 def test_a_band_is_an_interval_at_every_threshold():
     scores = [np.random.default_rng(12).normal(size=(4, 25))]
     at = [-1.0, 0.0, 0.5]
-    band = bootstrap_band(
-        lambda drawn: performance_profile(drawn, at), scores, np.random.default_rng(1), draws=300
+    band = bootstrap_interval(
+        lambda drawn: statistics.performance_profile(drawn, at), scores, np.random.default_rng(1), draws=300
     )
     assert band.shape == (2, 3)
     for k, threshold in enumerate(at):
@@ -359,23 +337,18 @@ def test_a_band_is_an_interval_at_every_threshold():
         np.testing.assert_allclose(band[:, k], alone)
 
 
-def test_draws_and_level_are_the_callers():
+def test_draws_are_the_callers():
     scores = [np.random.default_rng(9).normal(size=(3, 20))]
-    same = [bootstrap_interval(mean, scores, np.random.default_rng(seed), draws=100) for seed in (1, 1, 2)]
-    assert same[0] == same[1] != same[2]
-    narrow = bootstrap_interval(mean, scores, np.random.default_rng(1), level=0.5, draws=100)
-    assert same[0][0] < narrow[0] < narrow[1] < same[0][1]
+    found = [bootstrap_interval(np.mean, scores, np.random.default_rng(k), draws=100) for k in (1, 1, 2)]
+    assert tuple(found[0]) == tuple(found[1]) != tuple(found[2])
 
 
 def test_bad_input_is_refused_seeds():
-    rng = np.random.default_rng(0)
     for scores in ([1.0, 2.0], np.zeros((0, 3)), [[float("inf")]]):
         with pytest.raises(InvalidValueError, match="of shape"):
-            interquartile_mean(scores)
+            statistics.interquartile_mean(scores)
     with pytest.raises(InvalidValueError, match="the same scenarios, got 2, 3"):
-        probability_of_improvement(np.zeros((1, 2)), np.zeros((4, 3)))
-    with pytest.raises(InvalidValueError, match="level"):
-        bootstrap_interval(mean, [np.zeros((1, 2))], rng, level=1.0)
+        statistics.probability_of_improvement(np.zeros((1, 2)), np.zeros((4, 3)))
 
 
 PAIRS, REPETITIONS, LEVEL = 1024, 2000, 0.05

@@ -12,15 +12,7 @@ from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDesc
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.record.corrections import (
-    SECTORS,
-    PushCorrections,
-    collect,
-    correction_table,
-    outcome_table,
-    save_corrections,
-    summarise,
-)
+from push_recovery.eval.record import corrections
 from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.policy_source import acting_in
@@ -49,7 +41,7 @@ def pushed(psi, magnitude, side="left"):
 def test_the_correction_of_a_step_is_the_mean_of_what_was_added(constant):
     """The gate is open wide after 900 N: then scale x 0.5 x half the box are added, half a box for 1."""
     env, policy = constant
-    (one,) = collect(env, policy, [pushed(0.0, 900.0)])
+    (one,) = corrections.collect(env, policy, [pushed(0.0, 900.0)])
     limits = env.unwrapped.limits
     most = np.array(SCALE) * 0.5 * (limits.high - limits.low) / 2.0
     pushed_step = one.corrections[0]
@@ -61,35 +53,31 @@ def test_the_correction_of_a_step_is_the_mean_of_what_was_added(constant):
 
 def test_an_unpushed_gate_stays_shut(constant):
     env, policy = constant
-    (one,) = collect(env, policy, [pushed(0.0, 1.0)])
-    assert not one.corrections.any()
-    assert one.below_recovered
-    assert one.recovered
+    (one,) = corrections.collect(env, policy, [pushed(0.0, 1.0)])
+    assert (one.corrections.any(), one.below_recovered, one.recovered) == (False, True, True)
 
 
 def test_directions_are_told_in_the_frame_of_the_step_that_is_pushed(constant):
     """To the left is inward on a left stance; steps alternate, so the other stance gives the other sign."""
     env, policy = constant
-    found = list(collect(env, policy, [pushed(90.0, 200.0, side) for side in ("left", "right")]))
+    found = list(corrections.collect(env, policy, [pushed(90.0, 200.0, side) for side in ("left", "right")]))
     assert sorted(round(one.psi) for one in found) == [-90, 90]
-    mirrored = list(collect(env, policy, [pushed(90.0, 200.0), pushed(90.0, 200.0).mirrored()]))
+    mirrored = list(corrections.collect(env, policy, [pushed(90.0, 200.0), pushed(90.0, 200.0).mirrored()]))
     assert mirrored[0].psi == pytest.approx(mirrored[1].psi)
     np.testing.assert_allclose(mirrored[0].corrections, mirrored[1].corrections, atol=1e-5)
 
 
 def test_a_policy_that_corrects_nothing_is_refused(constant):
     env, _ = constant
-    with (
-        acting_in(BIPED, "two-stage") as acting,
-        pytest.raises(InvalidValueError, match="only a residual on gait actions"),
-    ):
-        list(collect(env, acting.policy, [pushed(0.0, 100.0)]))
+    refused = pytest.raises(InvalidValueError, match="only a residual on gait actions")
+    with acting_in(BIPED, "two-stage") as acting, refused:
+        list(corrections.collect(env, acting.policy, [pushed(0.0, 100.0)]))
 
 
 def test_sectors_are_of_45_degrees_about_the_eight_directions():
     named = {0.0: "forward", 22.0: "forward", 23.0: "forward outward", 90.0: "outward", -90.0: "inward",
              180.0: "backward", -179.0: "backward", -45.0: "forward inward"}  # fmt: skip
-    assert {psi: SECTORS[sector_of(psi)] for psi in named} == named
+    assert {psi: corrections.SECTORS[sector_of(psi)] for psi in named} == named
 
 
 @pytest.fixture
@@ -100,13 +88,13 @@ def some():
         steps = np.full((3, 7), np.nan)
         steps[0] = 0.0
         steps[0, 0], steps[0, 2] = length, -0.01
-        return PushCorrections("x", psi, 100.0, below, recovered, steps)
+        return corrections.PushCorrections("x", psi, 100.0, below, recovered, steps)
 
     return [one(0.0, False, True, 0.01), one(10.0, True, True, 0.03), one(90.0, True, False, 0.0)]
 
 
 def test_means_and_counts_are_those_of_the_pushes(some):
-    summary = summarise(some)
+    summary = corrections.summarise(some)
     assert summary.pushes.tolist() == [2, 0, 1, 0, 0, 0, 0, 0]
     assert summary.repaired.tolist() == [1, 0, 0, 0, 0, 0, 0, 0]
     assert summary.lost.tolist() == [0, 0, 1, 0, 0, 0, 0, 0]
@@ -116,15 +104,15 @@ def test_means_and_counts_are_those_of_the_pushes(some):
     assert summary.mean[0, 2, 2] == pytest.approx(-10.0)  # ms
     assert np.isnan(summary.mean[1]).all()
     neither = dataclasses.replace(some[0], recovered=False)
-    assert summarise([neither]).left.sum() == 1
+    assert corrections.summarise([neither]).left.sum() == 1
 
 
 def test_tables_and_picture(some, tmp_path):
-    summary = summarise(some)
-    assert "| forward | 2 | 1 | 0 | 0 |" in outcome_table(summary)
-    assert "| forward | +20.0 (10.0) |" in correction_table(summary, 0)
-    assert "| forward | - | - |" in correction_table(summary, 1)
-    png, svg = save_corrections(summary, tmp_path)
+    summary = corrections.summarise(some)
+    assert "| forward | 2 | 1 | 0 | 0 |" in corrections.outcome_table(summary)
+    assert "| forward | +20.0 (10.0) |" in corrections.correction_table(summary, 0)
+    assert "| forward | - | - |" in corrections.correction_table(summary, 1)
+    png, svg = corrections.save_corrections(summary, tmp_path)
     assert png.stat().st_size > 10_000
     assert svg.suffix == ".svg"
 
@@ -135,8 +123,5 @@ def test_the_command_tells_it(constant, tmp_path):
     done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.md").read_text() in done.stdout
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "report.md",
-        "corrections.png",
-        "corrections.svg",
-    }
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"report.md", "corrections.png", "corrections.svg"}

@@ -7,38 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.record.film import (
-    BAD,
-    BEFORE,
-    GOOD,
-    HEAD,
-    LEGEND,
-    LINE,
-    LINGER,
-    LONGEST,
-    PANEL,
-    STRIP,
-    STRIP_PANEL,
-    Shot,
-    StripCamera,
-    compose,
-    disagreements,
-    film_name,
-    gif_bytes,
-    mp4_bytes,
-    sheet,
-    side_by_side,
-    strip,
-)
-from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.record import film as films
+from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
 
 def shot(policy="two-stage", end=3.0, grey=0, **told):
     """An episode of 100 Hz with a push of 30 N s to the right at 1 s, whose pictures are of one grey."""
-    shot = Shot(policy, 0.01, 50.0)
+    shot = films.Shot(policy, 0.01, 50.0)
     frame = np.full((48, 64, 3), grey, np.uint8)
     push = {"impulse": (0.0, -30.0, 0.0), "start": 1.0}
     info = {"push": push, "failure_reason": None, "recovered_at": None} | told
@@ -64,52 +41,47 @@ def test_a_camera_keeps_frames_at_its_rate_and_the_last_one():
 def test_the_outcome_is_written_once_it_is_decided_and_in_its_colour():
     fell = shot("stage-1", end=1.8, failure_reason="com_height")
     stood = shot(recovered_at=2.2)
-    assert (fell.push, fell.ending) == ("30.0 N s to the right", "fell after 0.8 s (sank too low)")
-    assert stood.ending == "recovered after 1.2 s"
-    width, line = PANEL[0], slice(2 + 2 * LINE, HEAD)
+    assert fell.push == "30.0 N s to the right"
+    width, line = films.PANEL[0], slice(2 + 2 * films.LINE, films.HEAD)
     for after, told in ((0.7, (False, False)), (1.0, (True, False)), (1.3, (True, True))):
-        picture = compose([fell, stood], after, 0.5)
-        found = has(picture[line, :width], BAD), has(picture[line, width:], GOOD)
+        picture = films.compose([fell, stood], after, 0.5)
+        found = has(picture[line, :width], films.BAD), has(picture[line, width:], films.GOOD)
         assert found == told, after
 
 
 def test_a_contact_sheet_has_six_moments_and_tells_its_markers():
-    sheet = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, recovered_at=2.2)))))
-    assert sheet.shape[1] >= len(STRIP) * STRIP_PANEL[0]
-    assert (sheet[sheet.shape[0] // 2] == 90).all(axis=-1).sum() == len(STRIP) * STRIP_PANEL[0]
-    below = sheet[STRIP_PANEL[1] + LINE :]
-    assert all(has(below, colour) for colour in LEGEND.values())
-    fell = np.asarray(Image.open(io.BytesIO(strip(shot(grey=90, failure_reason="com_height")))))
-    assert (fell[STRIP_PANEL[1] + LINE :] != below).any()  # words of another ending
+    strip = np.asarray(Image.open(io.BytesIO(films.strip(shot(grey=90, recovered_at=2.2)))))
+    assert strip.shape[1] >= len(films.STRIP) * films.STRIP_PANEL[0]
+    assert (strip[strip.shape[0] // 2] == 90).all(axis=-1).sum() == len(films.STRIP) * films.STRIP_PANEL[0]
+    below = strip[films.STRIP_PANEL[1] + films.LINE :]
+    assert all(has(below, colour) for colour in films.LEGEND.values())
+    fell = np.asarray(Image.open(io.BytesIO(films.strip(shot(grey=90, failure_reason="com_height")))))
+    assert (fell[films.STRIP_PANEL[1] + films.LINE :] != below).any()  # words of another ending
 
 
 def test_each_policy_has_its_own_picture_and_the_markers_are_told():
-    picture = compose([shot(grey=40), shot(grey=90)], 0.0, 0.5)
-    assert picture.shape[1] >= 2 * PANEL[0]
-    middle = HEAD + PANEL[1] // 2
-    assert picture[middle, PANEL[0] // 2].tolist() == [40] * 3
-    assert picture[middle, -PANEL[0] // 2].tolist() == [90] * 3
-    assert all(has(picture[HEAD + PANEL[1] :], colour) for colour in LEGEND.values())
+    picture = films.compose([shot(grey=40), shot(grey=90)], 0.0, 0.5)
+    assert picture.shape[1] >= 2 * films.PANEL[0]
+    middle = films.HEAD + films.PANEL[1] // 2
+    assert picture[middle, films.PANEL[0] // 2].tolist() == [40] * 3
+    assert picture[middle, -films.PANEL[0] // 2].tolist() == [90] * 3
+    assert all(has(picture[films.HEAD + films.PANEL[1] :], colour) for colour in films.LEGEND.values())
 
 
 def test_the_path_of_a_long_file_is_cut_at_its_front():
-    short, long, other = (
-        compose([shot("a" * count + name)], 0.0, 1.0)
-        for count, name in (
-            (300, "/mine.safetensors"),
-            (400, "/mine.safetensors"),
-            (300, "/yours.safetensors"),
-        )
-    )
+    names = "a" * 300 + "/mine.safetensors", "a" * 400 + "/mine.safetensors", "a" * 300 + "/yours.safetensors"
+    short, long, other = (films.compose([shot(name)], 0.0, 1.0) for name in names)
     np.testing.assert_array_equal(short, long)
     assert (short != other).any()
 
 
 def test_a_film_ends_shortly_after_all_is_decided():
-    frames = side_by_side([shot(end=1.8, failure_reason="com_height"), shot(recovered_at=2.2)], 0.5, 25.0)
-    assert len(frames) == pytest.approx((BEFORE + 1.2 + LINGER) * 50, abs=2)
-    never = side_by_side([shot(end=9.0)], 0.5, 25.0)
-    assert len(never) == pytest.approx((BEFORE + LONGEST) * 50, abs=2)
+    frames = films.side_by_side(
+        [shot(end=1.8, failure_reason="com_height"), shot(recovered_at=2.2)], 0.5, 25.0
+    )
+    assert len(frames) == pytest.approx((films.BEFORE + 1.2 + films.LINGER) * 50, abs=2)
+    never = films.side_by_side([shot(end=9.0)], 0.5, 25.0)
+    assert len(never) == pytest.approx((films.BEFORE + films.LONGEST) * 50, abs=2)
 
 
 def test_a_gif_stays_below_its_limit_at_its_rate_and_keeps_colours():
@@ -117,52 +89,41 @@ def test_a_gif_stays_below_its_limit_at_its_rate_and_keeps_colours():
     noise = [random.integers(0, 255, (200, 300, 3), np.uint8) for _ in range(6)]
     for frame in noise:
         frame[:40, :40] = (200, 30, 25)
-    content = gif_bytes(noise, 12.5, [(200, 30, 25)], limit=60_000)
+    content = films.gif_bytes(noise, 12.5, [(200, 30, 25)], limit=60_000)
     assert len(content) < 60_000
     film = Image.open(io.BytesIO(content))
     assert (film.n_frames, film.info["duration"], film.info["loop"]) == (6, 80, 0)
     assert film.width < 300
     assert film.width / film.height == pytest.approx(1.5, abs=0.05)
     assert film.convert("RGB").getpixel((5, 5)) == (200, 30, 25)
-    assert Image.open(io.BytesIO(gif_bytes(noise, 12.5))).size == (300, 200)
+    assert Image.open(io.BytesIO(films.gif_bytes(noise, 12.5))).size == (300, 200)
 
 
 def test_an_mp4_has_every_frame_at_its_rate():
     imageio = pytest.importorskip("imageio.v2", reason="needs the extra view")
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
     frames = [np.full((64, 96, 3), 20 * i, np.uint8) for i in range(8)]
-    with imageio.get_reader(io.BytesIO(mp4_bytes(frames, 25.0)), format="mp4") as reader:
+    with imageio.get_reader(io.BytesIO(films.mp4_bytes(frames, 25.0)), format="mp4") as reader:
         assert reader.get_meta_data()["fps"] == 25.0
         greys = [float(frame.mean()) for frame in reader]
     np.testing.assert_allclose(greys, [20 * i for i in range(8)], atol=6)
 
 
-def evaluation(tmp_path, **recovered):
-    """Rows of which nothing is known but who recovers."""
-    suite = Suite("few", "1", standard_suite().scenarios[: len(next(iter(recovered.values())))])
-    rows = {name: [{"recovered": end == "R"} for end in ends] for name, ends in recovered.items()}
-    return Evaluation(suite, PENDULUM, rows, tmp_path, 0.0)
-
-
-def test_both_sides_of_a_disagreement_take_turns(tmp_path):
-    found = disagreements(evaluation(tmp_path, a="RRRR-R", b="R---R-"))
+def test_both_sides_of_a_disagreement_take_turns(evaluation):
+    found = films.disagreements(evaluation({"a": "rrrrfr", "b": "rfffrf"}))
     assert [one.place for one in found] == [1, 4, 2, 3, 5]
     assert {one.policies for one in found} == {("a", "b")}
 
 
-def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(tmp_path):
-    found = disagreements(evaluation(tmp_path, a="RR-", b="R--", c="R-R"))
+def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(evaluation):
+    found = films.disagreements(evaluation({"a": "rrf", "b": "rff", "c": "rfr"}))
     assert {one.place: one.policies for one in found} == {1: ("a", "b"), 2: ("a", "c")}
-
-
-def test_names_of_films_hold_no_path():
-    assert film_name(3, "../a b/ü") == "0003-.._a_b_"
 
 
 def test_compare_films_what_its_rows_say(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
     suite = tmp_path / "suite.json"
-    (first, *_) = standard_suite().scenarios
+    (first, *_) = get_suite("standard").scenarios
     Suite("few", "1", (first,)).save(suite)
     argv = ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", str(suite), "--workers", "1"]
     out = tmp_path / "out"
@@ -173,13 +134,14 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     gif, mp4 = sorted((out / "films").iterdir())
     assert gif.stat().st_size < 1_000_000
     assert (gif.suffix, mp4.suffix, gif.stem) == (".gif", ".mp4", mp4.stem)
+    assert films.film_name(3, "../a b/ü") == "0003-.._a_b_"  # holds no path
     assert main([*argv, "--film", "all"]) == 2
     assert "discordant" in capsys.readouterr().err
 
 
-def watched(push_at: float, end: float, period: float = 0.01) -> StripCamera:
+def watched(push_at: float, end: float, period: float = 0.01) -> films.StripCamera:
     """An episode whose picture at each time is of one grey: the time in hundredths of a second."""
-    camera, now = StripCamera(), [0.0]
+    camera, now = films.StripCamera(), [0.0]
     env = SimpleNamespace(render=lambda: np.full((24, 32, 3), round(100 * now[0]) % 256, np.uint8))
     for k in range(round(end / period) + 1):
         now[0] = k * period
@@ -191,17 +153,16 @@ def watched(push_at: float, end: float, period: float = 0.01) -> StripCamera:
 
 def test_it_draws_at_its_moments_after_the_push_and_at_the_end():
     whole = watched(1.0, 4.0)
-    np.testing.assert_allclose(whole.after, STRIP, atol=0.0101)
-    assert [int(frame[0, 0, 0]) for frame in whole.frames] == [
-        round(100 * (1 + t)) % 256 for t in whole.after
-    ]
+    np.testing.assert_allclose(whole.after, films.STRIP, atol=0.0101)
+    greys = [round(100 * (1 + after)) % 256 for after in whole.after]
+    assert [int(frame[0, 0, 0]) for frame in whole.frames] == greys
     short = watched(1.0, 1.63)
-    np.testing.assert_allclose(short.after, [*STRIP[:3], 0.63], atol=0.0101)
+    np.testing.assert_allclose(short.after, [*films.STRIP[:3], 0.63], atol=0.0101)
     assert watched(5.0, 4.0).frames == []
 
 
 def test_a_sheet_has_a_row_for_each_policy():
-    picture = Image.open(io.BytesIO(sheet([("a", watched(1.0, 4.0)), ("b", watched(1.0, 1.63))])))
+    picture = Image.open(io.BytesIO(films.sheet([("a", watched(1.0, 4.0)), ("b", watched(1.0, 1.63))])))
     grey = np.asarray(picture.convert("L"), dtype=int)
     first, second = np.array_split(grey, 2)
     assert picture.width == pytest.approx(900)

@@ -36,7 +36,7 @@ def test_a_file_that_tells_of_no_training_is_refused(file, text):
     with pytest.raises(InvalidValueError, match="does not tell how its policy learned"):
         learning_curve(str(file))
     file.unlink()
-    with pytest.raises(InvalidValueError, match="can't read the policy description"):
+    with pytest.raises(InvalidValueError, match="cannot read the policy description"):
         learning_curve(str(file))
 
 

@@ -15,24 +15,10 @@ from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.api import rollout
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.record import record as records
+from push_recovery.eval.record import words as wording
 from push_recovery.eval.record.plot import write_plot
-from push_recovery.eval.record.record import (
-    LIMIT,
-    LOG_FORMATS,
-    TORQUE,
-    Recorder,
-    log_bytes,
-    record,
-    record_episode,
-)
-from push_recovery.eval.record.words import (
-    FALLS,
-    describe,
-    direction_words,
-    fall_words,
-    impulse_words,
-    push_words,
-)
+from push_recovery.eval.record.record import record
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 
@@ -70,8 +56,8 @@ def test_limits_met_are_those_of_the_outcome(shoved):
     periods = np.diff(shoved["time"])
     outcome, since = shoved.outcome, shoved["time"][-1] - min(shoved.push_starts)
     for name in shoved.columns:
-        if name.startswith(LIMIT):
-            share = outcome.limit_shares.get(name.removeprefix(LIMIT), 0.0)
+        if name.startswith(records.LIMIT):
+            share = outcome.limit_shares.get(name.removeprefix(records.LIMIT), 0.0)
             assert shoved[name][1:] @ periods == pytest.approx(share * since, abs=1e-4)
     assert outcome.limit_shares
 
@@ -85,7 +71,7 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     policy, core = load_policy("two-stage", env), episodes.core
     push = Push((40.0, 60.0, 0.0), 0.1, 0.7)
     observation, _ = env.reset(options={"scenario": Scenario("turn", (push,), Command(0.2, 0.0, 0.5), side)})
-    recorder, data = Recorder(episodes, keep=1), core.simulations.data[0]
+    recorder, data = records.Recorder(episodes, keep=1), core.simulations.data[0]
     for _ in range(130):
         observation, *_ = env.step(policy.predict(observation)[0])
         recorder()
@@ -101,8 +87,8 @@ def test_places_and_leans_are_those_of_the_simulation(side):
     assert row["trunk_roll"] == pytest.approx(np.arcsin(left), abs=2e-3)
     assert abs(row["trunk_roll"]) > 0.01
     for joint in ("waist_pitch", "left_knee", "right_hip_roll"):
-        assert row[TORQUE + joint] == data.actuator(joint).ctrl[0]
-    assert recorder.bounds[TORQUE + "left_knee"] == 300.0
+        assert row[records.TORQUE + joint] == data.actuator(joint).ctrl[0]
+    assert recorder.bounds[records.TORQUE + "left_knee"] == 300.0
     env.close()
 
 
@@ -127,15 +113,12 @@ def test_the_mirrored_episode_is_the_mirror_image():
     np.testing.assert_allclose(found["torque_trunk_roll"], -other["torque_trunk_roll"], atol=1e-4)
 
 
-def test_an_unknown_column_lists_the_valid_ones(shoved):
-    with pytest.raises(UnknownNameError, match="did you mean 'dcm_x'"):
-        shoved["dmc_x"]
-
-
 def test_a_record_is_iterated_and_indexed_by_the_names_of_its_columns(shoved):
     assert list(shoved) == list(shoved.columns)
     assert "dcm_x" in shoved
     assert "dmc_x" not in shoved
+    with pytest.raises(UnknownNameError, match="did you mean 'dcm_x'"):
+        shoved["dmc_x"]
     with pytest.raises(TypeError, match=r"name of a column, got 3; .*record\['time'\]\[3\]"):
         shoved[3]
     with pytest.raises(TypeError, match="name of a column, got slice"):
@@ -157,7 +140,7 @@ def episode():
 
 
 def test_arrays_come_back_by_name_with_units(episode):
-    with np.load(io.BytesIO(log_bytes(episode, ".npz")), allow_pickle=False) as file:
+    with np.load(io.BytesIO(records.log_bytes(episode, ".npz")), allow_pickle=False) as file:
         assert file["columns"].tolist() == list(episode.columns)
         assert dict(zip(file["columns"].tolist(), file["units"].tolist(), strict=True)) == episode.units
         for name, column in episode.columns.items():
@@ -167,18 +150,15 @@ def test_arrays_come_back_by_name_with_units(episode):
 
 
 def test_text_comes_back_to_the_last_bit(episode):
-    rows = list(csv.reader(io.StringIO(log_bytes(episode, ".csv").decode())))
+    rows = list(csv.reader(io.StringIO(records.log_bytes(episode, ".csv").decode())))
     assert rows[0][:4] == ["time [s]", "step [1]", "stance_side [1]", "heading [rad]"]
     numbers = np.array(rows[1:], dtype=np.float64)
     np.testing.assert_array_equal(numbers, np.stack(list(episode.columns.values()), axis=1))
 
 
-@pytest.mark.parametrize("suffix", LOG_FORMATS)
-def test_the_same_episode_gives_the_same_bytes(episode, suffix):
-    assert log_bytes(episode, suffix) == log_bytes(episode, suffix)
-
-
-def test_a_figure_is_a_picture_and_the_same_twice(episode, tmp_path):
+def test_the_same_episode_gives_the_same_bytes_and_a_figure_is_a_picture(episode, tmp_path):
+    for suffix in records.LOG_FORMATS:
+        assert records.log_bytes(episode, suffix) == records.log_bytes(episode, suffix)
     for name, head in (("a.png", b"\x89PNG\r\n\x1a\n"), ("a.svg", b"<?xml")):
         write_plot(episode, tmp_path / name)
         once = (tmp_path / name).read_bytes()
@@ -192,8 +172,7 @@ def test_play_writes_log_and_plot_and_opens_no_window(tmp_path, capsys):
     argv = ["play", "--env", PENDULUM, "--force", "20", "--log", str(log), "--plot", str(plot)]
     assert main(argv) == 0
     out = capsys.readouterr().out
-    assert "recovered" in out
-    assert str(log) in out
+    assert all(words in out for words in ("recovered", str(log)))
     assert log.read_text().startswith("time [s],")
     assert plot.stat().st_size > 10_000
 
@@ -209,35 +188,33 @@ def test_another_format_is_refused_before_the_episode(option, name, words, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_words_for_people(episode):
-    assert impulse_words(ASIDE, 60.0) == "15.0 N s (0.25 N s/kg) to the left"
-    assert push_words(episode) == "15.0 N s (0.25 N s/kg) to the left"
-    assert direction_words(-1.0, -0.9) == "backward and to the right"
-    assert direction_words(-1.0, 0.1) == "backward"
-
-
-def test_every_fall_has_words_and_one_of_another_environment_keeps_its_name():
-    assert set(FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
-    assert fall_words("tripped") == "tripped"
+def test_words_for_people_and_for_every_fall(episode):
+    said = "15.0 N s (0.25 N s/kg) to the left"
+    assert wording.impulse_words(ASIDE, 60.0) == wording.push_words(episode) == said
+    assert wording.direction_words(-1.0, -0.9) == "backward and to the right"
+    assert wording.direction_words(-1.0, 0.1) == "backward"
+    assert set(wording.FALLS) == {*gait_machine.FAILURES, *dynamics.FAILURES} - {""}
+    assert wording.fall_words("tripped") == "tripped"
 
 
 @pytest.mark.parametrize("pushes", [(), (PUSH,), SHOVED.pushes, (Push((0.0, 900.0, 0.0), 0.1, 0.5),)])
 def test_a_record_is_described_as_its_last_info(pushes):
     env, infos = make_env(PENDULUM), []
     scenario, policy = Scenario("x", pushes, settle_time=1.0, duration=3.0), load_policy("two-stage", env)
-    found = record_episode(env, policy, scenario, "x", lambda robot: infos.append(robot.info))
+    found = records.record_episode(env, policy, scenario, "x", lambda robot: infos.append(robot.info))
     env.close()
-    assert describe(found) == describe(infos[-1])
+    assert wording.describe(found) == wording.describe(infos[-1])
 
 
 def test_an_episode_in_one_line_counts_from_its_last_push():
     push = {"impulse": (0.0, -52.8, 0.0), "start": 1.5}
     told = {"push": push, "time": 5.0, "failure_reason": None, "recovered_at": 2.9}
-    assert describe(told) == "52.8 N s to the right: recovered after 1.4 s"
-    assert describe({**told, "recovered_at": None}) == (
-        "52.8 N s to the right: still up after 3.5 s, but does not walk as told"
-    )
-    fell = {**told, "recovered_at": None, "failure_reason": "com_height", "time": 2.3}
-    assert describe(fell) == "52.8 N s to the right: fell after 0.8 s (sank too low)"
-    assert describe({**told, "push": None}) == "no push: recovered after 2.9 s"
-    assert describe({**told, "recovered_at": 1.4}).endswith("recovered after 0.0 s")
+    lost = {"recovered_at": None, "failure_reason": "com_height", "time": 2.3}
+    for changed, words in (
+        ({}, "52.8 N s to the right: recovered after 1.4 s"),
+        ({"recovered_at": None}, "52.8 N s to the right: still up after 3.5 s, but does not walk as told"),
+        (lost, "52.8 N s to the right: fell after 0.8 s (sank too low)"),
+        ({"push": None}, "no push: recovered after 2.9 s"),
+        ({"recovered_at": 1.4}, "52.8 N s to the right: recovered after 0.0 s"),
+    ):
+        assert wording.describe({**told, **changed}) == words

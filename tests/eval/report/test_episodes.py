@@ -1,4 +1,4 @@
-"""What became of pushes, and limits met, on rows that are known."""
+"""What became of pushes, and pictures of those that tell, on rows that are known."""
 
 import base64
 import io
@@ -7,69 +7,39 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.eval.record.film import StripCamera
-from push_recovery.eval.report import episodes as pictures
-from push_recovery.eval.report.episodes import (
-    PicturePart,
-    ending_figure,
-    opponents,
-    picture_part,
-    telling_pushes,
-)
+from push_recovery.eval.report import episodes
 from push_recovery.eval.report.evaluation import labelled
-from push_recovery.eval.score.report import LIMITS, limits_table, reasons_of, reasons_table
 
 
-def test_reasons_are_counted_and_explained(evaluation):
-    found = evaluation({"p": "rsff", "q": "rrrr"})
-    found.rows["p"][3]["failure_reason"] = "of_its_own"
-    assert reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
-    assert reasons_table(found).rows == [("p", "1", "1", "1", "1", "cop 2"), ("q", "4", "0", "0", "0", "-")]
-    assert "<pattern" in ending_figure(found)  # grey print tells the parts apart
-
-
-def test_limits_of_falls_and_recoveries(evaluation):
-    found = evaluation({"p": "rsff", "q": "rrrr"})
-    found.rows["q"][0]["limit_shares"] = {"step_time": 0.4}
-    assert limits_table(found).rows == [
-        ("step_time", LIMITS["step_time"], "0 % / 0 %", "0 % / 10 %"),
-        ("cop", LIMITS["cop"], "50 % / 0 %", "0 % / 0 %"),
-    ]
-
-
-def test_every_limit_has_words():
-    assert set(LIMITS) == set(LIMIT_NAMES)
-
-
-def drawn() -> StripCamera:
-    camera = StripCamera()
-    camera.frames, camera.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
-    return camera
+def test_grey_print_tells_the_endings_apart(evaluation):
+    assert "<pattern" in episodes.ending_figure(evaluation({"p": "rsff", "q": "rrrr"}))
 
 
 def test_the_best_is_shown_beside_another_recipe(evaluation):
     found = evaluation({"two-stage": "rrff", "residual": "rrrr", "residual-seed1": "rrrf"})
-    assert opponents(found) == ("residual", "two-stage")
-    assert opponents(evaluation({"residual": "rr", "residual-seed1": "rf"})) is None
+    assert episodes.opponents(found) == ("residual", "two-stage")
+    assert episodes.opponents(evaluation({"residual": "rr", "residual-seed1": "rf"})) is None
 
 
 def test_the_weakest_push_of_either_side_tells(evaluation):
     found = evaluation({"a": "rrfrfr", "b": "frrffr"})  # only a: pushes 0 and 3; only b: push 2
     rows = found.rows["a"]
     weakest = min((0, 3), key=lambda k: rows[k]["impulse"])
-    assert telling_pushes(found, "a", "b") == [found.suite.scenarios[weakest], found.suite.scenarios[2]]
-    assert telling_pushes(found, "b", "a") == [found.suite.scenarios[2], found.suite.scenarios[weakest]]
-    assert telling_pushes(evaluation({"a": "rf", "b": "ff"}), "b", "a") == [found.suite.scenarios[0]]
+    of_a, of_b = found.suite.scenarios[weakest], found.suite.scenarios[2]
+    assert episodes.telling_pushes(found, "a", "b") == [of_a, of_b]
+    assert episodes.telling_pushes(found, "b", "a") == [of_b, of_a]
+    assert episodes.telling_pushes(evaluation({"a": "rf", "b": "ff"}), "b", "a") == [found.suite.scenarios[0]]
 
 
 def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, monkeypatch):
     found = evaluation({"a": "rr", "b": "rf"}, "PushRecovery/Biped-v0")
     rows = {"x/first.safetensors": found.rows["a"], "b": found.rows["b"]}
     (found,) = labelled({"exact": replace(found, rows=rows)}).values()
-    watched = []
-    monkeypatch.setattr(pictures, "watch", lambda env_id, policy, scenario: watched.append(policy) or drawn())
-    ((caption, address),) = picture_part(found).pictures
+    watched, camera = [], StripCamera()
+    camera.frames, camera.after = [np.zeros((24, 32, 3), np.uint8)], [0.05]
+    monkeypatch.setattr(episodes, "watch", lambda env_id, policy, scenario: watched.append(policy) or camera)
+    ((caption, address),) = episodes.picture_part(found).pictures
     assert watched == ["a", "b"]  # by the names in the rows
     assert "x/first recovers; b falls at 3.2 s" in caption
     kind, content = address.split(",")
@@ -79,6 +49,7 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     def fails(*_):
         raise InvalidValueError("no OpenGL here")
 
-    monkeypatch.setattr(pictures, "watch", fails)
-    assert picture_part(found) == PicturePart(reason="no OpenGL here")
-    assert picture_part(evaluation({"a": "rr", "b": "rf"})) == PicturePart()  # of the pendulum none
+    monkeypatch.setattr(episodes, "watch", fails)
+    assert episodes.picture_part(found) == episodes.PicturePart(reason="no OpenGL here")
+    of_pendulum = evaluation({"a": "rr", "b": "rf"})
+    assert episodes.picture_part(of_pendulum) == episodes.PicturePart()

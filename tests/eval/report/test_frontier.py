@@ -5,13 +5,7 @@ import shlex
 import pytest
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.studies import Frontier as FrontierOptions
-from push_recovery.eval.report.frontier import (
-    direction_text,
-    falls_table,
-    mean_share,
-    verdict,
-    write_frontier_page,
-)
+from push_recovery.eval.report import frontier
 from push_recovery.eval.report.page import Command, command_of
 from push_recovery.eval.score.frontier import DirectionLimits, Frontier, FrontierSettings, frontier_table
 
@@ -30,35 +24,29 @@ def row(psi, survived, falls=()):
 @pytest.fixture
 def found(tmp_path):
     (tmp_path / "outcomes.jsonl").write_text("")
-    return Frontier(
-        FrontierSettings("PushRecovery/Pendulum-v0"),
-        {
-            "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
-            "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
-        },
-        {
-            0.0: DirectionLimits(400.0, 200.0),
-            90.0: DirectionLimits(200.0, 90.0),
-            180.0: DirectionLimits(0.0, 50.0),
-        },
-        tmp_path,
-    )
+    rows = {
+        "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
+        "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
+    }
+    limits = {0.0: (400.0, 200.0), 90.0: (200.0, 90.0), 180.0: (0.0, 50.0)}
+    limits = {psi: DirectionLimits(*pair) for psi, pair in limits.items()}
+    return Frontier(FrontierSettings("PushRecovery/Pendulum-v0"), rows, limits, tmp_path)
 
 
 def test_shares_are_of_the_own_box_where_it_has_a_limit(found):
-    assert mean_share(found, "p") == pytest.approx((140 / 400 + 100 / 200) / 2)
-    assert verdict(found) == (
+    assert frontier.mean_share(found, "p") == pytest.approx((140 / 400 + 100 / 200) / 2)
+    assert frontier.verdict(found) == (
         "q withstands 45 % of F* in the mean, p 42 %: the first takes the harder push in 1 of 3 directions, "
         "the second in 1."
     )
-    first, _, last = frontier_table(found, direction_text, falls=False).rows
+    first, _, last = frontier_table(found, frontier.direction_text, falls=False).rows
     assert first == ("0°, forward", "400", "200", "140 (0.35, 0.70)", "120 (0.30, 0.60)")
     assert last == ("180°, backward", "0", "50", "100 (-, 2.00)", "100 (-, 2.00)")
 
 
 def test_a_fall_is_replayed_by_the_push_that_it_was(found):
     options = FrontierOptions(policies=("p", "q"), vx=0.2, body="trunk", profile="hardware", grid=20.0)
-    (line,) = falls_table(found, command_of("frontier", options)).rows
+    (line,) = frontier.falls_table(found, command_of("frontier", options)).rows
     assert line[:4] == ("p", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
     play = parse("play", shlex.split(line[4])[2:])
     assert (play.psi, play.force, play.policy, play.vx, play.body, play.profile) == (
@@ -67,7 +55,7 @@ def test_a_fall_is_replayed_by_the_push_that_it_was(found):
 
 
 def test_the_page_says_what_was_measured(found):
-    path = write_frontier_page(found, Command(("frontier",)))
+    path = frontier.write_frontier_page(found, Command(("frontier",)))
     text = path.read_text()
     assert path == found.directory / "report.html"
     assert "walks in place" in text

@@ -23,19 +23,16 @@ def test_a_command_says_what_decides_outcomes_and_is_no_default():
 
 
 def test_a_replay_is_the_same_scenario_for_play():
-    errors = '{"mass": 0.1}'
-    options = Evaluate(suite="hard", errors=errors, preset="paper", env="PushRecovery/Pendulum-v0")
+    env = "PushRecovery/Pendulum-v0"
+    options = Evaluate(suite="hard", errors='{"mass": 0.1}', preset="paper", env=env)
     line = command_of("evaluate", options).replay("hardware", "hard-0007", "runs/a/policy.safetensors")
     program, name, *words = shlex.split(line)
     assert (program, name) == ("push-recovery", "play")
     play = parse("play", words)
-    assert (play.env, play.preset, play.suite, play.errors) == (
-        options.env, options.preset, options.suite, errors
-    )  # fmt: skip
-    assert (play.profile, play.scenario, play.policy) == (
-        "hardware", "hard-0007", "runs/a/policy.safetensors"
-    )  # fmt: skip
+    for field in ("env", "preset", "suite", "errors"):
+        assert getattr(play, field) == getattr(options, field)
+    told = play.profile, play.scenario, play.policy
+    assert told == ("hardware", "hard-0007", "runs/a/policy.safetensors")
     assert play.out == "hard-0007-runs-a-policy.safetensors.png"
-    assert play._scenario().id == "hard-0007"
-    assert play._scenario().sensing == "onboard"
+    assert (play._scenario().id, play._scenario().sensing) == ("hard-0007", "onboard")
     assert "--profile" not in command_of("evaluate", options).replay("exact", "hard-0007", "two-stage")

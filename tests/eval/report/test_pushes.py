@@ -8,31 +8,17 @@ from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
 from push_recovery.eval.record.words import sector_of
-from push_recovery.eval.report.pushes import (
-    Curve,
-    MappedPush,
-    binned,
-    curve_figure,
-    curves_of,
-    curves_table,
-    direction_figure,
-    mapped_pushes,
-    share_at,
-    stance_direction,
-    survival_part,
-)
+from push_recovery.eval.report import pushes as parts
+from push_recovery.eval.report.pushes import Curve
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.frontier import limit_share
-from push_recovery.eval.score.suites import quick_suite
+from push_recovery.eval.score.suites import get_suite
 
 
-def event(side):
-    return GaitEvent(4, side)
-
-
-def test_pushes_on_a_right_stance_are_mirrored():
-    assert stance_direction(polar_push(100.0, 0.7, 0.1, event("left"))) == pytest.approx(0.7)
-    assert stance_direction(polar_push(100.0, 0.7, 0.1, event("right"))) == pytest.approx(-0.7)
+@pytest.mark.parametrize(("side", "direction"), [("left", 0.7), ("right", -0.7)])
+def test_pushes_on_a_right_stance_are_mirrored(side, direction):
+    push = polar_push(100.0, 0.7, 0.1, GaitEvent(4, side))
+    assert parts.stance_direction(push) == pytest.approx(direction)
 
 
 def test_a_sector_is_the_nearest_of_eight_directions():
@@ -41,20 +27,24 @@ def test_a_sector_is_the_nearest_of_eight_directions():
 
 
 def test_only_single_pushes_with_a_limit_are_mapped():
-    push, late = polar_push(80.0, 1.0, 0.1, event("right")), Push((50.0, 0.0, 0.0), 0.1, 2.0)
+    push, late = polar_push(80.0, 1.0, 0.1, GaitEvent(4, "right")), Push((50.0, 0.0, 0.0), 0.1, 2.0)
     scenarios = [Scenario("one", (push,)), Scenario("two", (push, push)), Scenario("none", ()),
                  Scenario("timed", (late,))]  # fmt: skip
     env = make_env("PushRecovery/Pendulum-v0")
-    (found,) = mapped_pushes(env, scenarios)
+    (found,) = parts.mapped_pushes(env, scenarios)
     share = limit_share(env, push, scenarios[0].command)
     env.close()
-    assert found == MappedPush("one", pytest.approx(-1.0), share)
+    assert found == parts.MappedPush("one", pytest.approx(-1.0), share)
 
 
 def test_the_rim_counts_what_each_sector_recovers():
-    pushes = [MappedPush("a", 0.1, 0.4), MappedPush("b", -0.2, 0.9), MappedPush("c", math.pi / 2, 1.4)]
+    pushes = [
+        parts.MappedPush("a", 0.1, 0.4),
+        parts.MappedPush("b", -0.2, 0.9),
+        parts.MappedPush("c", math.pi / 2, 1.4),
+    ]
     rows = {name: {"recovered": ok, "survived": ok} for name, ok in (("a", True), ("b", False), ("c", True))}
-    drawn = direction_figure("p", pushes, rows)
+    drawn = parts.direction_figure("p", pushes, rows)
     for text in ("1/2", "forward", "1/1", "stance", "swing", "0/0", "F*"):
         assert f">{text}</text>" in drawn
 
@@ -68,50 +58,45 @@ def curve(intercept: float, slope: float, covariance=SURE, yes=None) -> Curve:
     return Curve("p", "pelvis", IMPULSE, recovered, LogisticFit(intercept, slope, np.asarray(covariance)))
 
 
-def test_a_threshold_is_where_the_curve_meets_the_share():
-    assert curve(12.0, -0.1).threshold(0.5) == "120"
-    assert curve(12.0, -0.1).threshold(0.95) == "91"  # (12 - log 19) / 0.1 = 90.6
-
-
-def test_nothing_is_told_beyond_the_pushes_given():
-    assert curve(3.0, -0.1).threshold(0.5) == "under 50"
-    assert curve(30.0, -0.1).threshold(0.5) == "over 200"
-    wide = curve(19.0, -0.1, [[0.09, 0.0], [0.0, 1e-12]]).threshold(0.5)  # +-1.96 x 0.3 / 0.1
-    assert wide == "190 (184 to 196)"
-    assert curve(19.0, -0.1, [[4.0, 0.0], [0.0, 1e-12]]).threshold(0.5) == "190 (151 to over 200)"
-
-
-def test_no_threshold_without_a_slope_downwards():
-    assert curve(-12.0, 0.1).threshold(0.5) == "not told"
-    assert curve(12.0, -0.1, np.diag([1e-6, 1.0])).threshold(0.5) == "not told"
-    assert Curve("p", "pelvis", IMPULSE, IMPULSE < 100.0, None).threshold(0.5) == "not told"
-
-
-def test_all_or_none_recovered():
-    assert curve(0.0, -1.0, yes=True).threshold(0.95) == "over 200"
-    assert curve(0.0, -1.0, yes=False).threshold(0.95) == "under 50"
+@pytest.mark.parametrize(
+    ("found", "share", "words"),
+    [
+        (curve(12.0, -0.1), 0.5, "120"),
+        (curve(12.0, -0.1), 0.95, "91"),  # (12 - log 19) / 0.1 = 90.6
+        (curve(3.0, -0.1), 0.5, "under 50"),
+        (curve(30.0, -0.1), 0.5, "over 200"),
+        (curve(19.0, -0.1, np.diag([0.09, 1e-12])), 0.5, "190 (184 to 196)"),  # +-1.96 x 0.3 / 0.1
+        (curve(19.0, -0.1, np.diag([4.0, 1e-12])), 0.5, "190 (151 to over 200)"),
+        (curve(-12.0, 0.1), 0.5, "not told"),  # the slope leads upwards
+        (curve(12.0, -0.1, np.diag([1e-6, 1.0])), 0.5, "not told"),  # it may
+        (Curve("p", "pelvis", IMPULSE, IMPULSE < 100.0, None), 0.5, "not told"),
+        (curve(0.0, -1.0, yes=True), 0.95, "over 200"),
+        (curve(0.0, -1.0, yes=False), 0.95, "under 50"),
+    ],
+)
+def test_a_threshold_is_where_the_curve_meets_the_share_within_the_pushes_given(found, share, words):
+    assert found.threshold(share) == words
 
 
 def test_a_curve_for_each_body_over_its_single_pushes():
-    scenarios = quick_suite().scenarios
+    scenarios = get_suite("quick").scenarios
     sizes = [s.pushes[0].impulse_magnitude for s in scenarios]
     rows = [{"impulse": size, "recovered": size < 100.0 + 50.0 * (i % 2)} for i, size in enumerate(sizes)]
-    pelvis, trunk = curves_of(scenarios, rows, "p")
+    pelvis, trunk = parts.curves_of(scenarios, rows, "p")
     single = [s.pushes[0] for s in scenarios if len(s.pushes) == 1]
     assert (pelvis.body, trunk.body) == ("pelvis", "trunk")
     assert pelvis.impulse.tolist() == [p.impulse_magnitude for p in single if p.body == "pelvis"]
     assert trunk.impulse.size == sum(p.body == "trunk" for p in single)
     expected = fit_logistic(pelvis.impulse, pelvis.recovered)
-    assert expected is not None
-    assert pelvis.fit is not None
+    assert None not in (expected, pelvis.fit)
     assert pelvis.fit.slope == expected.slope < 0.0
-    cells = curves_table([pelvis, trunk]).rows
+    cells = parts.curves_table([pelvis, trunk]).rows
     assert cells[0][:3] == ("p", "pelvis", str(pelvis.impulse.size))
-    assert curve_figure([pelvis, trunk], 200.0).startswith("<svg")
+    assert parts.curve_figure([pelvis, trunk], 200.0).startswith("<svg")
 
 
 def test_groups_are_equally_large_and_reach_as_far_as_wilson():
-    centres, share, below, above = binned(np.arange(12.0), np.arange(12) < 5)
+    centres, share, below, above = parts.binned(np.arange(12.0), np.arange(12) < 5)
     assert centres.tolist() == [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]
     assert share.tolist() == [1.0, 1.0, 0.5, 0.0, 0.0, 0.0]
     assert above[0] == 0.0
@@ -126,16 +111,11 @@ def test_only_scenarios_with_several_pushes_count(evaluation):
     assert 0 < falls < sum(several) < 24
     for row, many in zip(found.rows["a"], several, strict=True):
         row["end_time"] = 9.0 if row["survived"] else 4.0 if many else 1.0
-    part = survival_part(found)
+    part = parts.survival_part(found)
     assert part is not None
     assert part.episodes == sum(several)
-    assert part.table.columns == [
-        "policy",
-        "falls",
-        "standing at 3.0 s",
-        "standing at 6.0 s",
-        "standing at 9.0 s",
-    ]
+    marks = [f"standing at {time} s" for time in (3.0, 6.0, 9.0)]
+    assert part.table.columns == ["policy", "falls", *marks]
     first, second = part.table.rows
     assert first[:3] == ("a", str(falls), "100.0 %")
     share = 100.0 * (1.0 - falls / sum(several))
@@ -149,14 +129,16 @@ def test_nothing_is_shown_of_single_pushes(evaluation):
     single = [i for i, scenario in enumerate(found.suite.scenarios) if len(scenario.pushes) == 1]
     suite = type(found.suite)("single", "1", tuple(found.suite.scenarios[i] for i in single))
     rows = {"a": [found.rows["a"][i] for i in single]}
-    assert survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0)) is None
+    assert parts.survival_part(type(found)(suite, found.env_id, rows, found.directory, 0.0)) is None
 
 
 def test_a_share_is_told_with_its_interval():
     curve = kaplan_meier([1.0, 2.0, 3.0, 3.0], [True, False, True, False])
-    assert share_at(curve, 0.5) == "100.0 %"
-    assert share_at(curve, 1.0).startswith("75.0 % (")
-    assert share_at(curve, 3.0).startswith("37.5 % (")  # 3/4 of those before, and of two at risk one falls
-    low, high = (float(part) for part in share_at(curve, 3.0).split("(")[1].rstrip(")").split(" to "))
+    assert parts.share_at(curve, 0.5) == "100.0 %"
+    assert parts.share_at(curve, 1.0).startswith("75.0 % (")
+    assert parts.share_at(curve, 3.0).startswith(
+        "37.5 % ("
+    )  # 3/4 of those before, and of two at risk one falls
+    low, high = (float(part) for part in parts.share_at(curve, 3.0).split("(")[1].rstrip(")").split(" to "))
     assert np.isclose(low, 100.0 * curve.low[-1], atol=0.05)
     assert np.isclose(high, 100.0 * curve.high[-1], atol=0.05)

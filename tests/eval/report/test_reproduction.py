@@ -10,9 +10,8 @@ pytest.importorskip("jinja2", reason="needs the extra report")
 
 
 def test_the_headline_counts_the_verdicts():
-    told = [
-        Claim("c", "p", "o", word) for word in (REPRODUCED, f"{REPRODUCED}: but", DIFFERS, f"{UNSTATED}: as")
-    ]
+    words = REPRODUCED, f"{REPRODUCED}: but", DIFFERS, f"{UNSTATED}: as"
+    told = [Claim("c", "p", "o", word) for word in words]
     assert verdict(told) == ("Of 4 claims 2 are reproduced, 1 differ, and 1 cannot be told from the text.")
 
 

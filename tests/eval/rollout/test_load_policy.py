@@ -21,11 +21,11 @@ from push_recovery.eval.rollout import load_policy as policies
 from push_recovery.eval.rollout.environments import make_env, own_form
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import Runner
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.score.suites import Suite, get_suite
 
 from push_recovery import compare, evaluate, frontier, load_policy, make_policy, rollout
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:4])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:4])
 ROOT = Path(__file__).parents[3]
 
 
@@ -86,21 +86,15 @@ def test_a_name_stands_for_the_package_s_policy_and_not_for_a_file_that_lies_abo
     monkeypatch.chdir(tmp_path)
     toy.save_policy(tmp_path / "residual", 3.0)
     env = make_env(toy.ENV_ID)
-    gains = [
-        load_policy(name, env).network.weights[0].min()  # type: ignore[attr-defined]
-        for name in ("residual", "residual.safetensors")
-    ]
-    assert gains == [-8.0, -3.0]
+    for name, gain in (("residual", 8.0), ("residual.safetensors", 3.0)):
+        assert load_policy(name, env).network.weights[0].min() == -gain  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ("evaluate", "--policies", "joint"),
+        *((command, "--policies", "joint") for command in ("evaluate", "frontier", "sensitivity", "ceiling")),
         ("compare", "residual", "joint"),
-        ("frontier", "--policies", "joint"),
-        ("sensitivity", "--policies", "joint"),
-        ("ceiling", "--policies", "joint"),
         ("play", "--policy", "joint", "--out", "p.png"),
     ],
 )
@@ -108,13 +102,19 @@ def test_a_name_without_a_file_says_what_is_there(shipped, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
     said = capsys.readouterr().err
-    assert "policy 'joint' does not come with this version" in said
-    assert "trained policies are: residual, scratch;" in said
+    there = "policy 'joint' does not come with this version", "trained policies are: residual, scratch;"
+    assert all(words in said for words in there)
     assert not (tmp_path / "runs").exists()
 
 
-def test_half_a_policy_is_none(shipped, monkeypatch):
+def test_a_copied_pair_is_shipped_and_half_a_policy_is_none(shipped, monkeypatch):
     assert policies.shipped_names() == ("residual", "scratch")
+    copied = [
+        shutil.copy(path, shipped / f"joint{path.suffix}") for path in policy_paths(shipped / "scratch")
+    ]
+    assert policies.shipped_names() == ("residual", "scratch", "joint")
+    for path in copied:
+        path.unlink()
     (shipped / "scratch.json").unlink()
     assert policies.shipped_names() == ("residual",)
     monkeypatch.setattr(policies, "FOLDER", shipped / "nowhere")
@@ -131,27 +131,27 @@ def test_the_names_that_are_there_are_listed(shipped, capsys):
         make_policy("scratches", make_env(toy.ENV_ID))
 
 
+JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
+SIZES = {JOINT: 58, RESIDUAL: 94, BIPED_ENV: 36}
+
+
+def save_zero_policy(path, env_id) -> str:
+    """A policy file whose action is zero everywhere."""
+    inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
+    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
+    normalisation = Normalisation(np.zeros(inputs), np.ones(inputs))
+    about = PolicyDescription(env_id, BIPED, BIPED_LIMITS)
+    return str(NetworkPolicy(network, normalisation, about).save(path))
+
+
 def test_a_named_policy_on_joints_acts_in_its_own_form_of_the_biped(tmp_path, monkeypatch):
     """A joint residual of zero is the planner, in every field of its row but the name."""
-    from push_recovery.envs.joint.env import BipedJointResidualEnv
-
     monkeypatch.setattr(policies, "FOLDER", tmp_path)
-    save_zero(tmp_path / "joint-residual", "PushRecovery/BipedJointResidual-v0", BipedJointResidualEnv())
+    save_zero_policy(tmp_path / "joint-residual", RESIDUAL)
     runner, walk = Runner("PushRecovery/Biped-v0"), Scenario("walk", duration=0.3)
     rows = [runner.run((name, walk)).to_dict() | {"policy": ""} for name in ("two-stage", "joint-residual")]
     runner.close()
     assert rows[0] == rows[1]
-
-
-def save_zero(path, env_id, env):
-    import numpy as np
-    from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
-    from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-
-    inputs, outputs = env.observation_space.shape[0], env.action_space.shape[0]
-    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
-    about = PolicyDescription(env_id, env.robot, env.limits)
-    NetworkPolicy(network, Normalisation(np.zeros(inputs), np.ones(inputs)), about).save(path)
 
 
 def test_a_wheel_carries_both_files_of_every_policy():
@@ -169,12 +169,6 @@ def test_the_folder_holds_policies_of_these_names_only():
         assert sum(path.stat().st_size for path in policy_paths(policies.FOLDER / name)) < 2**20
 
 
-def test_a_copied_pair_is_shipped(shipped):
-    for path in policy_paths(shipped / "scratch"):
-        shutil.copy(path, shipped / path.name.replace("scratch", "joint"))
-    assert policies.shipped_names() == ("residual", "scratch", "joint")
-
-
 def test_the_digest_is_of_names_and_files(shipped):
     before = policies.shipped_digest()
     assert before == policies.shipped_digest()
@@ -187,19 +181,8 @@ def test_the_digest_is_of_names_and_files(shipped):
     assert policies.shipped_digest() not in (before, other)
 
 
-JOINT, RESIDUAL, BIPED_ENV = (f"PushRecovery/Biped{form}-v0" for form in ("Joint", "JointResidual", ""))
-SIZES = {JOINT: 58, RESIDUAL: 94, BIPED_ENV: 36}
 G1 = "PushRecovery/G1JointResidual-v0"
 PUSHED = Scenario("pushed", (Push((60.0, 90.0, 0.0), 0.1, 0.4),), duration=1.2)
-
-
-def save_zero_policy(path, env_id) -> str:
-    """A policy file whose action is zero everywhere."""
-    inputs, outputs = SIZES.get(env_id, 94), 7 if env_id == BIPED_ENV else 14
-    network = Mlp((np.zeros((outputs, inputs), np.float32),), (np.zeros(outputs, np.float32),))
-    normalisation = Normalisation(np.zeros(inputs), np.ones(inputs))
-    about = PolicyDescription(env_id, BIPED, BIPED_LIMITS)
-    return str(NetworkPolicy(network, normalisation, about).save(path))
 
 
 @pytest.mark.parametrize("env_id", [JOINT, RESIDUAL])

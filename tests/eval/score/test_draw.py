@@ -10,28 +10,15 @@ import pytest
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score.draw import (
-    FACTORS,
-    SHIFTS,
-    Point,
-    another_floor,
-    another_robot,
-    count_of,
-    elsewhere,
-    longer_or_shorter,
-    repeated,
-    shifted_scenarios,
-    varied_scenario,
-    varied_scenarios,
-    walk_of,
-)
+from push_recovery.eval.score import draw
 from push_recovery.eval.score.suites import get_suite
 
-MIDDLE = Point(*[0.5] * FACTORS)
+MOST = 1.0 - 1e-9
+MIDDLE = draw.Point(*[0.5] * draw.FACTORS)
 
 
 def scenario(**changes: float) -> Scenario:
-    return varied_scenario("mine", MIDDLE._replace(**changes), 7)
+    return draw.varied_scenario("mine", MIDDLE._replace(**changes), 7)
 
 
 def test_a_single_push_at_the_pelvis():
@@ -44,20 +31,17 @@ def test_a_single_push_at_the_pelvis():
     assert (push.duration, push.body, push.offset, push.frame) == (0.1, "pelvis", (0.0, 0.0, 0.0), "heading")
     assert push.start == GaitEvent(4, "right", 0.5)
     assert (found.id, found.noise_seed, found.stance_side, found.command) == ("mine", 7, "right", Command())
-    assert (count_of(found), walk_of(found)) == ("single", "in place")
+    assert (draw.count_of(found), draw.walk_of(found)) == ("single", "in place")
+    assert draw.count_of(Scenario("quiet")) == "none"
 
 
 def test_the_least_and_the_most():
-    least = scenario(
-        impulse=0.0, duration=0.0, pushes=0.0, sides=0.0, offset_x=0.0, offset_y=0.0, offset_z=0.0
-    )
+    ends = ("impulse", "duration", "offset_x", "offset_y", "offset_z")
+    least = scenario(**dict.fromkeys(ends, 0.0), pushes=0.0, sides=0.0)
     assert least.pushes[0].impulse_magnitude == pytest.approx(50.0, abs=1e-4)
     assert least.pushes[0].duration == 0.02
     assert least.pushes[0].offset == (-0.08, -0.10, -0.08)
-    most = 1.0 - 1e-9
-    hard = scenario(
-        impulse=most, duration=most, pushes=0.0, sides=1 / 16, offset_x=most, offset_y=most, offset_z=most
-    )
+    hard = scenario(**dict.fromkeys(ends, MOST), pushes=0.0, sides=1 / 16)
     assert hard.pushes[0].impulse_magnitude == pytest.approx(110.0, abs=1e-3)
     assert (hard.pushes[0].duration, hard.pushes[0].body) == (0.5, "trunk")
     assert hard.pushes[0].offset == (0.10, 0.16, 0.25)
@@ -77,15 +61,11 @@ def test_the_second_of_two_comes_up_to_four_steps_later_from_anywhere():
 def test_a_repeated_push_comes_four_times_on_the_same_stance():
     """Step 0 stands on the left, the push on the right: the first such step from 4 on is 5."""
     found = scenario(pushes=12 / 16, sides=2 / 16, direction=0.5)
-    assert [push.start for push in found.pushes] == [
-        GaitEvent(4, "right", 0.5),
-        *(GaitEvent(index, "right", 0.5) for index in (7, 9, 11)),
-    ]
-    indices = [push.start.step_index("left") for push in found.pushes]
-    assert indices == [5, 7, 9, 11]
+    assert [push.start for push in found.pushes] == [GaitEvent(k, "right", 0.5) for k in (4, 7, 9, 11)]
+    assert [push.start.step_index("left") for push in found.pushes] == [5, 7, 9, 11]
     assert {push.impulse for push in found.pushes} == {found.pushes[0].impulse}
     assert found.pushes[0].impulse_magnitude == pytest.approx(0.55 * 105.0, abs=1e-3)
-    assert count_of(found) == "repeated"
+    assert draw.count_of(found) == "repeated"
 
 
 @pytest.mark.parametrize(
@@ -105,53 +85,43 @@ def test_a_repeated_push_comes_four_times_on_the_same_stance():
 def test_commands_by_level_and_side(level, sides, command, name):
     found = scenario(walk=level / 16, sides=sides / 16, turn=0.25)
     assert found.command == command
-    assert walk_of(found) == name
+    assert draw.walk_of(found) == name
     assert not any(math.copysign(1.0, value) < 0 and value == 0 for value in vars(found.command).values())
 
 
 def test_every_kind_is_there_as_often_as_stated():
-    scenarios = varied_scenarios("any", 1, 5)
+    scenarios = draw.varied_scenarios("any", 1, 5)
     assert [s.id for s in scenarios[:2]] == ["any-0000", "any-0001"]
     assert len(scenarios) == 256
-    assert Counter(map(count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
-    walks = Counter(map(walk_of, scenarios))
+    assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
+    walks = Counter(map(draw.walk_of, scenarios))
     assert walks == {"in place": 64, "forward": 48, "backward": 16, "sideways": 64, "turning": 64}
     sides = Counter((s.pushes[0].body, s.stance_side, s.pushes[0].start.side) for s in scenarios)
     assert set(sides) == set(itertools.product(("pelvis", "trunk"), ("left", "right"), ("left", "right")))
     assert set(sides.values()) == {32}
-    pairs = Counter((s.pushes[0].body, count_of(s), walk_of(s)) for s in scenarios)
+    pairs = Counter((s.pushes[0].body, draw.count_of(s), draw.walk_of(s)) for s in scenarios)
     assert pairs["trunk", "single", "in place"] == pytest.approx(16, abs=8)
     for body, least, most in (("pelvis", 50, 160), ("trunk", 30, 110)):
-        single = [s.pushes[0] for s in scenarios if s.pushes[0].body == body and count_of(s) == "single"]
+        single = [s.pushes[0] for s in scenarios if s.pushes[0].body == body and draw.count_of(s) == "single"]
         impulse = [push.impulse_magnitude for push in single]
         assert least <= min(impulse) < least + 10 < most - 10 < max(impulse) <= most
     logs = np.log([s.pushes[0].duration for s in scenarios])
     assert np.ptp(np.histogram(logs, bins=16, range=(math.log(0.02), math.log(0.5)))[0]) <= 2
 
 
-def test_what_does_not_push_has_a_count_too():
-    assert count_of(Scenario("quiet")) == "none"
-
-
 PUSH = Push((600.0, -800.0, 0.0), 0.1, GaitEvent(4, "right", 0.25))  # 100 N s
 BASE = Scenario("base", (PUSH,), Command(0.2), "left", noise_seed=3)
-MOST = 1.0 - 1e-9
 
 
-def one(scenario: Scenario) -> Push:
-    (push,) = scenario.pushes
-    return push
-
-
-@pytest.mark.parametrize("kind", SHIFTS)
+@pytest.mark.parametrize("kind", draw.SHIFTS)
 def test_nothing_else_changes(kind):
     """Command, stance, times and noise are those that the same point has in `hard`'s way of drawing."""
-    found = shifted_scenarios(kind, "s", 1, 9)
+    found = draw.shifted_scenarios(kind, "s", 1, 9)
     assert [s.id for s in found[:2]] == ["s-0000", "s-0001"]
     assert len({s.pushes + (s.errors,) for s in found}) == len(found) == 256
-    assert found == shifted_scenarios(kind, "s", 1, 9)
-    assert found != shifted_scenarios(kind, "s", 1, 10)
-    assert get_suite(kind).scenarios[:1] == shifted_scenarios(kind, kind, 1, SHIFTS[kind].seed)[:1]
+    assert found == draw.shifted_scenarios(kind, "s", 1, 9)
+    assert found != draw.shifted_scenarios(kind, "s", 1, 10)
+    assert get_suite(kind).scenarios[:1] == draw.shifted_scenarios(kind, kind, 1, draw.SHIFTS[kind].seed)[:1]
     for scenario in found:
         assert scenario.pushes[0].start.step == 4 or kind == "shift-repeated"
         assert scenario.settle_time == 4.0
@@ -163,49 +133,51 @@ def test_nothing_else_changes(kind):
         if kind != "shift-repeated":
             assert len(scenario.pushes) == 1
     impulse = [s.pushes[0].impulse_magnitude for s in found]
-    least, most = {"shift-magnitude": (210, 250), "shift-body": (48, 200), "shift-repeated": (44, 110)}.get(
-        kind, (80, 200)
-    )
+    ranges = {"shift-magnitude": (210, 250), "shift-body": (48, 200), "shift-repeated": (44, 110)}
+    least, most = ranges.get(kind, (80, 200))
     assert least - 0.01 <= min(impulse) < least + 2.0
     assert most - 2.0 < max(impulse) <= most + 0.01
 
 
 @pytest.mark.parametrize(("u", "duration"), [(0.0, 0.02), (0.5, 0.1), (MOST, 0.5)])
 def test_another_duration_has_the_same_impulse(u, duration):
-    found = longer_or_shorter(BASE, [u])
-    assert one(found).duration == pytest.approx(duration, abs=1e-4)
-    assert one(found).impulse == pytest.approx((60.0, -80.0, 0.0), abs=1e-3)
+    found = draw.longer_or_shorter(BASE, [u])
+    (push,) = found.pushes
+    assert push.duration == pytest.approx(duration, abs=1e-4)
+    assert push.impulse == pytest.approx((60.0, -80.0, 0.0), abs=1e-3)
     assert replace(found, pushes=BASE.pushes) == BASE
 
 
 def test_another_place_on_either_body():
-    trunk = one(elsewhere(BASE, [0.49, 0.0, 0.5, MOST]))
+    (trunk,) = draw.elsewhere(BASE, [0.49, 0.0, 0.5, MOST]).pushes
     assert (trunk.body, trunk.offset) == ("trunk", (-0.10, 0.0, 0.25))
     assert trunk.force == pytest.approx((360.0, -480.0, 0.0))
-    pelvis = one(elsewhere(BASE, [0.5, MOST, 0.0, 0.5]))
+    (pelvis,) = draw.elsewhere(BASE, [0.5, MOST, 0.0, 0.5]).pushes
     assert (pelvis.body, pelvis.offset, pelvis.force) == ("pelvis", (0.08, -0.10, 0.0), PUSH.force)
 
 
 def test_another_robot():
-    assert another_robot(BASE, [0.0] * 9).errors == ModelErrors(mass=-0.15, trunk_com=(-0.03, -0.03, -0.03))
-    most = another_robot(BASE, [MOST] * 9).errors
+    least = draw.another_robot(BASE, [0.0] * 9).errors
+    assert least == ModelErrors(mass=-0.15, trunk_com=(-0.03, -0.03, -0.03))
+    most = draw.another_robot(BASE, [MOST] * 9).errors
     assert most == ModelErrors(
         mass=0.15, payload=8.0, trunk_com=(0.03, 0.03, 0.03), joint_friction=1.5, armature=0.04, delay=0.008,
         dcm_noise=0.004,
     )  # fmt: skip
-    half = another_robot(BASE, [0.5] * 9).errors
+    half = draw.another_robot(BASE, [0.5] * 9).errors
     assert half == ModelErrors(payload=4.0, joint_friction=0.75, armature=0.02, delay=0.004, dcm_noise=0.002)
-    assert another_robot(BASE, [0.5] * 9).pushes == BASE.pushes
+    assert draw.another_robot(BASE, [0.5] * 9).pushes == BASE.pushes
 
 
 def test_another_floor():
-    assert another_floor(BASE, [0.0, 0.5, 0.0]).errors == ModelErrors(friction=0.45)
-    uphill = another_floor(BASE, [0.5, MOST, 0.25]).errors  # a quarter turn: to the left
-    assert uphill == ModelErrors(slope_left=0.07)
-    back = another_floor(BASE, [0.5, 0.0, 0.5]).errors
-    assert back == ModelErrors(slope_forward=-0.02)
-    assert another_floor(BASE, [0.9, 0.0, 0.0]).errors == ModelErrors(floor_step=0.005)
-    kinds = [set(s.errors.names) for s in shifted_scenarios("shift-floor", "s", 1, 2)]
+    for point, errors in (
+        ([0.0, 0.5, 0.0], ModelErrors(friction=0.45)),
+        ([0.5, MOST, 0.25], ModelErrors(slope_left=0.07)),  # a quarter turn: to the left
+        ([0.5, 0.0, 0.5], ModelErrors(slope_forward=-0.02)),
+        ([0.9, 0.0, 0.0], ModelErrors(floor_step=0.005)),
+    ):
+        assert draw.another_floor(BASE, point).errors == errors
+    kinds = [set(s.errors.names) for s in draw.shifted_scenarios("shift-floor", "s", 1, 2)]
     counts = [sum(bool(names & wanted) for names in kinds)
               for wanted in ({"friction"}, {"slope_forward", "slope_left"}, {"floor_step"})]  # fmt: skip
     assert sum(counts) == 256
@@ -214,14 +186,14 @@ def test_another_floor():
 
 def test_repeated_pushes_turn_and_alternate():
     """Step 0 stands on the left, so the first step from 4 on that stands on the right is 5."""
-    found = repeated(BASE, [0.5, 0.0, 0.25]).pushes  # 2 + int(0.5 x 4) = 4, each a quarter turn further
+    found = draw.repeated(BASE, [0.5, 0.0, 0.25]).pushes  # 2 + int(0.5 x 4) = 4, each a quarter turn further
     assert [push.start for push in found] == [
         GaitEvent(5, "right", 0.25), GaitEvent(6, "left", 0.25), GaitEvent(7, "right", 0.25),
         GaitEvent(8, "left", 0.25),
     ]  # fmt: skip
     quarter = [(330.0, -440.0), (440.0, 330.0), (-330.0, 440.0), (-440.0, -330.0)]
     assert np.array([push.force[:2] for push in found]) == pytest.approx(np.array(quarter), abs=2e-3)
-    wide = repeated(BASE, [MOST, MOST, 0.0]).pushes
+    wide = draw.repeated(BASE, [MOST, MOST, 0.0]).pushes
     assert [push.start.step_index("left") for push in wide] == [5, 8, 11, 14, 17]
     assert [push.direction for push in wide] == pytest.approx([math.atan2(-0.8, 0.6)] * 5, abs=1e-5)
-    assert len(repeated(BASE, [0.0, 0.0, 0.0]).pushes) == 2
+    assert len(draw.repeated(BASE, [0.0, 0.0, 0.0]).pushes) == 2

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile
-from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -18,44 +18,11 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import rollout, rollout_batch
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.outcome import Score, failure_label
+from push_recovery.eval.rollout.outcome import failure_label
 from push_recovery.eval.rollout.workers import CHUNKS_A_WORKER, Runner, make_chunks
-from push_recovery.eval.score.evaluate import compare, evaluate, limit_summary
-from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, fall_cell, scan
-from push_recovery.eval.score.suites import Suite, standard_suite
-
-
-def row(survived, first, **shares):
-    return {"survived": survived, "recovered": survived, "first_limit": first, "limit_shares": shares}
-
-
-ROWS = [
-    row(False, "cop", cop=0.5, contact=0.2),
-    row(False, "contact", contact=0.4),
-    row(False, "cop", cop=0.1),
-    row(True, "cop", cop=0.2),
-    row(True, None),
-    {**row(True, "contact", contact=0.9), "recovered": False},  # stands unsettled: neither
-]
-
-
-def test_falls_and_recoveries_are_counted_apart():
-    summary = limit_summary(ROWS)
-    assert summary["falls"] == {
-        "cop": {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
-        "contact": {"first": 1, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)},
-    }
-    assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
-
-
-def test_a_fall_is_told_by_the_bound_met_first_and_the_three_met_longest():
-    shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
-    falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
-    longest = sorted(
-        ("contact", "leg_reach"), key=LIMIT_NAMES.index
-    )  # of equal ones in the order of the bounds
-    assert fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
-    assert fall_cell([{"first_limit": None, "limit_shares": {}}]) == "-"
+from push_recovery.eval.score.evaluate import compare, evaluate
+from push_recovery.eval.score.frontier import FrontierSettings, ScanJob, scan
+from push_recovery.eval.score.suites import Suite, get_suite
 
 
 def test_an_outcome_says_what_was_met_and_when_the_same_alone_and_in_a_batch():
@@ -80,7 +47,7 @@ def test_an_environment_without_a_record_meets_nothing():
     assert (out.first_limit, out.limits_met, out.limit_shares) == (None, {}, {})
 
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:24])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:24])
 
 
 @pytest.fixture
@@ -99,9 +66,7 @@ def test_rollout_of_the_three_ends(policies):
     calm = Scenario("calm", (polar_push(1.0, 0.0, 0.1, 1.0),))
     out = rollout(env, weak, calm, "weak")
     assert (out.survived, out.recovered, out.failure_reason) == (True, True, None)
-    assert out.end_time == pytest.approx(5.1)
-    assert out.env_steps == 102
-    assert out.total_reward == 102.0
+    assert (out.end_time, out.env_steps, out.total_reward) == (pytest.approx(5.1), 102, 102.0)
     out = rollout(env, weak, Scenario("far", (polar_push(800.0, np.pi / 2, 0.1, 1.0),)), "weak")
     assert (out.survived, out.recovered, out.failure_reason) == (False, False, "sideways")
     assert out.end_time < 3.0
@@ -111,14 +76,6 @@ def test_rollout_of_the_three_ends(policies):
     assert (out.survived, out.recovered) == (True, False)
     assert failure_label(out.to_dict()) == "not_settled"
     assert rollout(env, strong, Scenario("none", duration=1.0), "strong").psi_deg is None
-
-
-def test_rollout_is_bit_identical_in_any_order(policies):
-    env = make_env(toy.ENV_ID)
-    policy = load_policy(policies[1], env)
-    first = [rollout(env, policy, s, "p").to_dict() for s in SUITE.scenarios]
-    second = [rollout(env, policy, s, "p").to_dict() for s in reversed(SUITE.scenarios)]
-    assert json.dumps(first) == json.dumps(second[::-1])
 
 
 def test_policy_is_told_of_each_episode(policies):
@@ -133,9 +90,8 @@ def test_policy_is_told_of_each_episode(policies):
 
     env, recorder = make_env(toy.ENV_ID), Recorder()
     for _ in range(2):
-        recorder.calls.clear()
         rollout(env, recorder, Scenario("short", duration=0.2), "recorder")
-        assert recorder.calls == [(None, True), (1, False), (2, False), (3, False)]
+    assert recorder.calls == 2 * [(None, True), (1, False), (2, False), (3, False)]
 
 
 def test_workers_and_order_change_nothing(policies, tmp_path):
@@ -154,6 +110,9 @@ def test_workers_and_order_change_nothing(policies, tmp_path):
         assert entry["survived"] == sum(row["survived"] for row in alone.rows[name])
         assert entry["ci95"][0] <= entry["rate"] <= entry["ci95"][1]
     assert alone.score(policies[1]).rate > alone.score(policies[0]).rate
+    keys = ("scenario_id", "impulse", "psi_deg", "command")
+    pushed = [[[row[key] for key in keys] for row in alone.rows[name]] for name in policies]
+    assert pushed[0] == pushed[1]  # every arm meets the same pushes
 
 
 @pytest.mark.parametrize("workers", [1, 2, 64])
@@ -167,38 +126,22 @@ def test_chunks_hold_every_scenario_once_and_leave_no_worker_idle(workers):
     assert len(chunks) >= min(29, CHUNKS_A_WORKER * workers)
 
 
-def test_pushes_are_the_same_for_every_arm(policies, tmp_path):
-    rows = evaluate(SUITE, toy.ENV_ID, policies, 1, tmp_path / "a").rows
-    keys = ("scenario_id", "impulse", "psi_deg", "command")
-    pushed = [[tuple(map(str, (row[k] for k in keys))) for row in rows[name]] for name in policies]
-    assert pushed[0] == pushed[1]
-
-
-def test_a_killed_run_resumes_to_the_same_content(policies, tmp_path):
+def test_a_killed_run_resumes_to_the_same_content(policies, tmp_path, interrupted):
     whole = evaluate(SUITE, toy.ENV_ID, policies, 1, tmp_path / "whole")
     path = tmp_path / "killed" / "outcomes.jsonl"
-    seen = []
-
-    def stop(row):
-        seen.append(row)
-        if len(seen) == 17:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent, on_row=stop)
-    assert len(path.read_text().splitlines()) == 17
-    with path.open("a") as file:
-        file.write('{"scenario_id": "standard-00')  # torn by the kill
-    added = []
-    again = evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent, on_row=added.append)
-    assert len(added) == 48 - 17
-    assert again.rows == whole.rows
-    assert sorted(path.read_text().splitlines()) == sorted(
-        (tmp_path / "whole" / "outcomes.jsonl").read_text().splitlines()
-    )
+    interrupted(17, evaluate, SUITE, toy.ENV_ID, policies, 1, path.parent)
+    kept = path.read_text()
+    assert len(kept.splitlines()) == 17
+    path.write_text(kept + '{"scenario_id": "standard-00')  # torn by the kill
+    assert evaluate(SUITE, toy.ENV_ID, policies, 1, path.parent).rows == whole.rows
+    assert path.read_text().startswith(kept)
+    lines = [
+        (folder / "outcomes.jsonl").read_text().splitlines() for folder in (path.parent, whole.directory)
+    ]
+    assert sorted(lines[0]) == sorted(lines[1])
 
 
-def test_directory_of_another_configuration_is_refused(policies, tmp_path):
+def test_a_directory_of_another_configuration_or_of_corrupt_rows_is_refused(policies, tmp_path):
     evaluate(SUITE, toy.ENV_ID, policies[:1], 1, tmp_path / "a")
     other = Suite("other", "1", SUITE.scenarios[:3])
     with pytest.raises(InvalidValueError, match=r"another configuration.*suite"):
@@ -209,15 +152,11 @@ def test_directory_of_another_configuration_is_refused(policies, tmp_path):
         evaluate(SUITE, toy.ENV_ID, policies[:1], 1, tmp_path / "a")
     evaluate(other, toy.ENV_ID, policies[:1], 1, tmp_path / "a", overwrite=True)
     assert len(rows_of(tmp_path / "a")) == 3
-
-
-def test_corrupt_rows_are_named(policies, tmp_path):
-    evaluate(SUITE, toy.ENV_ID, policies[:1], 1, tmp_path / "a")
     path = tmp_path / "a" / "outcomes.jsonl"
     lines = path.read_text().splitlines()
     path.write_text("\n".join([lines[0], "{nonsense", *lines[2:]]) + "\n")
     with pytest.raises(InvalidValueError, match="line 2"):
-        evaluate(SUITE, toy.ENV_ID, policies[:1], 1, tmp_path / "a")
+        evaluate(other, toy.ENV_ID, policies[:1], 1, tmp_path / "a")
 
 
 def test_compare_pairs_outcomes(policies, tmp_path):
@@ -227,14 +166,6 @@ def test_compare_pairs_outcomes(policies, tmp_path):
     assert sum(content[key] for key in ("both", "only_a", "only_b", "neither")) == content["pairs"] == 24
     assert content["rate_difference"] == pytest.approx((content["only_a"] - content["only_b"]) / 24)
     assert content["ci95"][0] <= content["rate_difference"] <= content["ci95"][1]
-
-
-def test_score_counts_reasons():
-    row = {"recovered": False, "survived": False, "failure_reason": "height"}
-    unsettled = {**row, "survived": True, "failure_reason": None}
-    score = Score.of([row, row, unsettled, {**unsettled, "recovered": True}])
-    assert (score.recovered, score.survived, score.failures) == (1, 2, {"height": 2, "not_settled": 1})
-    assert Score.of([]).rate == 0.0
 
 
 def test_bad_names_fail_before_any_work(policies, tmp_path):
@@ -253,7 +184,7 @@ def test_bad_names_fail_before_any_work(policies, tmp_path):
     assert isinstance(make_env(toy.ENV_ID), gym.Env)
 
 
-SUITE_COMPARE = Suite("ten", "1", standard_suite().scenarios[:10])
+SUITE_COMPARE = Suite("ten", "1", get_suite("standard").scenarios[:10])
 #        both  only a    only b  neither
 OF_A = [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]  # recovered
 OF_B = [1, 1, 0, 0, 0, 0, 1, 0, 0, 0]
@@ -261,19 +192,15 @@ A_STOOD = [1, 1, 1, 1, 1, 1, 1, 1, 0, 0]  # survived
 B_STOOD = [1, 1, 1, 1, 1, 1, 1, 1, 1, 0]
 
 
-def test_pairs_are_counted_by_what_recovered(tmp_path):
-    a, b = (
-        toy.save_policy(tmp_path / f"{name}.safetensors", gain) for name, gain in (("a", 0.2), ("b", 8.0))
-    )
+def test_pairs_are_counted_by_what_recovered(policies, tmp_path):
+    a, b = policies
     evaluate(SUITE_COMPARE, toy.ENV_ID, [a, b], 1, tmp_path / "out")
     path = tmp_path / "out" / "outcomes.jsonl"
     place = {scenario.id: i for i, scenario in enumerate(SUITE_COMPARE.scenarios)}
-    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    rows = rows_of(path.parent)
     for row in rows:
-        i, (recovered, survived) = (
-            place[row["scenario_id"]],
-            {a: (OF_A, A_STOOD), b: (OF_B, B_STOOD)}[row["policy"]],
-        )
+        i = place[row["scenario_id"]]
+        recovered, survived = {a: (OF_A, A_STOOD), b: (OF_B, B_STOOD)}[row["policy"]]
         row["recovered"], row["survived"] = bool(recovered[i]), bool(survived[i])
         row["failure_reason"] = None if survived[i] else "height"
     path.write_text("".join(json.dumps(row) + "\n" for row in reversed(rows)))
@@ -290,15 +217,14 @@ def test_pairs_are_counted_by_what_recovered(tmp_path):
     assert turned["ci95"] == pytest.approx([-high, -low], abs=0.11)  # of a grid of tenths
 
 
-ENV_ID = "PushRecovery/Biped-v0"
-SUITE_BIPED = Suite("head", "1", standard_suite().scenarios[:3])
+PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+SUITE_BIPED = Suite("head", "1", get_suite("standard").scenarios[:3])
 
 
-def test_workers_and_order_change_nothing_biped(tmp_path):
+def test_workers_and_order_change_nothing_on_the_biped(tmp_path):
     names = ["stage-1", "two-stage"]
-    alone = evaluate(SUITE_BIPED, ENV_ID, names, 1, tmp_path / "a")
-    many = evaluate(SUITE_BIPED, ENV_ID, names[::-1], 2, tmp_path / "b")
-    assert json.dumps([alone.rows[n] for n in names]) == json.dumps([many.rows[n] for n in names])
+    alone = evaluate(SUITE_BIPED, BIPED, names, 1, tmp_path / "a").rows
+    assert evaluate(SUITE_BIPED, BIPED, names[::-1], 2, tmp_path / "b").rows == alone
 
 
 def test_bench_has_the_keys_of_the_contract(capsys):
@@ -310,28 +236,26 @@ def test_bench_has_the_keys_of_the_contract(capsys):
         assert 0 < content[key]["median"] <= content[key]["p99"]
 
 
-ENV_ID_PENDULUM = "PushRecovery/Pendulum-v0"
-SUITE_PENDULUM = Suite("head", "1", standard_suite().scenarios[:12])
+SUITE_PENDULUM = Suite("head", "1", get_suite("standard").scenarios[:12])
 
 
 @pytest.fixture(scope="module")
 def runner():
-    return Runner(ENV_ID_PENDULUM)
+    return Runner(PENDULUM)
 
 
 @pytest.mark.parametrize("name", ["two-stage", "random"])
 def test_order_changes_nothing(runner, name):
-    first = [runner.run((name, scenario)).to_dict() for scenario in SUITE_PENDULUM.scenarios[:6]]
-    second = [runner.run((name, scenario)).to_dict() for scenario in SUITE_PENDULUM.scenarios[5::-1]]
+    jobs = [(name, scenario) for scenario in SUITE_PENDULUM.scenarios[:6]]
+    first, second = ([runner.run(job).to_dict() for job in order] for order in (jobs, jobs[::-1]))
     assert json.dumps(first) == json.dumps(second[::-1])
 
 
 def test_two_stage_recovers_more_than_passive(runner):
-    recovered = {
-        name: sum(runner.run((name, scenario)).recovered for scenario in SUITE_PENDULUM.scenarios)
-        for name in ("passive", "two-stage")
-    }
-    assert recovered["two-stage"] > recovered["passive"]
+    def recovered(name):
+        return sum(runner.run((name, scenario)).recovered for scenario in SUITE_PENDULUM.scenarios)
+
+    assert recovered("two-stage") > recovered("passive")
 
 
 @pytest.mark.parametrize("psi", [-90.0, 30.0, 90.0])
@@ -339,12 +263,8 @@ def test_mirrored_scenario_has_the_mirrored_outcome(runner, psi):
     push = polar_push(300.0, np.radians(psi), 0.1, GaitEvent(4, "left", 0.3))
     scenario = Scenario("push", (push,), Command(0.2, 0.1))
     a, b = (runner.run(("two-stage", s)) for s in (scenario, scenario.mirrored()))
-    assert (a.survived, a.recovered, a.failure_reason, a.env_steps) == (
-        b.survived,
-        b.recovered,
-        b.failure_reason,
-        b.env_steps,
-    )
+    for field in ("survived", "recovered", "failure_reason", "env_steps"):
+        assert getattr(a, field) == getattr(b, field)
     assert a.total_reward == pytest.approx(b.total_reward, rel=1e-9)
 
 
@@ -356,26 +276,16 @@ def test_an_unpushed_walk_recovers_at_every_command(runner):
 
 
 def test_frontier_lies_under_the_limit(runner):
-    from push_recovery.controllers.model.capturability import max_recoverable_force
-
     for psi in (-90.0, 90.0):
-        row = scan(runner, ScanJob(FrontierSettings(ENV_ID_PENDULUM, 50.0), "two-stage", psi))
+        row = scan(runner, ScanJob(FrontierSettings(PENDULUM, 50.0), "two-stage", psi))
         limit = max_recoverable_force(runner.env.unwrapped.robot, np.radians(psi))  # type: ignore[attr-defined]
         assert 0.5 * limit < row["survived_N"] <= limit
 
 
-PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
-
-
 @pytest.fixture
 def preset(tmp_path):
-    path = tmp_path / "tuned.json"
-    PresetFile(
-        "biped",
-        {},
-        {"two-stage": {"beta_dcm": 900.0}},
-        {"limits": {"duration_max": 0.7}, "gait": {"apex": 0.08}},
-    ).save(path)
+    path, robot = tmp_path / "tuned.json", {"limits": {"duration_max": 0.7}, "gait": {"apex": 0.08}}
+    PresetFile("biped", {}, {"two-stage": {"beta_dcm": 900.0}}, robot).save(path)
     return path
 
 
@@ -385,14 +295,13 @@ def test_an_id_with_a_preset_makes_robot_and_arm_of_the_file(preset):
     assert env.unwrapped.core.settings.apex == 0.08
     policy = load_policy("two-stage", env)
     assert (policy.config.beta_dcm, policy.limits.duration_max) == (900.0, 0.7)
-    assert (
-        load_policy("stage-1", env).config.beta_dcm == make_policy("stage-1", preset="biped").config.beta_dcm
-    )
+    base = make_policy("stage-1", preset="biped")
+    assert load_policy("stage-1", env).config.beta_dcm == base.config.beta_dcm
 
 
 def test_rows_of_a_preset_that_has_changed_are_refused(tmp_path, preset, capsys):
     suite, out = str(tmp_path / "suite.json"), str(tmp_path / "out")
-    Suite("two", "1", standard_suite().scenarios[:2]).save(Path(suite))
+    Suite("two", "1", get_suite("standard").scenarios[:2]).save(Path(suite))
     options = ["evaluate", "--env", PENDULUM, "--policies", "stage-1", "--workers", "1", "--json"]
     options += ["--suite", suite, "--preset", str(preset), "--out", out]
     assert main(options) == 0

@@ -14,6 +14,7 @@ from push_recovery.controllers.model.capturability import capture_margin, recove
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command
@@ -21,39 +22,16 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
-from push_recovery.eval.score.frontier import (
-    BEYOND,
-    FORCE_CAP,
-    OWN,
-    POINT_FOOT,
-    DirectionLimits,
-    Frontier,
-    FrontierSettings,
-    ScanJob,
-    Scanned,
-    default_grid,
-    direction_limits,
-    directions_deg,
-    fall_cell,
-    frontier,
-    frontier_table,
-    limit_curves,
-    limit_force,
-    limit_share,
-    multiples,
-    own_limit_force,
-    scan,
-    scan_upwards,
-)
-from push_recovery.eval.score.frontier import PAPER as PAPER_FORM
+from push_recovery.eval.score import frontier as scans
+from push_recovery.eval.score.frontier import FrontierSettings
 
 
 def test_the_largest_before_the_first_failure_and_at_all():
-    found = Scanned.of({30.0: False, 10.0: True, 20.0: True, 40.0: True, 50.0: False})
-    assert found == Scanned(survived=20.0, largest_survived=40.0, failed=(30.0, 50.0))
-    assert Scanned.of({10.0: False, 20.0: True}) == Scanned(0.0, 20.0, (10.0,))
-    assert Scanned.of({10.0: True, 20.0: True}) == Scanned(20.0, 20.0, ())
-    assert Scanned.of({}) == Scanned(0.0, 0.0, ())
+    found = scans.Scanned.of({30.0: False, 10.0: True, 20.0: True, 40.0: True, 50.0: False})
+    assert found == scans.Scanned(survived=20.0, largest_survived=40.0, failed=(30.0, 50.0))
+    assert scans.Scanned.of({10.0: False, 20.0: True}) == scans.Scanned(0.0, 20.0, (10.0,))
+    assert scans.Scanned.of({10.0: True, 20.0: True}) == scans.Scanned(20.0, 20.0, ())
+    assert scans.Scanned.of({}) == scans.Scanned(0.0, 0.0, ())
 
 
 @pytest.mark.parametrize("at_once", [1, 2, 5, 50])
@@ -65,23 +43,22 @@ def test_a_scan_ends_so_far_past_the_first_failure_whatever_runs_at_once(at_once
             asked.extend(chunk)
             yield from ((strength, strength not in {7.0, 9.0}) for strength in reversed(chunk))
 
-    found = scan_upwards(run, (float(k) for k in count(1)), 3.0, bool)
+    found = scans.scan_upwards(run, (float(k) for k in count(1)), 3.0, bool)
     assert found == {float(k): k not in {7, 9} for k in range(1, 11)}
     assert list(found) == sorted(found)
     assert len(asked) < 11 + at_once
 
 
 def test_a_scan_without_failure_takes_every_strength():
-    assert scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool) == {
-        1.0: True, 2.0: True,
-    }  # fmt: skip
+    found = scans.scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool)
+    assert found == {1.0: True, 2.0: True}
 
 
 def test_multiples_end_at_the_cap():
-    assert list(multiples(1500.0)) == [1500.0, 3000.0]
-    assert list(multiples(20.0))[-1] == FORCE_CAP
-    assert list(multiples(FORCE_CAP)) == [FORCE_CAP]
-    assert len(list(multiples(0.1))) == 40000  # 4000 / 0.1 is 40000 but for rounding
+    assert list(scans.multiples(1500.0)) == [1500.0, 3000.0]
+    assert list(scans.multiples(20.0))[-1] == scans.FORCE_CAP
+    assert list(scans.multiples(scans.FORCE_CAP)) == [scans.FORCE_CAP]
+    assert len(list(scans.multiples(0.1))) == 40000  # 4000 / 0.1 is 40000 but for rounding
 
 
 PAPER, PAPER_LIMITS = RobotModel(), GaitLimits.of(RobotModel())
@@ -93,41 +70,6 @@ def force_for(robot: RobotModel, shift: float) -> float:
     return shift * robot.mass * robot.omega**2 / (1.0 - math.exp(-robot.omega * DURATION))
 
 
-@pytest.mark.parametrize("command", [Command(0.3, 0.1), Command(0.3, -0.1), Command(-0.2, 0.15)])
-def test_the_limit_starts_from_the_gait_of_the_command(command):
-    """On left stance the swing side is the right one: a velocity to the left narrows the step."""
-    env = make_env("PushRecovery/Pendulum-v0")
-    gait = nominal_gait(PAPER, PAPER_LIMITS, (command.vx, -command.vy))
-    assert (gait.width < PAPER.pelvis_width) == (command.vy > 0)
-    x, y = step_start_dcm(gait, PAPER.pelvis_width, PAPER.omega)
-    bounds = recoverable_offset(PAPER, PAPER_LIMITS)
-    rooms = {
-        0.0: bounds.high[0] - x,
-        math.pi: x - bounds.low[0],
-        -math.pi / 2: bounds.high[1] - y,
-        math.pi / 2: y - bounds.low[1],
-    }
-    for psi, room in rooms.items():
-        expected = pytest.approx(force_for(PAPER, room))
-        assert limit_force(env, psi, DURATION, command) == expected
-        assert own_limit_force(env, psi, DURATION, command) == expected
-
-
-def test_the_own_limit_is_of_the_robots_box_and_the_papers_is_not():
-    small = GaitLimits(length_min=-0.3, length_max=0.3)
-    env = make_env("PushRecovery/Pendulum-v0", limits=small)
-    x, _ = step_start_dcm(nominal_gait(PAPER, small), PAPER.pelvis_width, PAPER.omega)
-    for found, limits in ((own_limit_force, small), (limit_force, PAPER_LIMITS)):
-        room = recoverable_offset(PAPER, limits).high[0] - x
-        assert found(env, 0.0, DURATION, Command()) == pytest.approx(force_for(PAPER, room))
-    point = recoverable_offset(PAPER, small, foot=False, flywheel=False).high[0] - x
-    found = own_limit_force(env, 0.0, DURATION, Command(), point_foot=True)
-    assert found == pytest.approx(force_for(PAPER, point))
-
-
-WALKS = [Command(), Command(0.3, 0.1), Command(-0.2, -0.15)]
-
-
 @pytest.fixture(scope="module")
 def env():
     made = make_env("PushRecovery/Pendulum-v0")
@@ -135,11 +77,43 @@ def env():
     made.close()
 
 
+@pytest.mark.parametrize("command", [Command(0.3, 0.1), Command(0.3, -0.1), Command(-0.2, 0.15)])
+def test_the_limit_starts_from_the_gait_of_the_command(env, command):
+    """On left stance the swing side is the right one: a velocity to the left narrows the step."""
+    gait = nominal_gait(PAPER, PAPER_LIMITS, (command.vx, -command.vy))
+    assert (gait.width < PAPER.pelvis_width) == (command.vy > 0)
+    x, y = step_start_dcm(gait, PAPER.pelvis_width, PAPER.omega)
+    bounds = recoverable_offset(PAPER, PAPER_LIMITS)
+    sagittal = (0.0, bounds.high[0] - x), (math.pi, x - bounds.low[0])
+    lateral = (-math.pi / 2, bounds.high[1] - y), (math.pi / 2, y - bounds.low[1])
+    for psi, room in (*sagittal, *lateral):
+        expected = pytest.approx(force_for(PAPER, room))
+        assert scans.limit_force(env, psi, DURATION, command) == expected
+        assert scans.own_limit_force(env, psi, DURATION, command) == expected
+
+
+def test_the_own_limit_is_of_the_robots_box_and_the_papers_is_not():
+    small = GaitLimits(length_min=-0.3, length_max=0.3)
+    env = make_env("PushRecovery/Pendulum-v0", limits=small)
+    x, _ = step_start_dcm(nominal_gait(PAPER, small), PAPER.pelvis_width, PAPER.omega)
+    for found, limits in ((scans.own_limit_force, small), (scans.limit_force, PAPER_LIMITS)):
+        room = recoverable_offset(PAPER, limits).high[0] - x
+        assert found(env, 0.0, DURATION, Command()) == pytest.approx(force_for(PAPER, room))
+    point = recoverable_offset(PAPER, small, foot=False, flywheel=False).high[0] - x
+    found = scans.own_limit_force(env, 0.0, DURATION, Command(), point_foot=True)
+    assert found == pytest.approx(force_for(PAPER, point))
+
+
+WALKS = [Command(), Command(0.3, 0.1), Command(-0.2, -0.15)]
+
+
 @pytest.mark.parametrize("command", WALKS)
 @pytest.mark.parametrize("psi", [0.0, 0.7, -2.1, 3.0])
 def test_at_the_start_of_a_left_stance_it_is_the_force_by_the_limit(env, command, psi):
     push = polar_push(120.0, psi, 0.1, GaitEvent(4, "left"))
-    assert limit_share(env, push, command) == pytest.approx(120.0 / own_limit_force(env, psi, 0.1, command))
+    assert scans.limit_share(env, push, command) == pytest.approx(
+        120.0 / scans.own_limit_force(env, psi, 0.1, command)
+    )
 
 
 @pytest.mark.parametrize("command", WALKS)
@@ -147,7 +121,7 @@ def test_at_the_start_of_a_left_stance_it_is_the_force_by_the_limit(env, command
 def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
     robot, limits = env.unwrapped.robot, env.unwrapped.limits
     push = polar_push(100.0, psi, 0.2, GaitEvent(4, "left", 0.6))
-    share = limit_share(env, push, command)
+    share = scans.limit_share(env, push, command)
     assert share is not None
     gait = nominal_gait(robot, limits, (command.vx, -command.vy))
     elapsed = 0.6 * gait.duration
@@ -157,15 +131,14 @@ def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
     assert capture_margin(robot, limits, elapsed, pushed) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_mirrored_push_has_the_same_share(env):
+def test_a_mirrored_push_has_the_same_share_and_one_at_a_time_has_none(env):
+    assert scans.limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
     push, command = polar_push(90.0, 1.1, 0.1, GaitEvent(4, "right", 0.3)), Command(0.2, 0.1)
-    mirrored = limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
-    assert limit_share(env, push, command) == pytest.approx(mirrored)
-    assert limit_share(env, push, command) != pytest.approx(limit_share(env, push.mirrored(), command))
-
-
-def test_no_share_of_a_push_at_a_time(env):
-    assert limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
+    mirrored = scans.limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
+    assert scans.limit_share(env, push, command) == pytest.approx(mirrored)
+    assert scans.limit_share(env, push, command) != pytest.approx(
+        scans.limit_share(env, push.mirrored(), command)
+    )
 
 
 class Holes:
@@ -184,26 +157,14 @@ class Holes:
         ok = bool(self.survives(force))
         limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
         recovered = ok and force < 100.0  # the largest force survived counts, settled or not
-        base = (
-            scenario.id,
-            policy,
-            ok,
-            recovered,
-            None,
-            None if ok else "low",
-            1.0,
-            1,
-            0.0,
-            force / 10,
-            0.0,
-            1,
-        )
-        return Outcome(*base, (0.0, 0.0), *limits)
+        end = None, None if ok else "low", 1.0, 1, 0.0
+        push = force / 10, 0.0, 1, (0.0, 0.0)
+        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *limits)
 
 
 def scan_with(survives, grid=20.0):
     runner = Holes(survives)
-    return scan(runner, ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
+    return scans.scan(runner, scans.ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
 
 
 def test_scan_goes_100_newtons_past_the_first_failure():
@@ -211,21 +172,29 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert (row["survived_N"], row["largest_survived_N"]) == (200.0, 280.0)
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
-    assert forces[-1] == 220.0 + BEYOND
+    assert forces[-1] == 220.0 + scans.BEYOND
+    row, forces = scan_with(lambda force: False, grid=10.0)  # always falls
+    assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
+    assert forces == [10.0 * k for k in range(1, 12)]
 
 
 def test_scan_keeps_the_limits_of_every_failed_force():
     row, _ = scan_with(lambda force: force < 310)
     assert [fall["force_N"] for fall in row["falls"]] == row["failed_N"]
     assert row["falls"][0] == {
-        "force_N": 320.0,
-        "failure_reason": "low",
-        "first_limit": "cop",
-        "limits_met": {"cop": 1.0, "contact": 1.1},
-        "limit_shares": {"cop": 0.25, "contact": 0.32},
-    }
-    assert fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
-    assert fall_cell([]) == "-"
+        "force_N": 320.0, "failure_reason": "low", "first_limit": "cop",
+        "limits_met": {"cop": 1.0, "contact": 1.1}, "limit_shares": {"cop": 0.25, "contact": 0.32},
+    }  # fmt: skip
+    assert scans.fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
+
+
+def test_a_fall_is_told_by_the_limit_met_first_and_the_three_met_longest():
+    """Of equal ones in the order of the limits."""
+    shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
+    falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
+    longest = sorted(("contact", "leg_reach"), key=LIMIT_NAMES.index)
+    assert scans.fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
+    assert scans.fall_cell([{"first_limit": None, "limit_shares": {}}]) == scans.fall_cell([]) == "-"
 
 
 class SideBySide(Holes):
@@ -242,48 +211,38 @@ def test_forces_side_by_side_change_nothing(first):
     def survives(force):
         return force < first or first + 45 < force < first + 90 or force > first + 150
 
-    job = ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
-    rows = [scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
+    job = scans.ScanJob(FrontierSettings("env", 20.0), "p", 30.0)
+    rows = [scans.scan(kind(survives), job) for kind in (Holes, SideBySide)]  # type: ignore[arg-type]
     assert rows[0] == rows[1]
 
 
-def test_scan_of_one_that_always_falls():
-    row, forces = scan_with(lambda force: False, grid=10.0)
-    assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
-    assert forces == [10.0 * k for k in range(1, 12)]
-
-
 def test_a_frontier_may_be_that_of_another_profile():
-    settings = FrontierSettings(DEFAULT_ENV, errors=ModelErrors(friction=0.5), profile="hardware")
+    settings = scans.FrontierSettings(DEFAULT_ENV, errors=ModelErrors(friction=0.5), profile="hardware")
     scenario, exact = settings.scenario(90.0, 140.0), replace(settings, profile="exact")
     assert scenario == HARDWARE.applied(exact.scenario(90.0, 140.0))
     assert (scenario.sensing, scenario.errors.friction) == ("onboard", 0.5)
     with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, hardware"):
-        FrontierSettings("env", profile="real")
+        scans.FrontierSettings("env", profile="real")
 
 
 def test_push_of_the_contract():
     scenario = FrontierSettings("env", command=Command(0.3)).scenario(90.0, 140.0)
-    push = scenario.pushes[0]
+    (push,) = scenario.pushes
     assert push.force == pytest.approx((0.0, 140.0, 0.0), abs=1e-12)
     assert push.start == GaitEvent(4, "left", 0.0)
-    assert (push.duration, push.body, scenario.stance_side, scenario.command) == (
-        0.1,
-        "pelvis",
-        "left",
-        Command(0.3),
-    )
+    assert (push.duration, push.body) == (0.1, "pelvis")
+    assert (scenario.stance_side, scenario.command) == ("left", Command(0.3))
     assert push.start.step_index("left") == 4  # type: ignore[union-attr]
 
 
 def test_grid_and_directions():
-    assert default_grid("PushRecovery/Pendulum-v0") == 10.0
-    assert default_grid("PushRecovery/Biped-v0") == default_grid(toy.ENV_ID) == 20.0
-    assert directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
+    assert scans.default_grid("PushRecovery/Pendulum-v0") == 10.0
+    assert scans.default_grid("PushRecovery/Biped-v0") == scans.default_grid(toy.ENV_ID) == 20.0
+    assert scans.directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
     with pytest.raises(InvalidValueError, match="directions"):
-        directions_deg(0)
+        scans.directions_deg(0)
     with pytest.raises(InvalidValueError, match="grid"):
-        FrontierSettings("env", grid=0.0)
+        scans.FrontierSettings("env", grid=0.0)
 
 
 def test_json_and_pictures(tmp_path, capsys):
@@ -317,8 +276,8 @@ def test_json_and_pictures(tmp_path, capsys):
 def test_workers_change_nothing(tmp_path):
     policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     settings = FrontierSettings(toy.ENV_ID, grid=50.0)
-    one = frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
-    two = frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
+    one = scans.frontier(settings, [policy], 4, 1, tmp_path / "one").to_dict(policy)
+    two = scans.frontier(settings, [policy], 4, 2, tmp_path / "two").to_dict(policy)
     assert one == two
 
 
@@ -326,7 +285,7 @@ def test_workers_change_nothing(tmp_path):
 def test_limit_is_the_papers_in_place(psi, force):
     # l_p 0.2 m, foot 0.2 x 0.1 m, T 0.65 s; on the left stance a push to the left is the hard one
     env = make_env(toy.ENV_ID)
-    assert limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
+    assert scans.limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
 
 
 def test_own_limit_is_that_of_the_environments_own_box():
@@ -336,46 +295,34 @@ def test_own_limit_is_that_of_the_environments_own_box():
     mass, omega = 60.0, math.sqrt(9.81 / env.unwrapped.robot.com_height)  # type: ignore[attr-defined]
     offset = 0.3 / (math.exp(0.4 * omega) - 1.0)
     expected = mass * omega**2 * offset / (1.0 - math.exp(-0.1 * omega))
-    assert own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
-    found = direction_limits(env, 0.0, 0.1, Command())
-    assert expected < found.own < found.paper == limit_force(env, 0.0, 0.1, Command())
-
-
-def test_limit_curves_name_both_yardsticks():
-    env = make_env(toy.ENV_ID)
-    curves = limit_curves(env, [0.0, -90.0], 0.1, Command())
-    assert list(curves) == [OWN, PAPER_FORM, POINT_FOOT]
-    for k, psi in enumerate((0.0, -90.0)):
-        limit = direction_limits(env, psi, 0.1, Command())
-        assert (curves[OWN][k], curves[PAPER_FORM][k]) == (limit.own, limit.paper)
-        assert curves[POINT_FOOT][k] < limit.own
-
-
-def test_share_of_no_limit_is_none():
-    assert DirectionLimits.share(50.0, 200.0) == 0.25
-    assert DirectionLimits.share(50.0, 0.0) is None
+    assert scans.own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
+    found = scans.direction_limits(env, 0.0, 0.1, Command())
+    assert expected < found.own < found.paper == scans.limit_force(env, 0.0, 0.1, Command())
+    curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
+    assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT]
+    for psi, own, paper, point in zip((0.0, -90.0), *curves.values(), strict=True):
+        assert scans.DirectionLimits(own, paper) == scans.direction_limits(env, psi, 0.1, Command())
+        assert point < own
 
 
 def row(psi, survived, largest):
     return {"policy": "p", "psi_deg": psi, "survived_N": survived, "largest_survived_N": largest, "falls": []}
 
 
-FRONTIER = Frontier(
+FRONTIER = scans.Frontier(
     FrontierSettings("env"),
     {"p": [row(0.0, 100.0, 100.0), row(180.0, 150.0, 240.0)]},
-    {0.0: DirectionLimits(own=400.0, paper=200.0), 180.0: DirectionLimits(own=300.0, paper=0.0)},
+    {0.0: scans.DirectionLimits(own=400.0, paper=200.0), 180.0: scans.DirectionLimits(own=300.0, paper=0.0)},
     Path("out"),
 )
 
 
-def test_shares_are_of_the_own_box_then_of_the_papers():
-    first, second = frontier_table(FRONTIER).rows
+def test_shares_are_of_the_own_box_then_of_the_papers_in_the_table_and_in_the_contracts_object():
+    first, second = scans.frontier_table(FRONTIER).rows
     assert first == ("0", "400", "200", "100 (0.25, 0.50)", "-")
     assert second == ("180", "300", "0", "150 (0.50, -; 240)", "-")  # more survived beyond the first failure
-    assert frontier_table(FRONTIER).columns == ("psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by")
-
-
-def test_the_contracts_object_holds_both_limits():
+    columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by"
+    assert scans.frontier_table(FRONTIER).columns == columns
     entry, _ = FRONTIER.to_dict("p")["directions"]
     assert entry == {
         "psi_deg": 0.0, "survived_N": 100.0, "largest_survived_N": 100.0, "limit_N": 200.0, "fraction": 0.5,

@@ -10,20 +10,12 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout.names import DEFAULT_ENV
+from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
-from push_recovery.eval.score.leaderboard import (
-    add_entry,
-    board_page,
-    entry_of,
-    read_board,
-    read_submission,
-    run_again,
-    sample_of,
-)
 from push_recovery.eval.score.report import write_evaluation_reports
-from push_recovery.eval.score.suites import Suite, standard_suite, with_profile
+from push_recovery.eval.score.suites import Suite, get_suite, with_profile
 
-SUITE = Suite("head", "1", standard_suite().scenarios[:12])
+SUITE = Suite("head", "1", get_suite("standard").scenarios[:12])
 
 
 @pytest.fixture
@@ -45,8 +37,8 @@ def write_rows(out, rows: list[dict]) -> None:
 
 
 def check(out, suite, size: int = 12) -> None:
-    submission = read_submission(out, suite)
-    run_again(submission, sample_of(submission, size, seed=1))
+    submission = leaderboard.read_submission(out, suite)
+    leaderboard.run_again(submission, leaderboard.sample_of(submission, size, seed=1))
 
 
 def test_true_results_are_taken_and_ranked(given, tmp_path, capsys):
@@ -63,9 +55,9 @@ def test_true_results_are_taken_and_ranked(given, tmp_path, capsys):
         assert entry["checked"] == 5
         assert entry["score"]["recovered"] == sum(r["recovered"] for r in rows_in(out) if r["policy"] == name)
     assert main(argv) == 0  # once more changes nothing
-    assert len(read_board(board)) == 2
+    assert len(leaderboard.read_board(board)) == 2
     page = (board / "README.md").read_text()
-    assert page == board_page(read_board(board))
+    assert page == leaderboard.board_page(leaderboard.read_board(board))
     assert page.index(strong) < page.index(weak)  # the better one first
     assert f"Suite SHA-256 `{SUITE.sha256}`" in page
 
@@ -73,19 +65,14 @@ def test_true_results_are_taken_and_ranked(given, tmp_path, capsys):
 def test_an_altered_row_that_is_sampled_is_refused(given):
     """It agrees with itself and with the report, so that only running it again tells."""
     out, suite, (weak, _) = given
-    rows = rows_in(out)
-    row = next(r for r in rows if r["policy"] == weak and not r["survived"])
+    rows, true = rows_in(out), rows_in(out)
+    row = next(r for r in true if r["policy"] == weak and not r["survived"])
     row |= {"survived": True, "recovered": True, "recovered_at": 3.0, "failure_reason": None}
-    write_rows(out, rows)
+    write_rows(out, true)
     (out / "report.json").unlink()
-    read_submission(out, suite)
+    leaderboard.read_submission(out, suite)
     with pytest.raises(InvalidValueError, match=f"{row['scenario_id']}.*recovered is True, again False"):
         check(out, suite)
-
-
-def test_the_last_bit_of_a_row_counts(given):
-    out, suite, _ = given
-    rows = rows_in(out)
     rows[3]["total_reward"] += 1e-12 * rows[3]["total_reward"]
     write_rows(out, rows)
     with pytest.raises(InvalidValueError, match="total_reward"):
@@ -95,16 +82,10 @@ def test_the_last_bit_of_a_row_counts(given):
 @pytest.mark.parametrize(
     "change",
     [
-        {"survived": True},  # of a robot that fell
-        {"impulse": 1.0},
-        {"psi_deg": 12.0},
-        {"command": [0.1, 0.0]},
-        {"pushes": 2},
-        {"surprise": 1},
-        {"survived": 0, "failure_reason": "forward"},
-        {"limits_met": 3},
+        {"survived": True}, {"impulse": 1.0}, {"psi_deg": 12.0}, {"command": [0.1, 0.0]}, {"pushes": 2},
+        {"surprise": 1}, {"survived": 0, "failure_reason": "forward"}, {"limits_met": 3},
     ],
-)
+)  # fmt: skip
 def test_a_row_that_contradicts_its_scenario_or_itself_is_refused_unrun(given, change):
     out, suite, (weak, _) = given
     rows = rows_in(out)
@@ -112,26 +93,22 @@ def test_a_row_that_contradicts_its_scenario_or_itself_is_refused_unrun(given, c
     row |= change
     write_rows(out, rows)
     with pytest.raises(InvalidValueError, match=row["scenario_id"]):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
 
 
 def test_rows_that_lack_or_come_twice(given):
     out, suite, (weak, _) = given
     rows = rows_in(out)
-    write_rows(out, rows[1:])
-    with pytest.raises(
-        InvalidValueError, match=f"lacks 1 rows of '{weak}', such as '{rows[0]['scenario_id']}'"
+    *but_last, last = rows
+    for changed, message in (
+        (rows[1:], f"lacks 1 rows of '{weak}', such as '{rows[0]['scenario_id']}'"),
+        ([*rows, rows[4]], "more than once"),
+        ([*but_last, {**last, "policy_sha256": "0" * 64}], "several contents"),
+        ([*but_last, {**last, "scenario_id": "other"}], "no row of suite 'head'"),
     ):
-        read_submission(out, suite)
-    write_rows(out, [*rows, rows[4]])
-    with pytest.raises(InvalidValueError, match="more than once"):
-        read_submission(out, suite)
-    write_rows(out, [*rows[:-1], {**rows[-1], "policy_sha256": "0" * 64}])
-    with pytest.raises(InvalidValueError, match="several contents"):
-        read_submission(out, suite)
-    write_rows(out, [*rows[:-1], {**rows[-1], "scenario_id": "other"}])
-    with pytest.raises(InvalidValueError, match="no row of suite 'head'"):
-        read_submission(out, suite)
+        write_rows(out, changed)
+        with pytest.raises(InvalidValueError, match=message):
+            leaderboard.read_submission(out, suite)
 
 
 def test_a_report_with_other_counts_is_refused(given):
@@ -140,62 +117,55 @@ def test_a_report_with_other_counts_is_refused(given):
     report["policies"][weak]["recovered"] += 1
     (out / "report.json").write_text(json.dumps(report))
     with pytest.raises(InvalidValueError, match="recovered"):
-        read_submission(out, suite)
+        leaderboard.read_submission(out, suite)
 
 
-@pytest.mark.parametrize(("key", "value"), [("code", "0" * 64), ("env", "PushRecovery/Biped-v0")])
-def test_results_of_something_else_are_refused(given, key, value):
-    out, suite, _ = given
-    config = json.loads((out / "config.json").read_text())
-    (out / "config.json").write_text(json.dumps({**config, key: value}))
-    with pytest.raises(InvalidValueError):
-        check(out, suite)
-
-
-def test_another_suite_is_refused(given, tmp_path):
-    out, _, _ = given
+def test_results_of_something_else_are_refused(given, tmp_path):
+    out, suite, (weak, _) = given
+    content = (out / "config.json").read_text()
+    for key, value in (("code", "0" * 64), ("env", "PushRecovery/Biped-v0")):
+        (out / "config.json").write_text(json.dumps({**json.loads(content), key: value}))
+        with pytest.raises(InvalidValueError):
+            check(out, suite)
+    (out / "config.json").write_text(content)
     Suite("head", "1", SUITE.scenarios[:11]).save(tmp_path / "other.json")
     with pytest.raises(InvalidValueError, match="another suite"):
-        read_submission(out, str(tmp_path / "other.json"))
+        leaderboard.read_submission(out, str(tmp_path / "other.json"))
     with pytest.raises(InvalidValueError, match="not built in"):
-        read_submission(out)  # no built-in suite of that name
-
-
-def test_a_policy_file_that_is_another_one_now_is_refused(given):
-    out, suite, (weak, _) = given
+        leaderboard.read_submission(out)  # no built-in suite of that name
     toy.save_policy(weak, 0.3)
     with pytest.raises(InvalidValueError, match="not the one of the rows"):
         check(out, suite)
 
 
-def test_a_built_in_suite_is_found_with_its_profile(tmp_path):
-    from push_recovery.eval.score.leaderboard import _suite
-    from push_recovery.eval.score.suites import get_suite
-
-    assert _suite("quick-1+hardware", None, DEFAULT_ENV) == with_profile(get_suite("quick-1"), HARDWARE)
-    assert _suite("hardware", None, DEFAULT_ENV) == get_suite("hardware")
+def test_a_built_in_suite_is_found_with_its_profile():
+    found = leaderboard._suite("quick-1+hardware", None, DEFAULT_ENV)
+    assert found == with_profile(get_suite("quick-1"), HARDWARE)
+    assert leaderboard._suite("hardware", None, DEFAULT_ENV) == get_suite("hardware")
 
 
 def test_samples_are_of_the_size_asked_for_and_new_each_time(given):
-    submission = read_submission(given[0], given[1])
-    assert [len(sample) for sample in sample_of(submission, 5).values()] == [5, 5]
-    assert [len(sample) for sample in sample_of(submission, 99).values()] == [12, 12]
-    assert sample_of(submission, 5, seed=3) == sample_of(submission, 5, seed=3)
-    assert len({tuple(s.id for s in next(iter(sample_of(submission, 5).values()))) for _ in range(9)}) > 1
+    submission = leaderboard.read_submission(given[0], given[1])
+    assert [len(sample) for sample in leaderboard.sample_of(submission, 5).values()] == [5, 5]
+    assert [len(sample) for sample in leaderboard.sample_of(submission, 99).values()] == [12, 12]
+    assert leaderboard.sample_of(submission, 5, seed=3) == leaderboard.sample_of(submission, 5, seed=3)
+    drawn = [next(iter(leaderboard.sample_of(submission, 5).values())) for _ in range(9)]
+    assert len({tuple(scenario.id for scenario in sample) for sample in drawn}) > 1
 
 
 def test_entries_of_other_code_stand_beside(given, tmp_path):
     out, suite, (weak, _) = given
-    entry = entry_of(read_submission(out, suite), weak, 5)
+    entry = leaderboard.entry_of(leaderboard.read_submission(out, suite), weak, 5)
     board = tmp_path / "board"
-    first, second = add_entry(board, entry), add_entry(board, {**entry, "code": "1" * 64})
+    first = leaderboard.add_entry(board, entry)
+    second = leaderboard.add_entry(board, {**entry, "code": "1" * 64})
     assert first != second
-    assert len(read_board(board)) == 2
-    assert add_entry(board, {**entry, "checked": 12}) == first
-    assert {entry["checked"] for entry in read_board(board)} == {12, 5}
+    assert len(leaderboard.read_board(board)) == 2
+    assert leaderboard.add_entry(board, {**entry, "checked": 12}) == first
+    assert {entry["checked"] for entry in leaderboard.read_board(board)} == {12, 5}
     first.rename(first.with_name("0000.json"))
     with pytest.raises(InvalidValueError, match="belongs in"):
-        read_board(board)
+        leaderboard.read_board(board)
 
 
 def test_what_is_no_directory_of_results(tmp_path, capsys):
@@ -215,10 +185,7 @@ def test_a_second_writer_of_a_board_is_refused(given, tmp_path, capsys):
     assert "error: another run (process " in capsys.readouterr().err
 
 
-def test_the_page_of_the_documentation_is_made_of_its_entries():
+def test_the_page_of_the_documentation_is_made_of_its_entries_and_an_empty_board_says_so(tmp_path):
     board = Path(__file__).parents[3] / "docs" / "leaderboard"
-    assert (board / "README.md").read_text() == board_page(read_board(board))
-
-
-def test_an_empty_board_says_so(tmp_path):
-    assert "No results yet" in board_page(read_board(tmp_path))
+    assert (board / "README.md").read_text() == leaderboard.board_page(leaderboard.read_board(board))
+    assert "No results yet" in leaderboard.board_page(leaderboard.read_board(tmp_path))

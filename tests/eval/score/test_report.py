@@ -2,37 +2,21 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
-from push_recovery.eval.score.evaluate import Evaluation
-from push_recovery.eval.score.report import (
-    MEASURES,
-    Measure,
-    effort_summary,
-    effort_table,
-    evaluation_tables,
-    first_limits,
-    groups_of,
-    kept_table,
-    kinds_table,
-    limit_details,
-    limits_table,
-    pairs_table,
-    profiles_table,
-    rates_table,
-    reasons_of,
-    reasons_table,
-    recovered_after,
-    write_profiles,
-)
-from push_recovery.eval.score.suites import Suite, standard_suite
+from push_recovery.eval.rollout.outcome import recovered_after
+from push_recovery.eval.score import report
+from push_recovery.eval.score.evaluate import Evaluation, limit_summary
+from push_recovery.eval.score.suites import Suite, get_suite
 
-SCENARIOS = standard_suite().scenarios[:3]
+SCENARIOS = get_suite("standard").scenarios[:3]
 
 
 def row(recovered_at, energy, **more):
@@ -44,22 +28,22 @@ def row(recovered_at, energy, **more):
     return {**kept, "measures": {**measures, **more}}
 
 
-def evaluation(**rows):
+def three(**rows):
     return Evaluation(Suite("three", "1", SCENARIOS), "env", rows, Path("out"), 0.0)
 
 
 def test_medians_are_over_the_pushes_that_all_policies_recover_from():
-    found = evaluation(
+    found = three(
         p=[row(4.0, 1000.0), row(5.0, 9000.0), row(4.5, 3000.0, smallest_margin=None)],
         q=[row(5.5, 2000.0, steps=11), row(None, 1.0), row(6.5, 2500.0, steps=14)],
     )
-    together, summary = effort_summary(found)
+    together, summary = report.effort_summary(found)
     assert (together, SCENARIOS[0].settle_time) == (2, 4.0)  # so that the last push ended at 3 s
     assert summary["p"]["recovered_after"] == pytest.approx((1.0 + 1.5) / 2)
     assert summary["q"]["recovered_after"] == pytest.approx((2.5 + 3.5) / 2)
     assert (summary["p"]["energy"], summary["q"]["energy"]) == (2000.0, 2250.0)
     assert (summary["p"]["smallest_margin"], summary["q"]["steps"]) == (0.125, 12.5)
-    table = effort_table(found)
+    table = report.effort_table(found)
     assert table.columns == (
         "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
         "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
@@ -72,20 +56,20 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
 
 
 def test_a_new_measure_is_one_entry(monkeypatch):
-    lasted = Measure("lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
-    monkeypatch.setitem(MEASURES, "lasted", lasted)
-    table = effort_table(evaluation(p=[row(4.0, 1000.0)] * 3))
+    lasted = report.Measure(None, "lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
+    monkeypatch.setitem(report.MEASURES, "lasted", lasted)
+    table = report.effort_table(three(p=[row(4.0, 1000.0)] * 3))
     assert (table.columns[-1], table.rows[0][-1]) == ("lasted [ms]", "7000")
 
 
 def test_rows_that_tell_of_no_effort_make_no_table():
-    bare = [{**row(4.0, 1.0), "measures": {}} for _ in SCENARIOS]
+    bare = [row(4.0, 1.0) for _ in SCENARIOS]
     for one in bare:
         del one["measures"]
-    assert not effort_table(evaluation(p=bare))
-    lost = evaluation(p=[row(None, 1.0)] * 3)
-    assert effort_summary(lost)[0] == 0
-    assert not effort_table(lost)
+    assert not report.effort_table(three(p=bare))
+    lost = three(p=[row(None, 1.0)] * 3)
+    assert report.effort_summary(lost)[0] == 0
+    assert not report.effort_table(lost)
 
 
 def test_recovery_during_the_push_counts_as_at_once():
@@ -109,7 +93,7 @@ def test_recovered_and_survived_are_counted_in_each_group():
     rows = [{"recovered": recovered, "survived": survived} for recovered, survived in words.values()]
     lost = [{"recovered": False, "survived": False}] * 4
     found = Evaluation(Suite("kinds", "1", EVERY_KIND), "env", {"p": rows, "q": lost}, Path("out"), 0.0)
-    table = kinds_table(found)
+    table = report.kinds_table(found)
     assert table.columns == ("kind of push", "p", "q")
     assert {group: of_p for group, of_p, _ in table.rows} == {
         "pelvis": "1 / 1 of 1",
@@ -126,42 +110,23 @@ def test_recovered_and_survived_are_counted_in_each_group():
 
 def test_a_kind_of_one_group_only_tells_nothing():
     """All of `standard` are single pushes at the pelvis."""
-    assert set(groups_of(standard_suite().scenarios)) == {"backward", "forward", "in place", "sideways"}
-    assert groups_of(EVERY_KIND[:1]) == {}
+    groups = report.groups_of(get_suite("standard").scenarios)
+    assert set(groups) == {"backward", "forward", "in place", "sideways"}
+    assert report.groups_of(EVERY_KIND[:1]) == {}
 
 
-def report_row(impulse, recovered, survived=True, reason=None):
-    return {"impulse": impulse, "recovered": recovered, "survived": survived, "failure_reason": reason}
-
-
-ROWS = [
-    report_row(4.9, False), report_row(5.0, True), report_row(60.0, True),
-    report_row(60.1, False, False, "low"), report_row(75.0, False, False, "low"),
-]  # fmt: skip
-
-
-def five(**rows):
-    return Evaluation(Suite("five", "1", standard_suite().scenarios[:5]), "env", rows, Path("out"), 0.0)
-
-
-def test_recovered_survived_and_why_not():
-    found = five(p=ROWS, q=ROWS[3:])
+def test_recovered_survived_and_why_not(evaluation):
+    found = evaluation({"p": "srrff"})
+    found.rows["p"][4]["failure_reason"] = "of_its_own"
+    found.rows["q"] = found.rows["p"][3:]
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
-    assert rates_table(found).rows == [
+    assert report.rates_table(found).rows == [
         ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
     ]  # fmt: skip
-    assert reasons_of(found) == ["not_settled", "low"]
-    assert reasons_table(found).rows == [("p", "2", "1", "2", "-"), ("q", "0", "0", "2", "-")]
-
-
-def test_every_two_policies_are_paired():
-    none = [{**row, "recovered": False} for row in ROWS]
-    first, *_, last = pairs_table(five(q=none, p=ROWS, r=none)).rows
-    assert first[:5] == ("p and q", "0", "2", "0", "3")  # the one that recovers more comes first
-    assert first[5].startswith("+40.0 (")
-    assert first[6:] == ("0.5", "1")  # two that differ: p = 2 / 2^2; Holm: three times that
-    assert last == ("q and r", "0", "0", "0", "5", last[5], "1", "1")
-    assert not pairs_table(five(p=ROWS))
+    assert report.reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
+    assert report.reasons_table(found).rows == [
+        ("p", "2", "1", "1", "1", "cop 2"), ("q", "0", "0", "1", "1", "cop 2")
+    ]  # fmt: skip
 
 
 def limit_row(survived, first, **shares):
@@ -175,20 +140,26 @@ LIMIT_ROWS = [
     limit_row(False, "cop", cop=0.1),
     limit_row(True, "cop", cop=0.2),
     limit_row(True, None),
+    {**limit_row(True, "contact", contact=0.9), "recovered": False},  # stands unsettled: neither
 ]
 
 
-def test_limits_are_told_of_falls_and_of_recoveries():
-    found = five(p=LIMIT_ROWS, q=[LIMIT_ROWS[4]] * 5)
-    assert first_limits(LIMIT_ROWS) == "cop 2, contact 1"
-    assert first_limits(LIMIT_ROWS[3:]) == "-"
-    assert reasons_table(found).rows[0] == ("p", "2", "3", "cop 2, contact 1")
-    table = limits_table(found)
+def test_limits_are_told_of_falls_and_of_recoveries(evaluation):
+    assert set(report.LIMITS) == set(LIMIT_NAMES)  # every one has words
+    found = replace(evaluation({"p": "fffrrs"}), rows={"p": LIMIT_ROWS, "q": [LIMIT_ROWS[4]] * 6})
+    summary = limit_summary(LIMIT_ROWS)
+    assert summary["falls"]["cop"] == {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)}
+    assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
+    assert report.first_limits(LIMIT_ROWS) == "cop 2, contact 1"
+    assert report.first_limits(LIMIT_ROWS[3:]) == "-"
+    assert report.reasons_table(found).rows[0] == ("p", "2", "1", "3", "cop 2, contact 1")
+    table = report.limits_table(found)
     assert table.columns == ("limit", "met while", "p", "q")
-    assert [(one[0], *one[2:]) for one in table.rows] == [
-        ("cop", "20 % / 10 %", "0 % / 0 %"), ("contact", "20 % / 0 %", "0 % / 0 %")
-    ]  # fmt: skip
-    of_p, of_q = limit_details(found)
+    assert table.rows == [
+        ("cop", report.LIMITS["cop"], "20 % / 10 %", "0 % / 0 %"),
+        ("contact", report.LIMITS["contact"], "20 % / 0 %", "0 % / 0 %"),
+    ]
+    of_p, of_q = report.limit_details(found)
     assert of_p.columns == (
         "limit", "first in falls", "met in falls", "time in falls", "met in recovered", "time in recovered"
     )  # fmt: skip
@@ -198,36 +169,24 @@ def test_limits_are_told_of_falls_and_of_recoveries():
     assert not of_q
 
 
-def test_a_report_has_the_tables_that_have_rows(tmp_path):
-    found = five(p=ROWS)
-    assert list(evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
-    text = markdown_page("Evaluation", evaluation_tables(found).values())
-    assert text.startswith("# Evaluation\n\n## env: suite five v1, 5 pushes, sha256 ")
+def test_a_report_has_the_tables_that_have_rows(evaluation):
+    found = evaluation({"p": "srrff"})
+    assert list(report.evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
+    text = markdown_page("Evaluation", report.evaluation_tables(found).values())
+    assert text.startswith(f"# Evaluation\n\n## {found.env_id}: suite head v1, 5 pushes, sha256 ")
     assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text
     assert "## Pairs" not in text
     assert "## Why pushes are lost" in text
 
 
-PUSHES = Suite("four", "1", tuple(Scenario(f"s{i}") for i in range(4)))
+@pytest.fixture
+def profiles(evaluation):
+    """Of one policy on four pushes: the second one loses two recoveries and gains one."""
+    return {"exact": evaluation({"p": "rrrs"}), "hardware": evaluation({"p": "rsfr"})}
 
 
-def profiles_evaluation(recovered: str, survived: str) -> Evaluation:
-    rows = [
-        {"recovered": r == "1", "survived": s == "1", "failure_reason": None if s == "1" else "low"}
-        for r, s in zip(recovered, survived, strict=True)
-    ]
-    return Evaluation(PUSHES, "env", {"p": rows}, Path("out"), 0.0)
-
-
-EXACT, REAL = (
-    profiles_evaluation("1110", "1111"),
-    profiles_evaluation("1001", "1101"),
-)  # loses two recoveries, gains one
-
-
-def test_recovered_and_survived_of_each_profile_stand_side_by_side():
-    found = {"exact": EXACT, "hardware": REAL}
-    table = profiles_table(found)
+def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
+    table = report.profiles_table(profiles)
     assert table.columns == (
         "policy", "recovered, exact", "survived", "recovered, hardware", "survived"
     )  # fmt: skip
@@ -235,14 +194,15 @@ def test_recovered_and_survived_of_each_profile_stand_side_by_side():
     assert table.rows == [("p", "0.750 (0.301-0.954)", "1.000", "0.500 (0.150-0.850)", "0.750")]
 
 
-def test_what_is_kept_is_a_share_of_its_own(tmp_path):
-    assert kept_table(EXACT, REAL, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
-    nothing = profiles_evaluation("0000", "0000")
-    assert kept_table(nothing, REAL, "").rows == [("p", "-", "-", "0", "2", "0.5")]
-    page = write_profiles({"exact": EXACT, "hardware": REAL}, tmp_path).read_text()
+def test_what_is_kept_is_a_share_of_its_own(profiles, evaluation, tmp_path):
+    exact, real = profiles.values()
+    assert report.kept_table(exact, real, "").rows == [("p", "0.667", "0.750", "2", "1", "1")]
+    nothing = evaluation({"p": "ffff"})
+    assert report.kept_table(nothing, real, "").rows == [("p", "-", "-", "0", "2", "0.5")]
+    page = report.write_profiles(profiles, tmp_path).read_text()
     assert "## hardware against exact" in page
     assert "| p | 0.667 | 0.750 | 2 | 1 | 1 |" in page
-    assert "against" not in write_profiles({"exact": EXACT}, tmp_path).read_text()
+    assert "against" not in report.write_profiles({"exact": exact}, tmp_path).read_text()
 
 
 def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):

@@ -3,6 +3,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,158 +11,127 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.score import suites
-from push_recovery.eval.score.draw import (
-    count_of,
-    gf16_multiply,
-    orthogonal_array,
-    stratified_uniforms,
-    walk_of,
-)
-from push_recovery.eval.score.suites import (
-    HARD_SEED,
-    KINDS,
-    SUITES,
-    Suite,
-    default_suite,
-    get_suite,
-    hard_suite,
-    hardware_suite,
-    load_suite,
-    new_suite,
-    quick_suite,
-    register_suite,
-    standard_suite,
-    varied_suite,
-    with_errors,
-    with_profile,
-)
+from push_recovery.eval.score import draw, suites
+from push_recovery.eval.score.suites import Suite, get_suite
 
 from push_recovery import evaluate
 
-QUICK_SHA256 = "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286"
-QUICK_1_SHA256 = "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994"
-STANDARD_SHA256 = "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2"
-HARD_SHA256 = "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6"
-VARIED_SHA256 = "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507"
-HARDWARE_SHA256 = "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c"
+HASHES = {
+    "quick": "097b1e7d0b180278e672a3c5b3188e772308763da713606b1a12dd05fbb2e286",
+    "quick-1": "0088057972021e47bd61342cf850bf3d0120eb358a48d8450db6ab9a44c53994",
+    "standard": "15074367172a91ada16f65e76634f228adf0d7db2f417e0482291f9f040a6dd2",
+    "hard": "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6",
+    "varied": "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507",
+    "hardware": "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c",
+}
 
 
 def test_content_hash_is_that_of_the_version():
-    assert quick_suite().sha256 == QUICK_SHA256
-    assert get_suite("quick-1").sha256 == QUICK_1_SHA256
-    assert hardware_suite().sha256 == HARDWARE_SHA256
-    assert standard_suite().sha256 == STANDARD_SHA256
-    assert hard_suite().sha256 == HARD_SHA256
-    assert varied_suite().sha256 == VARIED_SHA256
-    versions = {name: get_suite(name).version for name in SUITES if not name.endswith("sealed")}
+    assert {name: get_suite(name).sha256 for name in HASHES} == HASHES
+    versions = {name: get_suite(name).version for name in suites.SUITES if not name.endswith("sealed")}
     assert versions == {**dict.fromkeys(versions, "1"), "quick": "2"}
 
 
-def test_quick_was_the_head_of_standard():
-    assert len(standard_suite().scenarios) == 1024
-    assert get_suite("quick-1").scenarios == standard_suite().scenarios[:256]
-
-
-def test_quick_has_pushes_of_every_kind_up_to_harder_ones():
-    scenarios = quick_suite().scenarios
+def test_quick_has_pushes_of_every_kind_up_to_harder_ones_and_was_the_head_of_standard():
+    assert len(get_suite("standard").scenarios) == 1024
+    assert get_suite("quick-1").scenarios == get_suite("standard").scenarios[:256]
+    scenarios = get_suite("quick").scenarios
     assert len(scenarios) == 256
-    assert Counter(map(count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
-    assert set(map(walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
+    assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
+    assert set(map(draw.walk_of, scenarios)) == {"in place", "forward", "backward", "sideways", "turning"}
     for body, least, most in (("pelvis", 50.0, 200.0), ("trunk", 30.0, 140.0)):
         single = [s.pushes[0] for s in scenarios if s.pushes[0].body == body and len(s.pushes) == 1]
         impulse = [push.impulse_magnitude for push in single]
         assert least <= min(impulse) < least + 10.0
         assert most - 10.0 < max(impulse) <= most
-    others = {s.pushes for s in varied_suite().scenarios}
+    others = {s.pushes for s in get_suite("varied").scenarios}
     assert not others & {s.pushes for s in scenarios}
 
 
 def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
-    monkeypatch.setattr(suites, "SUITES", dict(SUITES))
+    monkeypatch.setattr(suites, "SUITES", dict(suites.SUITES))
     made = []
 
-    def mine() -> Suite:
+    def mine() -> suites.Suite:
         made.append(1)
-        return Suite("head", "1", standard_suite().scenarios[:2])
+        return Suite("head", "1", get_suite("standard").scenarios[:2])
 
-    register_suite("mine", mine)
+    suites.register_suite("mine", mine)
     assert not made
     found = evaluate("stage-1", suite="mine", env="PushRecovery/Pendulum-v0", out=tmp_path)
-    assert found.suite == get_suite("mine", "PushRecovery/Pendulum-v0") == mine()
+    assert found.suite == suites.get_suite("mine", "PushRecovery/Pendulum-v0") == mine()
     assert found.score("stage-1").episodes == 2
     assert len(made) == 2  # once by its name
     with pytest.raises(InvalidValueError, match="there is a suite 'mine' already"):
-        register_suite("mine", mine)
+        suites.register_suite("mine", mine)
     with pytest.raises(InvalidValueError, match="a suite's name must be"):
-        register_suite("", mine)
+        suites.register_suite("", mine)
 
 
-def test_what_is_run_where_no_suite_is_named():
-    assert default_suite("PushRecovery/Biped-v0") == default_suite("my_module:My-v0@file.json") == "quick"
-    assert default_suite("PushRecovery/Pendulum-v0@paper") == "quick-1"
+@pytest.mark.parametrize(
+    ("env", "name"),
+    [("Biped-v0", "quick"), ("my_module:My-v0@file.json", "quick"), ("Pendulum-v0@paper", "quick-1")],
+)
+def test_what_is_run_where_no_suite_is_named(env, name):
+    assert suites.default_suite(env if ":" in env else f"PushRecovery/{env}") == name
 
 
 def test_hardware_has_the_pushes_of_varied_on_other_robots():
     """By the same ids and noise seeds, so that rows of either profile pair; the sealed two alike."""
     for name, real in (("varied", "hardware"), ("varied-sealed", "hardware-sealed")):
-        pairs = zip(get_suite(name).scenarios, get_suite(real).scenarios, strict=True)
+        pairs = zip(suites.get_suite(name).scenarios, suites.get_suite(real).scenarios, strict=True)
         assert all(HARDWARE.applied(a) == b for a, b in pairs)
         assert get_suite(real).name == real
-        assert with_profile(get_suite(name), HARDWARE) == get_suite(real)
-    assert {s.sensing for s in hardware_suite().scenarios} == {"onboard"}
+        assert suites.with_profile(get_suite(name), HARDWARE) == get_suite(real)
+    assert {s.sensing for s in get_suite("hardware").scenarios} == {"onboard"}
 
 
-@pytest.mark.parametrize(
-    ("name", "make", "like"),
-    [
-        ("varied-sealed", suites.varied_sealed_suite, suites.varied_suite),
-        ("hard-sealed", suites.hard_sealed_suite, suites.hard_suite),
-    ],
-)
-def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, name, make, like):
+@pytest.mark.parametrize("kind", ["varied", "hard"])
+def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, kind):
     """And of the shipped policies: no push of one state of these two is met by another."""
-    drawn = []
+    drawn, name, like = [], f"{kind}-sealed", suites.get_suite(kind)
+    make: Any = suites.SUITES[name]
     for code, policies in (("1", "1"), ("2", "1"), ("1", "1"), ("1", "2")):
         monkeypatch.setattr(suites, "code_digest", lambda digest=code: digest)
         monkeypatch.setattr(suites, "shipped_digest", lambda digest=policies: digest)
         make.cache_clear()
-        drawn.append(get_suite(name))
+        drawn.append(suites.get_suite(name))
     make.cache_clear()
     assert drawn[0] == drawn[2]
-    assert len(drawn[0].scenarios) == len(like().scenarios) == 1024
-    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like())]
+    assert len(drawn[0].scenarios) == len(like.scenarios) == 1024
+    pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like)]
     for i, j in itertools.combinations(range(4), 2):
         assert not pushes[i] & pushes[j]
     assert drawn[0].scenarios[0].id == f"{name}-0000"
-    impulses = [
-        [max(p.impulse_magnitude for p in s.pushes) for s in suite.scenarios] for suite in (drawn[0], like())
-    ]
     for of in (min, max):
-        assert of(impulses[0]) == pytest.approx(of(impulses[1]), abs=3.0)
+        ends = [
+            of(max(push.impulse_magnitude for push in s.pushes) for s in suite.scenarios)
+            for suite in (drawn[0], like)
+        ]
+        assert ends[0] == pytest.approx(ends[1], abs=3.0)
 
 
 def test_field_of_16_elements():
     for a in range(1, 16):
-        assert sorted(gf16_multiply(a, b) for b in range(16)) == list(range(16))
+        assert sorted(draw.gf16_multiply(a, b) for b in range(16)) == list(range(16))
         for b, c in itertools.product(range(16), repeat=2):
-            assert gf16_multiply(a, b ^ c) == gf16_multiply(a, b) ^ gf16_multiply(a, c)
+            assert draw.gf16_multiply(a, b ^ c) == draw.gf16_multiply(a, b) ^ draw.gf16_multiply(a, c)
 
 
 def test_orthogonal_array_has_every_pair_once():
-    array = orthogonal_array(8)
+    array = draw.orthogonal_array(8)
     for i, j in itertools.combinations(range(8), 2):
         assert len(set(zip(array[:, i], array[:, j], strict=True))) == 256
 
 
 def test_stratified_points_fill_every_interval():
-    points = stratified_uniforms(blocks=4, factors=5, seed=3)
+    points = draw.stratified_uniforms(blocks=4, factors=5, seed=3)
     assert points.shape == (1024, 5)
     for factor in range(5):
         assert len(set((points[:, factor] * 1024).astype(int))) == 1024
-        for block in points.reshape(4, 256, 5):
-            assert len(set((block[:, factor] * 256).astype(int))) == 256
     for block in points.reshape(4, 256, 5):
+        for factor in range(5):
+            assert len(set((block[:, factor] * 256).astype(int))) == 256
         for i, j in itertools.combinations(range(5), 2):
             assert len({tuple(cell) for cell in (block[:, [i, j]] * 16).astype(int)}) == 256
 
@@ -170,7 +140,7 @@ def test_stratified_points_fill_every_interval():
     ("name", "least", "most"), [("quick-1", 5, 80), ("standard", 5, 80), ("hard", 80, 200)]
 )
 def test_suite_covers_its_ranges_evenly(name, least, most):
-    scenarios = get_suite(name).scenarios
+    scenarios = suites.get_suite(name).scenarios
     pushes = [s.pushes[0] for s in scenarios]
     assert all(
         len(s.pushes) == 1 and p.duration == 0.1 and p.body == "pelvis"
@@ -199,20 +169,21 @@ def test_suite_covers_its_ranges_evenly(name, least, most):
 
 
 def test_file_round_trip_and_tampering(tmp_path):
-    suite = Suite("mine", "3", quick_suite().scenarios[:4])
+    off = suites.with_errors(get_suite("quick"), ModelErrors(friction=0.6, delay=0.01))
+    suite = Suite("mine", "3", off.scenarios[:4])
     path = tmp_path / "mine.json"
     suite.save(path)
-    assert load_suite(path) == suite
+    assert suites.load_suite(path) == suite
     assert get_suite(str(path)).sha256 == suite.sha256
 
     content = json.loads(path.read_text())
     content["scenarios"][2]["pushes"][0]["force"][0] += 1.0
     path.write_text(json.dumps(content))
     with pytest.raises(InvalidValueError, match=suite.sha256):
-        load_suite(path)
+        suites.load_suite(path)
     del content["sha256"]
     path.write_text(json.dumps(content))
-    assert load_suite(path).sha256 != suite.sha256
+    assert suites.load_suite(path).sha256 != suite.sha256
 
 
 @pytest.mark.parametrize(
@@ -222,81 +193,74 @@ def test_bad_files_are_errors_of_this_package(tmp_path, text):
     path = tmp_path / "bad.json"
     path.write_text(text)
     with pytest.raises(PushRecoveryError):
-        get_suite(str(path))
+        suites.get_suite(str(path))
 
 
 def test_unknown_names_list_the_valid_ones(tmp_path):
     with pytest.raises(UnknownNameError, match="quick, standard"):
-        get_suite("quik")
+        suites.get_suite("quik")
     with pytest.raises(InvalidValueError, match=r"absent\.json"):
-        get_suite(str(tmp_path / "absent.json"))
+        suites.get_suite(str(tmp_path / "absent.json"))
     with pytest.raises(InvalidValueError, match="more than once"):
-        Suite("twice", "1", quick_suite().scenarios[:1] * 2)
+        suites.Suite("twice", "1", suites.get_suite("quick").scenarios[:1] * 2)
 
 
 def test_a_suite_with_errors_has_its_own_name_and_hash_and_the_same_pushes():
     errors = ModelErrors(mass=0.1, trunk_com=(0.0, 0.01, 0.0))
-    off = with_errors(quick_suite(), errors)
+    off = suites.with_errors(get_suite("quick"), errors)
     assert off.name == "quick+mass=0.1+trunk_com=0.0,0.01,0.0"
-    assert off.sha256 not in {QUICK_SHA256, with_errors(quick_suite(), ModelErrors(mass=0.2)).sha256}
-    for before, after in zip(quick_suite().scenarios, off.scenarios, strict=True):
+    heavier = suites.with_errors(get_suite("quick"), ModelErrors(mass=0.2))
+    assert off.sha256 not in {HASHES["quick"], heavier.sha256}
+    for before, after in zip(get_suite("quick").scenarios, off.scenarios, strict=True):
         assert after == replace(before, errors=errors)
         assert before.errors == ModelErrors()
-    assert with_errors(quick_suite(), ModelErrors()) is quick_suite()
+    assert suites.with_errors(get_suite("quick"), ModelErrors()) is get_suite("quick")
     with pytest.raises(InvalidValueError, match="has model errors already: scenario 'quick-0000' has"):
-        with_errors(off, errors)
-
-
-def test_a_suite_with_errors_survives_a_file(tmp_path):
-    off = with_errors(quick_suite(), ModelErrors(friction=0.6, delay=0.01))
-    off.save(tmp_path / "off.json")
-    assert load_suite(tmp_path / "off.json") == off
+        suites.with_errors(off, errors)
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["../../../x", "/x", "a/b", "a\\b", "", ".hidden", "a\0b", "\x1b[31mred", "x" * 1001, 3, "\udce9"],
+    "name", ["../../../x", "/x", "a/b", "a\\b", "", ".hidden", "a\0b", "\x1b[31mred", "x" * 1001, 3, "\udce9"]
 )
 def test_a_suites_name_is_no_path_and_holds_no_control_characters(name):
     with pytest.raises(InvalidValueError, match="a suite's name must be"):
-        Suite(name, "1", quick_suite().scenarios[:1])
+        suites.Suite(name, "1", suites.get_suite("quick").scenarios[:1])
     with pytest.raises(InvalidValueError, match="a suite's version must be"):
-        Suite("mine", name, quick_suite().scenarios[:1])
+        suites.Suite("mine", name, suites.get_suite("quick").scenarios[:1])
 
 
 def test_a_suite_of_a_profile_keeps_ids_and_has_a_hash_of_its_own():
-    suite = Suite("few", "1", quick_suite().scenarios[:3])
-    assert with_profile(suite, EXACT) is suite
-    real = with_profile(suite, HARDWARE)
+    suite = Suite("few", "1", get_suite("quick").scenarios[:3])
+    assert suites.with_profile(suite, EXACT) is suite
+    real = suites.with_profile(suite, HARDWARE)
     assert real.name == "few+hardware"
     assert real.sha256 != suite.sha256
     assert [s.id for s in real.scenarios] == [s.id for s in suite.scenarios]
     assert [s.pushes for s in real.scenarios] == [s.pushes for s in suite.scenarios]
     assert {s.errors.joint_friction for s in real.scenarios} == {1.0}
-    heavy = with_profile(with_errors(suite, ModelErrors(mass=0.1)), HARDWARE)
+    heavy = suites.with_profile(suites.with_errors(suite, ModelErrors(mass=0.1)), HARDWARE)
     assert heavy.name == "few+mass=0.1+hardware"
     assert {(s.errors.mass, s.errors.armature) for s in heavy.scenarios} == {(0.1, 0.03)}
 
 
-@pytest.mark.parametrize("like", KINDS)
+@pytest.mark.parametrize("like", suites.KINDS)
 def test_a_suite_follows_from_its_seed(like):
-    first, again, other = (new_suite(like, seed, 20) for seed in (1, 1, 2))
+    first, again, other = (suites.new_suite(like, seed, 20) for seed in (1, 1, 2))
     assert first == again
     assert (first.name, len(first.scenarios)) == (f"{like}-1", 20)
-    assert not {(s.pushes, s.errors) for s in first.scenarios} & {
-        (s.pushes, s.errors) for s in other.scenarios
-    }
+    drawn, others = ({(s.pushes, s.errors) for s in suite.scenarios} for suite in (first, other))
+    assert not drawn & others
 
 
 def test_the_draw_is_that_of_the_named_suite():
-    drawn = new_suite("hard", HARD_SEED, 1024, "hard")
-    assert drawn.sha256 == hard_suite().sha256
-    assert new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
+    drawn = suites.new_suite("hard", suites.HARD_SEED, 1024, "hard")
+    assert drawn.sha256 == get_suite("hard").sha256
+    assert suites.new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
 
 
 def test_other_ranges():
     ranges = {"impulse_min": 150.0, "impulse_max": 180.0, "push_duration": 0.2}
-    pushes = [s.pushes[0] for s in new_suite("hard", 3, 256, pushes=ranges).scenarios]
+    pushes = [s.pushes[0] for s in suites.new_suite("hard", 3, 256, pushes=ranges).scenarios]
     assert {push.duration for push in pushes} == {0.2}
     assert min(push.impulse_magnitude for push in pushes) == pytest.approx(150.0, abs=0.2)
     assert max(push.impulse_magnitude for push in pushes) == pytest.approx(180.0, abs=0.2)
@@ -311,18 +275,21 @@ def test_other_ranges():
 )  # fmt: skip
 def test_ranges_that_would_do_nothing_are_refused(pushes):
     with pytest.raises((InvalidValueError, UnknownNameError)):
-        new_suite("hard", 3, pushes=pushes)
+        suites.new_suite("hard", 3, pushes=pushes)
 
 
-def test_what_cannot_be_drawn():
-    with pytest.raises(UnknownNameError, match="shift-body"):
-        new_suite("shift-boddy")
-    with pytest.raises(InvalidValueError, match="'varied'"):
-        new_suite("varied", pushes={"impulse_min": 10.0})
-    with pytest.raises(InvalidValueError, match="scenarios"):
-        new_suite("varied", scenarios=0)
-    with pytest.raises(InvalidValueError, match="impulse_max"):
-        new_suite("hard", pushes={"impulse_min": 300.0})
+@pytest.mark.parametrize(
+    ("like", "asked", "words"),
+    [
+        ("shift-boddy", {}, "shift-body"),
+        ("varied", {"pushes": {"impulse_min": 10.0}}, "'varied'"),
+        ("varied", {"scenarios": 0}, "scenarios"),
+        ("hard", {"pushes": {"impulse_min": 300.0}}, "impulse_max"),
+    ],
+)
+def test_what_cannot_be_drawn(like, asked, words):
+    with pytest.raises((InvalidValueError, UnknownNameError), match=words):
+        suites.new_suite(like, **asked)
 
 
 def test_the_command_writes_what_evaluate_reads(tmp_path, capsys):
@@ -330,7 +297,7 @@ def test_the_command_writes_what_evaluate_reads(tmp_path, capsys):
     argv = ["suite", "new", "--seed", "5", "--like", "shift-model", "--scenarios", "8", "--out", str(path)]
     assert main([*argv, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told == {**load_suite(path).summary(), "out": str(path)}
-    assert get_suite(str(path)) == new_suite("shift-model", 5, 8)
+    assert told == {**suites.load_suite(path).summary(), "out": str(path)}
+    assert get_suite(str(path)) == suites.new_suite("shift-model", 5, 8)
     assert main(["suite", "new", "--seed", "5", "--pushes", "[1]", "--out", str(path)]) == 2
     assert "JSON object" in capsys.readouterr().err
