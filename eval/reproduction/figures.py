@@ -383,11 +383,12 @@ LABELLED = 0.4  # how long the push is named [s]
 
 def save_film(walks: Sequence[Walk], directory: Path, fps: int = 10) -> Path:
     """Write fig5_motion.gif, the lateral plane seen from behind; a walk that ends early stands still."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image  # matplotlib's own reader and writer of pictures
 
     with style.print_style():
         figure, panels = _stage(walks)
-        canvas: Any = figure.canvas
+        canvas = FigureCanvasAgg(figure)
         canvas.draw()
         figure.set_layout_engine("none")  # laid out again in every picture it would shake
         background = canvas.copy_from_bbox(figure.bbox)
