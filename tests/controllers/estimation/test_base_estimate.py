@@ -28,6 +28,17 @@ def estimate_at(attitude=LEVEL, velocity=(0.0, 0.0, 0.0)) -> base.BaseEstimate:
     return estimate
 
 
+def test_at_first_the_velocity_is_known_to_two_centimetres_a_second():
+    """Of all three axes: variances of 0.02^2; what was known before is forgotten."""
+    estimate = estimate_at()
+    estimate.gyro_bias[0] = estimate.lift_bias[0] = 0.3
+    base.begin_estimate(estimate, 0, np.zeros(3), np.array(TILTED), np.array([0.1, 0.2, 0.3]))
+    assert estimate.level[0, VV] == pytest.approx(4e-4)
+    assert estimate.lift[0, base.LIFT_VV] == pytest.approx(4e-4)
+    assert not estimate.gyro_bias[0].any()
+    assert estimate.lift_bias[0] == 0.0
+
+
 def felt(attitude, acceleration) -> tuple:
     """Specific force times DT in the axes of a base that is accelerated in the world."""
     x, y, z = acceleration
