@@ -224,7 +224,7 @@ def test_rows_without_a_configuration_are_refused_and_an_empty_file_is_none(tmp_
     store(tmp_path).close()
     (tmp_path / "config.json").unlink()
     path.write_text('{"policy": "a", "recovered": true}\n')
-    with pytest.raises(InvalidValueError, match="has no config.json beside it"):
+    with pytest.raises(InvalidValueError, match=r"has no config\.json beside it"):
         store(tmp_path)
 
 
