@@ -333,3 +333,14 @@ def test_a_robot_that_holds_a_posture_does_not_shake(profile):
         torques.append(episodes.core.physics.ctrl[0].copy())
     changes = np.diff(torques[100:], axis=0).std(axis=0)
     assert (changes < 0.1 * episodes.core.joints.largest).all()
+
+
+def test_at_a_reset_the_joints_have_been_asked_for_nothing():
+    episodes = JointEpisodes(2)
+    joints = episodes.core.joints
+    for field in (joints.asked, joints.held, joints.effort, joints.lifted, joints.air):
+        field[:] = 3
+    episodes.begin(1, Scenario("a"))
+    for field in (joints.asked, joints.held, joints.effort, joints.lifted, joints.air):
+        assert not field[1].any()
+        assert (field[0] == 3).all()  # the other robot's stay
