@@ -14,6 +14,7 @@ from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, 
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, TRUNK
+from push_recovery.envs.biped import model_errors
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
@@ -112,6 +113,19 @@ def test_a_hand_meets_a_thigh_that_is_lifted_outwards():
     data.joint("left_hip_pitch").qpos[0] = -1.6
     data.joint("left_hip_yaw").qpos[0] = 0.6
     assert not touching(plain, data)
+
+
+def test_bodies_that_touch_while_the_robot_stands_do_not_collide(monkeypatch):
+    """Told so of trunk and thigh, they pass through each other, and the other thigh does not."""
+    monkeypatch.setattr(model_errors, "touching", lambda robot, model: [("trunk", "left_thigh")])
+    spec = biped().description.spec()
+    model_errors.add_collisions(spec, biped())
+    compiled = biped().compiled(spec)
+    for side, meets in (("left", False), ("right", True)):
+        model, data = weightless(compiled)
+        data.joint(f"{side}_hip_pitch").qpos[0] = -1.6
+        data.joint(f"{side}_hip_yaw").qpos[0] = 0.6 if side == "left" else -0.6
+        assert ((f"{side}_thigh", "trunk") in touching(model, data)) == meets
 
 
 def test_soles_touch_the_floor_as_without_collisions():
