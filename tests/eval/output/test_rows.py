@@ -226,6 +226,9 @@ def test_rows_without_a_configuration_are_refused_and_an_empty_file_is_none(tmp_
     path.write_text('{"policy": "a", "recovered": true}\n')
     with pytest.raises(InvalidValueError, match=r"has no config\.json beside it"):
         store(tmp_path)
+    for place in (tmp_path, tmp_path / "new"):  # what is not there can be overwritten, too
+        with store(place, overwrite=True) as rows:
+            assert rows.rows == {}
 
 
 def test_rows_of_a_policy_that_is_not_evaluated_now_may_be_of_any_content(tmp_path):
