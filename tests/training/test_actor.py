@@ -136,6 +136,9 @@ def test_a_residual_is_added_to_what_was_seen_last_of_its_own_robot():
     core.observation[:, :2] = (0.9, 1.0), (-0.8, 0.5)
     actor.look(np.arange(2))
     np.testing.assert_allclose(actor.actions(outputs)[:, 3], [1.0, -1.0], atol=1e-6)  # 1.2 and -1.05
+    core.observation[:, 1] = 0.01, 0.0
+    actor.look(np.arange(2))
+    assert actor.gate_closed.tolist() == [False, True]  # however little it opens
 
 
 def test_networks_see_the_observation_then_the_planner_then_the_gate_then_the_critics_own():

@@ -80,6 +80,20 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
     np.testing.assert_allclose(data.qacc, np.linalg.solve(matrix, torque), rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.parametrize("errors", [{}, {"mass": 0.2}, {"armature": 0.05}, {"mass": 0.2, "armature": 0.05}])
+def test_drives_know_the_inertia_of_their_joints_with_all_that_is_added(errors):
+    """The diagonal of MuJoCo's mass matrix of the altered robot."""
+    table = model_errors.no_errors(2)
+    model_errors.assign_errors(table, 1, Scenario("a", errors=ModelErrors(**errors)), biped())
+    model = model_of(**errors) if errors else biped_model()
+    data, products = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    for unit, product in zip(np.eye(model.nv), products, strict=True):
+        mujoco.mj_mulM(model, data, product, unit)
+    np.testing.assert_allclose(table.motors[1, model_errors.INERTIA], np.diag(products)[JOINTS], rtol=1e-9)
+    assert not table.motors[0].any()
+
+
 def test_damping_brakes_in_proportion():
     model, data = weightless(model_of(joint_damping=2.0))
     data.qvel[JOINTS] = np.linspace(-1.0, 1.0, 14)
