@@ -80,6 +80,23 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
     np.testing.assert_allclose(data.qacc, np.linalg.solve(matrix, torque), rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("errors", "believes", "physical"),
+    [
+        ({}, 0, 0), ({"friction": 0.5}, 0, 0), ({"floor_step": 0.01}, 0, 0), ({"dcm_noise": 0.01}, 0, 0),
+        ({"joint_friction": 0.5}, 0, 0), ({"delay": 0.004}, 0, 1), ({"motor_power": 300.0}, 0, 1),
+        ({"mass": 0.1}, 1, 1), ({"armature": 0.01}, 1, 1), ({"joint_noise": 0.001}, 1, 1),
+        ({"slope_forward": 0.05}, 1, 1), ({"slope_left": -0.05}, 1, 1),
+    ],
+)  # fmt: skip
+def test_what_control_takes_for_the_robot_is_another_one_where_kinematics_or_dynamics_are(
+    errors, believes, physical
+):
+    table = model_errors.no_errors(1)
+    model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
+    assert (table.believes[0], table.physical[0]) == (believes, physical)
+
+
 @pytest.mark.parametrize("errors", [{}, {"mass": 0.2}, {"armature": 0.05}, {"mass": 0.2, "armature": 0.05}])
 def test_drives_know_the_inertia_of_their_joints_with_all_that_is_added(errors):
     """The diagonal of MuJoCo's mass matrix of the altered robot."""
