@@ -178,8 +178,9 @@ def test_arrays_that_grow_keep_what_the_others_have():
 
 
 def test_a_jump_is_marked_where_it_comes_by_a_push_without_a_force_behind_the_forces():
-    kicks = Kick((0.5, 0.0, 0.0), 1.5), Kick((0.0, 0.5, 0.0), 0.2)
-    pushes = assign_pushes(empty_pushes(1, 1), 0, Scenario("a", (ONE,), kicks=kicks))
+    first, second = Kick((0.5, 0.0, 0.0), 1.5), Kick((0.0, 0.5, 0.0), 0.2)
+    scenario = Scenario("a", (ONE,), kicks=(first,), disturbances=(second,))
+    pushes = assign_pushes(empty_pushes(1, 1), 0, scenario)
     assert pushes.start[0].tolist() == [0.5, 1.5, 0.2]
     assert pushes.duration[0].tolist() == [0.1, 0.001, 0.001]
     assert pushes.force[0].tolist() == [[1.0, 2.0, 3.0], [0.0] * 3, [0.0] * 3]
