@@ -175,5 +175,5 @@ def test_the_first_action_is_compared_with_that_of_the_nominal_step_whatever_cam
 @pytest.mark.parametrize("turns", [(-0.2, 0.0), (0.0, -0.2), (0.1, -0.2)])
 def test_a_turn_to_either_side_at_any_time_is_refused_where_robots_do_not_turn(turns):
     first, then = (Command(turn=turn) for turn in turns)
-    with pytest.raises(InvalidValueError, match="does not turn: .* got -0.2 in scenario 'a'"):
+    with pytest.raises(InvalidValueError, match=r"does not turn: .* got -0\.2 in scenario 'a'"):
         PendulumEpisodes(1).begin(0, Scenario("a", command=first, changes=(CommandChange(1.0, then),)))
