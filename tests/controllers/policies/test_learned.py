@@ -133,7 +133,15 @@ def test_the_learned_action_of_one_observation_is_a_row():
     assert learned.tobytes() == policy().learned_action(OBSERVATIONS[:2])[0].tobytes()
 
 
-def test_a_gated_residual_is_renewed_with_its_own_rows_of_base_and_gate():
+def test_a_residuals_gate_is_a_band_of_two_rising_numbers():
+    about = "two-stage", "default", tuple(SCALE.tolist())
+    assert ResidualBase(*about, gate=[0, 1]).gate == (0.0, 1.0)
+    for gate in ((0.2, 0.1), (0.1,), (-0.1, 0.1)):
+        with pytest.raises(InvalidValueError, match="a residual gate is two numbers"):
+            ResidualBase(*about, gate=gate)
+
+
+def test_a_residual_is_renewed_with_its_own_rows_of_the_base_also_from_its_file(tmp_path):
     """Row 1 alone begins anew: its network sees its own base, and not that of row 0."""
     base = ResidualBase("two-stage", "default", tuple(SCALE.tolist()))
     about = PolicyDescription(
@@ -144,6 +152,8 @@ def test_a_gated_residual_is_renewed_with_its_own_rows_of_base_and_gate():
     _, state = p.predict(OBSERVATIONS[:2])
     action, _ = p.predict(OBSERVATIONS[2:4], state, episode_start=np.array([False, True]))
     np.testing.assert_array_equal(action[1], p.predict(OBSERVATIONS[3])[0])
+    read = NetworkPolicy.load(p.save(tmp_path / "p"), SlopePolicy())
+    assert read.predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
 
 
 def test_normalisation_clips():
