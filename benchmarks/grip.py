@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from push_recovery.controllers.estimation.base_estimate import GRIP_MIN, SLIDES
+from push_recovery.controllers.estimation.self_model import GRIP_MIN, SLIDES
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import base_angular_velocity, sole_motion
 from push_recovery.envs.biped.env import BipedEpisodes

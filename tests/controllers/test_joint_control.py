@@ -331,3 +331,9 @@ def test_loads_are_shares_of_the_weight_and_the_clock_one_of_the_step(core):
         seen = observed(core, standing(core), np.zeros(20), stance=0, elapsed=elapsed, loads=loads)
         np.testing.assert_allclose(seen[control.LOADS : PHASE], [1.0, 0.5], atol=1e-12)
         assert seen[PHASE] == pytest.approx(phase)
+
+
+@pytest.mark.parametrize(("load", "made"), [(1.0, 1), (1.01, 0)])
+def test_a_foot_is_off_the_floor_up_to_a_load_of_one_newton(core, load, made):
+    loads = held(SHARED, SHARED, 0.1) + held(STANDS, load, 0.1) + held(SHARED, SHARED, 0.5)
+    assert len(steps(core, loads)[0]) == made

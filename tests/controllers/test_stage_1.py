@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.model.gait_box import DURATION, STEP, GaitLimits
+from push_recovery.controllers.model.gait_box import DURATION, STEP, TRUNK, GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, transfer_weight
 from push_recovery.controllers.model.observation import (
     COMMAND,
@@ -15,6 +15,7 @@ from push_recovery.controllers.model.observation import (
     PREVIOUS_ACTION,
     PUSH_ESTIMATE,
     SWING_POSITION,
+    TRUNK_ANGLE,
 )
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.qp import QpSolution, solve_qp
@@ -246,6 +247,39 @@ def test_a_step_that_is_held_ends_where_its_dcm_drifts_to(elapsed):
         row[OFFSET : OFFSET + 2], growth * np.array([0.12, 0.2]) - asked[:2], atol=1e-5
     )
     assert row[REMAINING] == pytest.approx(max(0.4 - elapsed, 0.0) + 0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("dcm", "push", "held"),
+    [
+        ((0.05, 0.12), 0.0, True),
+        ((0.05, 0.12), 0.03, False),  # the best step is some 0.65 s long, as the nominal one is
+        ((0.9, 0.9), 0.03, True),  # the best step is over at once, and so is one that is reopened
+    ],
+)
+def test_a_push_reopens_an_ending_step_for_one_that_does_not_end_at_once(dcm, push, held):
+    config = PlannerConfig(freeze=0.05, push_carry=0.1, push_threshold=0.02, trunk_debt=False)
+    observation, asked = np.zeros(36), np.array([0.1, 0.25, 0.4, 0.0, 0.0, 0.0, 0.0])
+    observation[PREVIOUS_ACTION] = LIMITS.to_action(asked)
+    observation[ELAPSED], observation[DCM], observation[PUSH_ESTIMATE.start] = 0.38, dcm, push
+    row, free = row_of(observation, config), row_of(observation, replace(config, freeze=0.0))
+    assert row[HELD] == held
+    expected = asked[:3] if held else free[STEP : STEP + 3]
+    np.testing.assert_allclose(row[STEP : STEP + 3], expected, atol=1e-6)
+    assert np.abs(asked[:3] - free[STEP : STEP + 3]).max() > 0.05
+
+
+def test_the_trunk_is_asked_upright_within_its_box_on_either_side():
+    """tau = -k a - d rate, bounded: leaning to one side and to the other give opposite answers."""
+    config = PlannerConfig()
+    for lean in (-3.0, -0.01, 0.01, 3.0):
+        observation = np.zeros(36)
+        observation[TRUNK_ANGLE] = lean, -lean
+        wanted = -config.upright_stiffness * lean
+        low, high = LIMITS.box[:, TRUNK]
+        row = row_of(observation, config)
+        assert row[TRUNK] == pytest.approx(min(max(wanted, low), high))
+        assert row[TRUNK + 1] == pytest.approx(min(max(-wanted, low), high))
 
 
 def test_only_a_push_beyond_its_threshold_is_carried_on():

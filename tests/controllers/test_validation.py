@@ -115,6 +115,9 @@ def test_bounds_of_a_vector_hold_for_every_entry_and_both_ways():
 def test_a_choice_may_be_anything_and_is_refused_by_name():
     with pytest.raises(UnknownNameError, match=r"unknown side \['left'\] \(valid: left, right\)"):
         validation.require_choice("side", ["left"], ("left", "right"))
+    with pytest.raises(UnknownNameError, match="unknown side 'middle'"):
+        validation.require_choice("side", "middle", ("left", "right"))
+    validation.require_choice("side", "left", ("left", "right"))
 
 
 def test_kinds_are_named():

@@ -3,7 +3,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pytest
 from push_recovery.controllers.array_table import COMMON, NO_STATE, SENSED, Floats1, Floats2, Ints1
-from push_recovery.envs.snapshot import arrays_of, take_rows
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.envs.scenario.push import GaitEvent, Push
+from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.snapshot import RobotSnapshot, arrays_of, take_rows
 
 
 class Walk(NamedTuple):
@@ -51,3 +54,30 @@ def test_rows_are_copies_that_cannot_be_written():
 def test_an_array_of_another_length_is_refused_by_its_name():
     with pytest.raises(TypeError, match=r"a row for each of 3 robots: floor\.size"):
         take_rows(arrays_of(parts(), ()), 0, 3)
+
+
+@pytest.mark.parametrize(
+    ("start", "comes"),
+    [
+        (0.5, True), (0.499, False), (GaitEvent(3, "right", 0.5), True), (GaitEvent(3, "right", 0.49), False),
+        (GaitEvent(2, "left", 1.0), False), (GaitEvent(4, "left", 0.0), True),
+    ],
+)  # fmt: skip
+def test_a_push_may_begin_at_the_very_moment_of_the_snapshot(start, comes):
+    """At 0.5 s, 0.3 s into step 3 of 0.6 s; its own push, which begins just then, has not begun."""
+    own = Push((1.0, 0.0, 0.0), 0.1, 0.5)
+    rows = {
+        "pushes.start": np.array([0.5]), "schedule.next": np.array(0), "gait.steps": np.array(3),
+        "gait.elapsed": np.array(0.3), "gait.plan": np.array([0.1, 0.2, 0.6, 0.0, 0.0, 0.0, 0.0]),
+    }  # fmt: skip
+    snapshot = RobotSnapshot(Scenario("a", (own,)), 0.5, {}, rows)
+    asked = Scenario("b", (Push((2.0, 0.0, 0.0), 0.1, start),))
+    assert snapshot.check_scenario(Scenario("b", (own,))) == [0]
+    if comes:
+        assert snapshot.check_scenario(asked) == []
+    else:
+        with pytest.raises(InvalidValueError, match="push 0 would begin before"):
+            snapshot.check_scenario(asked)
+    rows["pushes.start"][0] = 0.499
+    with pytest.raises(InvalidValueError, match="push 0 of the snapshot began at"):
+        snapshot.check_scenario(asked)

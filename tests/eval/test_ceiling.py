@@ -11,7 +11,7 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval import ceiling as stored
 from push_recovery.eval.ceiling import ceiling
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.hindsight import CEILING, CeilingSettings
+from push_recovery.eval.hindsight import CEILING, CeilingSettings, Sequence
 from push_recovery.eval.output.progress import about, episode_seconds
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.evaluate import Evaluation, evaluate
@@ -49,6 +49,7 @@ def test_what_all_policies_lose_and_nothing_else_is_searched_and_counts_where_it
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, False, True]
     told = found.to_dict()
     assert (told["policies"][CEILING]["recovered"], told["search"]["answered"]) == (2, 2)
+    assert told["search"]["attempts"] == 3 + 6 + 3  # light ones are answered by the first generation
     assert found.score.recovered == 2
     both = ceiling(SUITE, ENV, [FALLS, "two-stage"], SETTINGS, directory=found.evaluation.directory)
     assert [row["scenario_id"] for row in both.searched] == ["hopeless"]
@@ -173,12 +174,39 @@ def test_the_ceiling_is_what_policies_and_searches_recover_together():
     assert [row["recovered"] for row in found.rows[CEILING]] == [True, True, True, False]
     rates, shares = stored.ceiling_table(found).rows, stored.shares_table(found).rows
     assert [cells[:2] for cells in rates] == [("a", "1/4"), ("b", "2/4"), ("ceiling", "3/4")]
-    assert [cells[:4] for cells in shares] == [("a", "1", "0.333", "2"), ("b", "2", "0.667", "1")]
+    assert list(shares) == [("a", "1", "0.333", "2", "0.5"), ("b", "2", "0.667", "1", "1")]  # p = 2^(1 - n)
     assert found.robust == [0.75]
     text = stored.search_lines(found)
     for part in ("2 pushes lost by all policies, 1 of them answered", "at most 1280 attempts", "Median 64",
                  "recovers 75% of the 24 pushes within 2% of the force and 2 degrees"):  # fmt: skip
         assert part in text
+
+
+def test_where_nothing_recovers_the_best_is_what_survives_and_otherwise_the_last():
+    found = hand_written()
+    a, b = found.evaluation.rows.values()
+    unanswered = stored.best_rows(replace(found.evaluation, rows={"b": b, "a": a}), [])
+    assert unanswered[0] is b[0]
+    assert unanswered[2] is b[2]
+    assert unanswered[3] is a[3]
+
+
+def test_an_answer_to_half_of_the_neighbours_counts_among_those_to_half_or_more():
+    found = hand_written()
+    found.searched[0]["neighbours"] = 12
+    assert "1 of 1 answers recover half of them or more" in stored.search_lines(found)
+
+
+def test_answers_are_replayed_once_and_on_the_environment_that_they_were_found_in(monkeypatch):
+    found = hand_written()
+    for name, evaluation in (
+        ("other", found.evaluation),  # an answer to none of its pushes
+        ("s0", replace(found.evaluation, rows=found.rows)),
+        ("s0", replace(found.evaluation, env_id="PushRecovery/Pendulum-v0")),
+    ):
+        answers = stored.Answers({}, found.settings, {name: Sequence(0, [[0.0] * 7])})
+        monkeypatch.setattr(stored, "stored_answers", lambda suite, answers=answers: answers)
+        assert stored.with_ceiling(evaluation) is evaluation
 
 
 def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):

@@ -136,6 +136,9 @@ def test_a_residual_is_added_to_what_was_seen_last_of_its_own_robot():
     core.observation[:, :2] = (0.9, 1.0), (-0.8, 0.5)
     actor.look(np.arange(2))
     np.testing.assert_allclose(actor.actions(outputs)[:, 3], [1.0, -1.0], atol=1e-6)  # 1.2 and -1.05
+    core.observation[:, 1] = 0.01, 0.0
+    actor.look(np.arange(2))
+    assert actor.gate_closed.tolist() == [False, True]  # however little it opens
 
 
 def test_networks_see_the_observation_then_the_planner_then_the_gate_then_the_critics_own():
@@ -148,3 +151,17 @@ def test_networks_see_the_observation_then_the_planner_then_the_gate_then_the_cr
     np.testing.assert_allclose(rows[:, :2], [[0.2, 1.0], [-0.8, 0.5]], atol=1e-7)
     np.testing.assert_allclose(rows[:, [36, 42, 43]], [[0.2, 0.2, 1.0], [-0.8, -0.8, 0.5]], atol=1e-7)
     np.testing.assert_allclose(rows[:, 46], [2.0, -1.0], atol=1e-6)  # over 0.05
+
+
+def test_a_network_that_acts_alone_is_kept_out_by_the_gate_of_its_robots_if_they_have_one():
+    """Closed at 0 exactly, and open by the least above it."""
+    core = SimpleNamespace(observation=np.array([[0.3, 0.0], [0.3, 1e-9]]))
+    episodes = SimpleNamespace(
+        n=2, core=core, robot=RobotModel(), limits=GaitLimits(), observation_size=2, gate=None
+    )
+    actor = Actor(episodes, ("observation",))
+    assert actor.gate_closed.tolist() == [False, False]
+    episodes.gate = lambda seen: seen[:, 1:]
+    assert actor.gate_closed.tolist() == [True, False]
+    outputs = np.full((2, 7), 0.5, np.float32)
+    assert actor.actions(outputs) is outputs

@@ -204,7 +204,10 @@ def test_what_is_shown_is_the_teachers_own_target():
 
 
 class Taught:
-    """Three robots beside a teacher whose targets are a test's; robot 2 falls in the first period."""
+    """Three robots beside a teacher whose targets are a test's.
+
+    Robot 2 falls in the first period, and robot 0 comes to its end in the second.
+    """
 
     n, control_hz = 3, 100.0
 
@@ -228,7 +231,8 @@ class Taught:
         self.seen = self.seen + 1.0
         self.targets = np.repeat([[0.5], [1.2], [-0.25]], 14, axis=1)
         failed = np.array([False, False, len(self.actions) == 1])
-        return SimpleNamespace(failed=failed, truncated=np.zeros(3, np.bool_))
+        truncated = np.array([len(self.actions) == 2, False, False])
+        return SimpleNamespace(failed=failed, truncated=truncated)
 
 
 def test_the_teacher_leads_up_to_a_robots_turn_and_what_it_asked_is_then_the_action():
@@ -259,6 +263,37 @@ def test_targets_out_of_reach_are_no_samples_and_the_others_are_clipped():
     shown = collector.collect(nothing, 5)
     assert shown.targets[:, 0].tolist() == [0.5, 0.5, -0.25]  # 1.2 of robot 1 is beyond 1.1
     assert shown.observations[:, 0].tolist() == [0.0, 1.0, 1.0]
+    assert [k for k, _ in episodes.begun] == [2, 0]  # the one that fell, and then the one at its end
     wider = Collector(ImitationSettings(robots=3, periods=1, largest=1.3), Taught(), np.random.default_rng(0))
     wider._begun, wider.episodes.core.walk.stance[1] = True, 1
     assert wider.collect(nothing, 5).targets[:, 0].tolist() == [0.5, 1.0]  # within 1.3, clipped to 1
+
+
+def test_a_robot_that_falls_while_the_teacher_leads_is_no_fall_of_the_learner():
+    """All three are led, for ever; those that begin without a push walk for four seconds."""
+    episodes = Taught()
+    settings = ImitationSettings(robots=3, periods=2, shown_rounds=9, unpushed=1.0)
+    collector = Collector(settings, episodes, np.random.default_rng(0))
+    shown = collector.collect(nothing, 5)
+    assert episodes.led == [[True] * 3] * 2
+    assert (shown.falls, shown.alone) == (0, 0.0)
+    assert [k for k, _ in episodes.begun] == [0, 1, 2, 2, 0]
+    assert all((one.pushes, one.duration) == ((), 4.0) for _, one in episodes.begun)
+
+
+def test_without_a_mean_a_step_goes_at_its_rate_and_one_at_rate_zero_nowhere():
+    observations, targets = linear_task(64)
+    student = Student(ImitationSettings(layers=(8,)))
+    before = [weight.copy() for weight in student.mlp().weights]
+    student.fit(observations, targets, 0.0)
+    assert all((a == b).all() for a, b in zip(before, student.mlp().weights, strict=True))
+    student.fit(observations, targets, 1e-2)  # Adam's second step: at most its rate, and of most weights near
+    moved = np.abs(before[1] - student.mlp().weights[1])
+    assert 0.002 < np.median(moved) < 0.0101
+    assert ImitationSettings(rounds=0).rate(0) == pytest.approx(1e-3)
+
+
+def test_entries_that_do_not_move_are_seen_as_zero():
+    seen = normalisation_of(np.full((5, 58), 3.0, np.float32))
+    assert seen.variance[0] == pytest.approx(1e-4)
+    np.testing.assert_array_equal(seen.apply(np.full((1, 58), 3.0))[0, :3], 0.0)

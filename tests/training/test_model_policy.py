@@ -7,6 +7,7 @@ import copy
 import io
 import re
 import sys
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from gymnasium.wrappers import FrameStackObservation, NormalizeObservation, RescaleAction
 from push_recovery.controllers.errors import PushRecoveryError
 from push_recovery.controllers.policies.learned import NetworkPolicy
+from push_recovery.envs.episode import gym_env
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.score.suites import Suite
 
@@ -22,7 +24,7 @@ from push_recovery import GaitEvent, Push, Scenario, evaluate, record, rollout
 torch = pytest.importorskip("torch")
 sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra train")
 from push_recovery.training.from_sb3 import from_sb3  # noqa: E402
-from push_recovery.training.model_policy import ArchivePolicy  # noqa: E402
+from push_recovery.training.model_policy import ArchivePolicy, Trained, _correction  # noqa: E402
 from push_recovery.training.vec_env import SB3VecEnv  # noqa: E402
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize  # noqa: E402
 
@@ -363,3 +365,35 @@ def test_the_note_changes_nothing_else_of_a_space():
     assert env.action_space == box
     assert repr(env.action_space) == repr(box)
     assert copy.deepcopy(env.action_space) == box
+
+
+CORRECTS = {"policy": "two-stage", "gate": None}
+DIFFERENT = "actions mean different things there"
+
+
+@pytest.mark.parametrize(
+    ("theirs", "here", "lacks"),
+    [
+        ({gym_env.HOLD: 2}, {gym_env.HOLD: 2}, (None, 1)),
+        ({gym_env.HOLD: 4}, {gym_env.HOLD: 2}, (None, 2)),
+        ({gym_env.HOLD: 3}, {}, (None, 3)),
+        ({gym_env.HOLD: 3}, {gym_env.HOLD: 2}, DIFFERENT),  # no whole number of those here
+        ({gym_env.HOLD: 2, gym_env.RESIDUAL: CORRECTS}, {}, (CORRECTS, 2)),
+        ({gym_env.HOLD: 4, gym_env.RESIDUAL: CORRECTS}, {gym_env.RESIDUAL: CORRECTS}, (None, 4)),
+        (
+            {gym_env.HOLD: 4, gym_env.RESIDUAL: CORRECTS},
+            {gym_env.HOLD: 2},
+            DIFFERENT,
+        ),  # of the planner, too
+        ({gym_env.RESIDUAL: CORRECTS}, {gym_env.RESIDUAL: {**CORRECTS, "gate": (0.1, 0.2)}}, DIFFERENT),
+        ({}, {gym_env.RESIDUAL: CORRECTS}, DIFFERENT),
+    ],
+)
+def test_residual_and_hold_are_made_up_for_where_they_come_to_the_same(theirs, here, lacks):
+    known = Trained("a model", None, None, None)
+    env = SimpleNamespace(spec=SimpleNamespace(id="here"))
+    if isinstance(lacks, tuple):
+        assert _correction(known, theirs, here, env) == lacks
+        return
+    with pytest.raises(PushRecoveryError, match=lacks):
+        _correction(known, theirs, here, env)

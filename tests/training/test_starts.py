@@ -259,3 +259,9 @@ def test_at_a_reset_too_what_is_never_recovered_from_is_drawn_seldom(episodes):
         (push,) = scenario_of(episodes, 0).pushes
         left += push.force[1] > 0.0
     assert 2 <= left <= 22
+
+
+def test_no_more_walks_are_taken_than_asked_for():
+    """Both robots arrive in the same period."""
+    taken = take_walks(Clockwork(), "planner", HARD, 1, Moments(0.2, 0.2, 9.0, 9.0))
+    assert [walk[:2] for walk in taken] == [(0, 0.25)]

@@ -1,12 +1,14 @@
 """Robots under training: what the network is told of them, and what its outputs do."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.training.builders import completed, make_env, make_robots
 from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.vec_env import TrainingRobots
 
 PENDULUM, BIPED, JOINT, JOINT_RESIDUAL = (
     f"PushRecovery/{name}-v0" for name in ("Pendulum", "Biped", "BipedJoint", "BipedJointResidual")
@@ -137,3 +139,72 @@ def test_seeds_give_the_same_pushes_and_others_others():
     first = some(4)
     assert np.array_equal(first, some(4))
     assert not np.array_equal(first, some(5))
+
+
+class Told:
+    """Robots, actor, starts and reward in one, whose course a test says; notes what it is asked for.
+
+    Of four robots 1 falls in the second period, after it had recovered, and 2 recovers in the third.
+    """
+
+    n = size = 4
+    action_size, failures, bootstraps = 1, (None, "low"), True
+    gate_closed = np.zeros(4, np.bool_)
+
+    def __init__(self):
+        self.notes, self.periods, self.fresh = [], 0, 0.0
+        self.monitor = SimpleNamespace(recovered_at={1: 0.5, 2: 0.7, 3: None}.get)
+
+    def step(self, actions):
+        self.notes.append(("step", actions[:, 0].tolist()))
+        self.periods += 1
+        return SimpleNamespace(failed=np.array([False, self.periods >= 2, False, False]))
+
+    def failure(self):
+        return np.array([0, 1, 0, 0])
+
+    def actions(self, outputs):
+        return outputs
+
+    def look(self, rows):
+        self.notes.append(("look", rows.tolist()))
+
+    def inputs(self):
+        return np.repeat(self.fresh + np.arange(4.0)[:, None], 4, axis=1).astype(np.float32)
+
+    def begin(self, which):
+        self.notes.append(("begin", np.atleast_1d(which).tolist()))
+        self.fresh = 100.0
+
+    def ended(self, k, recovered):
+        self.notes.append(("ended", k, recovered))
+
+    def period(self, period, live, gate_closed):
+        ends = {2: [False, True, False, False], 3: [False, False, True, True]}
+        return live & np.array(ends.get(self.periods, [False] * 4))
+
+    def collect(self, over):
+        return np.where(over, 5.0, 0.25)
+
+
+def test_robots_are_led_through_a_held_action_and_each_end_is_told_where_it_comes():
+    told = Told()
+    robots = TrainingRobots(told, told, told, told, 3)
+    seen, rewards, dones, infos = robots.step(np.array([[2.0], [-3.0], [0.5], [0.0]]))
+    steps = [note for note in told.notes if note[0] == "step"]
+    assert steps == [("step", [1.0, -1.0, 0.5, 0.0])] * 3  # clipped
+    looks = [rows for what, rows, *_ in told.notes if what == "look"]
+    assert looks == [[0, 1, 2, 3], [0, 1, 2, 3], [0, 2, 3], [1, 2, 3]]
+    ends = [note[1:] for note in told.notes if note[0] == "ended"]
+    assert ends == [(1, False), (2, True), (3, False)]  # one that fell has not recovered
+    begun = [rows for what, rows, *_ in told.notes if what == "begin"]
+    assert begun == [[1], [2], [3], [1, 2, 3]]  # starts, and then the reward
+    assert (rewards.tolist(), dones.tolist()) == ([0.25, 5.0, 5.0, 5.0], [False, True, True, True])
+    assert seen[:, 0].tolist() == [100.0, 101.0, 102.0, 103.0]  # of the next episode
+    assert infos[0] == {"TimeLimit.truncated": False}
+    for k, reason, recovered_at in ((1, "low", 0.5), (2, None, 0.7), (3, None, None)):
+        last = infos[k].pop("terminal_observation")
+        assert last.tolist() == [float(k)] * 4
+        limit = reason is None
+        expected = {"failure_reason": reason, "recovered_at": recovered_at, "TimeLimit.truncated": limit}
+        assert infos[k] == expected

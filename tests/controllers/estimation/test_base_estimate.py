@@ -28,6 +28,17 @@ def estimate_at(attitude=LEVEL, velocity=(0.0, 0.0, 0.0)) -> base.BaseEstimate:
     return estimate
 
 
+def test_at_first_the_velocity_is_known_to_two_centimetres_a_second():
+    """Of all three axes: variances of 0.02^2; what was known before is forgotten."""
+    estimate = estimate_at()
+    estimate.gyro_bias[0] = estimate.lift_bias[0] = 0.3
+    base.begin_estimate(estimate, 0, np.zeros(3), np.array(TILTED), np.array([0.1, 0.2, 0.3]))
+    assert estimate.level[0, VV] == pytest.approx(4e-4)
+    assert estimate.lift[0, base.LIFT_VV] == pytest.approx(4e-4)
+    assert not estimate.gyro_bias[0].any()
+    assert estimate.lift_bias[0] == 0.0
+
+
 def felt(attitude, acceleration) -> tuple:
     """Specific force times DT in the axes of a base that is accelerated in the world."""
     x, y, z = acceleration
@@ -87,6 +98,16 @@ def test_in_flight_the_estimate_grows_less_sure_and_faster_while_it_weighs():
     np.testing.assert_allclose(
         base.deviations(carried).velocity[0], np.hypot(before, tilt * G * 0.5), rtol=0.05
     )
+
+
+@pytest.mark.parametrize(("lift", "gained"), [(0.0, 4e-8), (10.0, 8e-8), (-5.0, 5e-8)])
+def test_the_velocity_grows_unsure_by_noise_and_by_a_share_of_what_is_more_than_gravity(lift, gained):
+    """(0.1 m/s^2 x 2 ms)^2 of noise, and one percent of 10 or 5 m/s^2."""
+    estimate = estimate_at()
+    estimate.level[0] = estimate.lift[0] = 0.0
+    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, DT * (G + lift))), DT)
+    assert estimate.level[0, VV] == pytest.approx(gained, rel=1e-3)
+    assert estimate.lift[0, base.LIFT_VV] == pytest.approx(gained, rel=1e-3)
 
 
 def test_beyond_the_range_of_the_accelerometer_the_velocity_is_unknown():
@@ -221,14 +242,18 @@ def test_a_sole_without_load_says_nothing(standing):
             np.testing.assert_array_equal(field, old, err_msg=name)
 
 
-def test_the_gate_opens_where_the_estimate_is_unsure(standing):
+@pytest.mark.parametrize("axis", range(3))
+def test_the_gate_opens_where_the_estimate_is_unsure(standing, axis):
     phys, estimate = standing((300.0, 0.0))
-    moving(estimate, phys, (0.5, 0.0, 0.0))
+    moving(estimate, phys, 0.5 * np.eye(3)[axis])
     listen_to_soles(estimate, 0, phys, DT)
-    assert estimate.velocity[0, 0] == 0.5
-    estimate.level[0, VV] = (0.51 / base.GATE) ** 2
+    assert estimate.velocity[0, axis] == 0.5
+    if axis == 2:
+        estimate.lift[0, base.LIFT_VV] = (0.51 / base.GATE) ** 2
+    else:
+        estimate.level[0, VV] = (0.51 / base.GATE) ** 2
     listen_to_soles(estimate, 0, phys, DT)
-    assert estimate.velocity[0, 0] < 0.1
+    assert estimate.velocity[0, axis] < 0.1
 
 
 def test_the_base_stays_where_its_soles_stand(standing):
@@ -283,11 +308,12 @@ def test_while_no_sole_stands_the_place_drifts_at_the_deviation_of_the_velocity(
     assert estimate.spread[0] == pytest.approx(0.011**2)  # 10 mm and 2 ms at 0.5 m/s
 
 
-def test_a_mirrored_robot_makes_mirrored_estimates(standing):
+@pytest.mark.parametrize("loads", [(300.0, 0.0), (400.0, 200.0)])
+def test_a_mirrored_robot_makes_mirrored_estimates(standing, loads):
     """Axes along x and z of what turns change their sign, those of what moves along y."""
     found = []
     for side in range(2):
-        phys, estimate = standing((300.0, 0.0) if side == 0 else (0.0, 300.0))
+        phys, estimate = standing(loads if side == 0 else loads[::-1])
         sign = 1.0 - 2.0 * side
         estimate.attitude[0] = of_rotation((sign * 0.004, 0.003, 0.0))
         moving(estimate, phys, (0.02, sign * 0.015, 0.01))

@@ -414,6 +414,8 @@ def test_a_model_counts_for_half_a_second_of_weighing():
     assert known.mass[0] == 1.0
     rules.weigh(known, 1, BIPED_GAIT, 1e6, 0.0, 0.1)
     assert known.mass[1] == 2.0  # no more is believed
+    rules.weigh(known, 1, BIPED_GAIT, -1e6, 0.0, 0.1)
+    assert known.mass[1] == 0.5  # and no less
     known = fresh()
     rules.weigh(known, 1, BIPED_GAIT, 0.1 * 1.02 * weight, 0.0, 0.1)
     assert known.mass[1] == 1.0  # within a percent, by its 0.4 %

@@ -116,6 +116,46 @@ def test_episode_start_renews_the_held_action_of_that_row_only():
         p.predict(OBSERVATIONS[:3], state)
 
 
+def test_a_state_that_is_handed_in_stays_as_it_was():
+    """So that an episode may go on from it more than once."""
+    p = policy(hold=2)
+    _, state = p.predict(OBSERVATIONS[:2])
+    kept = [part.copy() for part in state]
+    first, _ = p.predict(OBSERVATIONS[2:4], state, episode_start=np.array([True, False]))
+    assert all((part == before).all() for part, before in zip(state, kept, strict=True))
+    again, _ = p.predict(OBSERVATIONS[2:4], state, episode_start=np.array([True, False]))
+    assert again.tobytes() == first.tobytes()
+
+
+def test_the_learned_action_of_one_observation_is_a_row():
+    learned = policy().learned_action(OBSERVATIONS[0])
+    assert learned.shape == (7,)
+    assert learned.tobytes() == policy().learned_action(OBSERVATIONS[:2])[0].tobytes()
+
+
+def test_a_residuals_gate_is_a_band_of_two_rising_numbers():
+    about = "two-stage", "default", tuple(SCALE.tolist())
+    assert ResidualBase(*about, gate=[0, 1]).gate == (0.0, 1.0)
+    for gate in ((0.2, 0.1), (0.1,), (-0.1, 0.1)):
+        with pytest.raises(InvalidValueError, match="a residual gate is two numbers"):
+            ResidualBase(*about, gate=gate)
+
+
+def test_a_residual_is_renewed_with_its_own_rows_of_the_base_also_from_its_file(tmp_path):
+    """Row 1 alone begins anew: its network sees its own base, and not that of row 0."""
+    base = ResidualBase("two-stage", "default", tuple(SCALE.tolist()))
+    about = PolicyDescription(
+        "PushRecovery/Pendulum-v0", RobotModel(), GaitLimits(), base, 3, inputs=("observation", "base")
+    )
+    seen = Normalisation(np.zeros(43), np.ones(43))
+    p = NetworkPolicy(network((43, 8, 7)), seen, about, SlopePolicy())
+    _, state = p.predict(OBSERVATIONS[:2])
+    action, _ = p.predict(OBSERVATIONS[2:4], state, episode_start=np.array([False, True]))
+    np.testing.assert_array_equal(action[1], p.predict(OBSERVATIONS[3])[0])
+    read = NetworkPolicy.load(p.save(tmp_path / "p"), SlopePolicy())
+    assert read.predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
+
+
 def test_normalisation_clips():
     n = Normalisation(np.zeros(2), np.array([4.0, 0.0]), clip=3.0)
     np.testing.assert_allclose(n.apply(np.array([1.0, 1.0])), [0.5, 3.0], atol=1e-6)
@@ -127,6 +167,7 @@ def test_file_round_trip_keeps_every_bit(tmp_path, name):
     path = p.save(tmp_path / name, {"timesteps": 5})
     q = NetworkPolicy.load(tmp_path / name, base=SlopePolicy())
     assert q.description == p.description
+    assert json.loads(path.with_suffix(".json").read_text())["training"] == {"timesteps": 5}
     assert q.predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
     assert {f.name for f in tmp_path.iterdir()} == {path.name, path.with_suffix(".json").name}
 

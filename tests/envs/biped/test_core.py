@@ -25,7 +25,7 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.period import substeps
 from push_recovery.envs.robots.biped import PLAN, biped_model
 from push_recovery.envs.scenario.model_errors import CONTROL_STEP
-from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.push import GaitEvent, Kick, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 
@@ -272,6 +272,22 @@ def test_a_fallen_robot_rests_until_its_reset(biped_core, begin):
     assert trajectory(core, begin, SCENARIOS[1:2], 0.5).tobytes() == (
         trajectory(biped_core(), begin, SCENARIOS[1:2], 0.5).tobytes()
     )
+
+
+def test_a_fallen_robot_takes_no_kick(biped_core, begin):
+    """Its time has stopped: the kick is due at the moment of the fall."""
+    core = biped_core()
+    begin(core, 0, Scenario("a", (Push((0.0, 3000.0, 0.0), 0.1, 0.1),)))
+    for _ in range(120):
+        step(core)
+    assert core.gait.failure[0] != 0
+    core.kicks.assign(0, (Kick((1.0, 0.5, 0.0), core.gait.time.item(0)),))
+    before = core.physics.qvel[0].copy(), core.simulations.data[0].qvel.copy()
+    for _ in range(2):
+        step(core)
+    assert core.kicks.done[0] == 1
+    np.testing.assert_array_equal(core.physics.qvel[0], before[0])
+    np.testing.assert_array_equal(core.simulations.data[0].qvel, before[1])
 
 
 def test_a_state_that_is_no_number_is_a_failure(biped_core, begin, tmp_path, monkeypatch):

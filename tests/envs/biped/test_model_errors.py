@@ -14,6 +14,7 @@ from push_recovery.controllers.model.observation import COM, COM_VELOCITY, DCM, 
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, TRUNK
+from push_recovery.envs.biped import model_errors
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
@@ -79,6 +80,37 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
     np.testing.assert_allclose(data.qacc, np.linalg.solve(matrix, torque), rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("errors", "believes", "physical"),
+    [
+        ({}, 0, 0), ({"friction": 0.5}, 0, 0), ({"floor_step": 0.01}, 0, 0), ({"dcm_noise": 0.01}, 0, 0),
+        ({"joint_friction": 0.5}, 0, 0), ({"delay": 0.004}, 0, 1), ({"motor_power": 300.0}, 0, 1),
+        ({"mass": 0.1}, 1, 1), ({"armature": 0.01}, 1, 1), ({"joint_noise": 0.001}, 1, 1),
+        ({"slope_forward": 0.05}, 1, 1), ({"slope_left": -0.05}, 1, 1),
+    ],
+)  # fmt: skip
+def test_what_control_takes_for_the_robot_is_another_one_where_kinematics_or_dynamics_are(
+    errors, believes, physical
+):
+    table = model_errors.no_errors(1)
+    model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
+    assert (table.believes[0], table.physical[0]) == (believes, physical)
+
+
+@pytest.mark.parametrize("errors", [{}, {"mass": 0.2}, {"armature": 0.05}, {"mass": 0.2, "armature": 0.05}])
+def test_drives_know_the_inertia_of_their_joints_with_all_that_is_added(errors):
+    """The diagonal of MuJoCo's mass matrix of the altered robot."""
+    table = model_errors.no_errors(2)
+    model_errors.assign_errors(table, 1, Scenario("a", errors=ModelErrors(**errors)), biped())
+    model = model_of(**errors) if errors else biped_model()
+    data, products = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    for unit, product in zip(np.eye(model.nv), products, strict=True):
+        mujoco.mj_mulM(model, data, product, unit)
+    np.testing.assert_allclose(table.motors[1, model_errors.INERTIA], np.diag(products)[JOINTS], rtol=1e-9)
+    assert not table.motors[0].any()
+
+
 def test_damping_brakes_in_proportion():
     model, data = weightless(model_of(joint_damping=2.0))
     data.qvel[JOINTS] = np.linspace(-1.0, 1.0, 14)
@@ -112,6 +144,19 @@ def test_a_hand_meets_a_thigh_that_is_lifted_outwards():
     data.joint("left_hip_pitch").qpos[0] = -1.6
     data.joint("left_hip_yaw").qpos[0] = 0.6
     assert not touching(plain, data)
+
+
+def test_bodies_that_touch_while_the_robot_stands_do_not_collide(monkeypatch):
+    """Told so of trunk and thigh, they pass through each other, and the other thigh does not."""
+    monkeypatch.setattr(model_errors, "touching", lambda robot, model: [("trunk", "left_thigh")])
+    spec = biped().description.spec()
+    model_errors.add_collisions(spec, biped())
+    compiled = biped().compiled(spec)
+    for side, meets in (("left", False), ("right", True)):
+        model, data = weightless(compiled)
+        data.joint(f"{side}_hip_pitch").qpos[0] = -1.6
+        data.joint(f"{side}_hip_yaw").qpos[0] = 0.6 if side == "left" else -0.6
+        assert ((f"{side}_thigh", "trunk") in touching(model, data)) == meets
 
 
 def test_soles_touch_the_floor_as_without_collisions():

@@ -8,6 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import DCM
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.episodes import hold_action
+from push_recovery.envs.episode.period_end import REWARD_TERMS
 from push_recovery.envs.joint.env import JointEpisodes
 from push_recovery.envs.pendulum.env import PendulumEnv, PendulumEpisodes, make_pendulum_vector
 from push_recovery.envs.scenario.push import SIDES, Kick, Push
@@ -157,3 +158,22 @@ def test_the_last_sudden_change_is_that_of_command_or_kick():
         scenario = Scenario("a", changes=changes, kicks=tuple(Kick((0.01, 0, 0), start) for start in kicks))
         assert scenario.last_sudden_change == last
         assert scenario.end_time(0.1) == max(last, 0.1) + scenario.settle_time
+
+
+def test_the_first_action_is_compared_with_that_of_the_nominal_step_whatever_came_before():
+    """-0.02 |a - a_before|^2: 0 for the nominal one, and -0.02 x 0.1^2 where one entry is off by 0.1."""
+    episodes, column = PendulumEpisodes(1), REWARD_TERMS.index("smoothness")
+    for before in (0.0, 0.5, -0.5):
+        episodes.begin(0, Scenario("a"))
+        nominal = episodes.core.previous_action.astype(np.float32)
+        assert episodes.step(nominal).reward.terms[0, column] == pytest.approx(0.0, abs=1e-9)
+        changed = nominal + np.float32(0.1) * np.eye(7, dtype=np.float32)[:1]
+        assert episodes.step(changed).reward.terms[0, column] == pytest.approx(-2e-4, rel=1e-4)
+        episodes.step(np.full((1, 7), before, np.float32))
+
+
+@pytest.mark.parametrize("turns", [(-0.2, 0.0), (0.0, -0.2), (0.1, -0.2)])
+def test_a_turn_to_either_side_at_any_time_is_refused_where_robots_do_not_turn(turns):
+    first, then = (Command(turn=turn) for turn in turns)
+    with pytest.raises(InvalidValueError, match=r"does not turn: .* got -0\.2 in scenario 'a'"):
+        PendulumEpisodes(1).begin(0, Scenario("a", command=first, changes=(CommandChange(1.0, then),)))

@@ -22,6 +22,7 @@ from push_recovery.envs.episode.period_end import REWARD_TERMS
 from push_recovery.envs.joint.core import write_floor_points
 from push_recovery.envs.joint.env import FROM_GAIT, JOINT_REWARD_TERMS, JointEpisodes, JointResidualEpisodes
 from push_recovery.envs.robots.biped import biped, biped_model
+from push_recovery.envs.robots.variants import NO_WAIST
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -333,3 +334,24 @@ def test_a_robot_that_holds_a_posture_does_not_shake(profile):
         torques.append(episodes.core.physics.ctrl[0].copy())
     changes = np.diff(torques[100:], axis=0).std(axis=0)
     assert (changes < 0.1 * episodes.core.joints.largest).all()
+
+
+def test_at_a_reset_the_joints_have_been_asked_for_nothing():
+    episodes = JointEpisodes(2)
+    joints = episodes.core.joints
+    for field in (joints.asked, joints.held, joints.effort, joints.lifted, joints.air):
+        field[:] = 3
+    episodes.begin(1, Scenario("a"))
+    for field in (joints.asked, joints.held, joints.effort, joints.lifted, joints.air):
+        assert not field[1].any()
+        assert (field[0] == 3).all()  # the other robot's stay
+
+
+def test_a_joint_that_a_robot_does_not_have_is_asked_for_nothing():
+    """Without a waist the first two of the 14 joints have no motor, no angle and no reach."""
+    core = JointEpisodes(1, robot=NO_WAIST).core
+    moved = core.joints.largest > 0.0
+    assert moved.tolist() == [False] * 2 + [True] * 12
+    np.testing.assert_array_equal(core.joints.reach > 0.0, moved)
+    assert not core.joints.posture[~moved].any()
+    assert len(set(core.joints.reach[moved].tolist())) == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS
+from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS, legs_below_a_yaw
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -29,3 +29,11 @@ def test_it_walks_and_recovers(description):
     assert episodes.core.physics.com[0, 0, 0] == pytest.approx(0.3 * 10.0, abs=0.15)  # at the commanded speed
     np.testing.assert_allclose(episodes.core.physics.com[1:, 0, :2], 0.0, atol=0.4)
     assert all(episodes.monitor.recovered_at(k) is not None for k in (1, 2))
+
+
+def test_legs_below_a_yaw_hang_from_the_hips_and_weigh_as_much_as_before():
+    model = legs_below_a_yaw().compile()
+    for side in ("left", "right"):
+        assert model.body(model.body(f"{side}_thigh").parentid[0]).name == "hips"
+    assert model.body(model.body("hips").parentid[0]).name == "pelvis"
+    assert model.body_subtreemass[0] == pytest.approx(60.0)

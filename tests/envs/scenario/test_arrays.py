@@ -26,7 +26,7 @@ from push_recovery.envs.scenario.arrays import (
     resolve_starts,
     turn_forces,
 )
-from push_recovery.envs.scenario.push import PENDING, GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.push import PENDING, GaitEvent, Kick, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
 ROBOTS = (PendulumEpisodes, BipedEpisodes)
@@ -175,6 +175,16 @@ def test_arrays_that_grow_keep_what_the_others_have():
     assert grown.step[1].tolist() == [3, -1]  # from the left foot, step 3 is the first on the right one
     assert (grown.fraction[1, 0], grown.body[1].tolist(), grown.frame[1].tolist()) == (0.25, [1, 0], [1, 0])
     assert grown.offset[1, 0].tolist() == [0.1, 0.2, 0.3]
+
+
+def test_a_jump_is_marked_where_it_comes_by_a_push_without_a_force_behind_the_forces():
+    first, second = Kick((0.5, 0.0, 0.0), 1.5), Kick((0.0, 0.5, 0.0), 0.2)
+    scenario = Scenario("a", (ONE,), kicks=(first,), disturbances=(second,))
+    pushes = assign_pushes(empty_pushes(1, 1), 0, scenario)
+    assert pushes.start[0].tolist() == [0.5, 1.5, 0.2]
+    assert pushes.duration[0].tolist() == [0.1, 0.001, 0.001]
+    assert pushes.force[0].tolist() == [[1.0, 2.0, 3.0], [0.0] * 3, [0.0] * 3]
+    assert pushes.step[0].tolist() == [-1] * 3
 
 
 def test_fewer_pushes_leave_nothing_of_those_before():

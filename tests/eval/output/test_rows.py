@@ -1,6 +1,7 @@
 """Row files survive a kill, a directory has one writer, and what cannot be written is refused beforehand."""
 
 import fcntl
+import hashlib
 import json
 import os
 import platform
@@ -215,6 +216,35 @@ def test_of_two_rows_of_one_key_the_first_counts(tmp_path):
     rows = [{"policy": "a", "recovered": True}, {"policy": "a", "recovered": False}]
     (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     assert store(tmp_path).rows == {("a",): rows[0]}
+
+
+def test_rows_without_a_configuration_are_refused_and_an_empty_file_is_none(tmp_path):
+    path = tmp_path / "outcomes.jsonl"
+    path.touch()
+    store(tmp_path).close()
+    (tmp_path / "config.json").unlink()
+    path.write_text('{"policy": "a", "recovered": true}\n')
+    with pytest.raises(InvalidValueError, match=r"has no config\.json beside it"):
+        store(tmp_path)
+    for place in (tmp_path, tmp_path / "new"):  # what is not there can be overwritten, too
+        with store(place, overwrite=True) as rows:
+            assert rows.rows == {}
+
+
+def test_rows_of_a_policy_that_is_not_evaluated_now_may_be_of_any_content(tmp_path):
+    with store(tmp_path) as rows:
+        rows.append({"policy": "a", "recovered": True, "policy_sha256": "1"})
+        rows.check_policies({"b": "2"})
+        rows.check_policies({"a": "1"})
+        with pytest.raises(InvalidValueError, match="another content of policy 'a'"):
+            rows.check_policies({"a": "2"})
+
+
+def test_a_directory_is_named_by_its_label_and_configuration():
+    """Whatever the order of its entries; of a label that is too long for a file system, the beginning."""
+    digest = hashlib.sha256(b'{"a": 1, "b": 2}').hexdigest()[:8]
+    named = store_rows.default_directory("x" * 300, {"b": 2, "a": 1})
+    assert named == Path("runs") / ("x" * 150 + "-" + digest)
 
 
 @pytest.fixture

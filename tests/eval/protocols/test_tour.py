@@ -62,6 +62,7 @@ def test_the_ceiling_rises_for_a_minute():
 def test_a_scenario_has_the_impulse_by_mass():
     scenario = tour.tour_scenario(3, biped())
     assert (scenario.id, scenario.duration, len(scenario.pushes)) == ("tour-0003", 90.0, 18)
+    assert scenario.noise_seed == 3
     for i, (push, punch) in enumerate(zip(scenario.pushes, punches(3), strict=True)):
         assert (push.start, push.duration, push.frame) == (pytest.approx(0.1 + 5 * i), 0.08, "world")
         assert push.impulse_magnitude / 60.0 == pytest.approx(punch.force * 0.08 / 35.112, rel=1e-5)
@@ -122,6 +123,13 @@ def test_commands_are_proportional_within_limits():
     assert follower.command(Pose(0.0, 0.0, 0.0), Pose(-2.0, -2.0, -3.0)) == (-0.25, -0.2, -0.6)
 
 
+def test_a_small_robot_walks_slower_within_limits_of_its_own():
+    """Limits of velocity as of a robot of 0.8 m, times the ratio; the turn's is the same."""
+    follower = Follower(0.5)
+    assert follower.command(Pose(0.0, 0.0, 0.0), Pose(2.0, 2.0, 3.0)) == (0.25, 0.1, 0.6)
+    assert follower.command(Pose(0.0, 0.0, 0.0), Pose(-2.0, -2.0, -3.0)) == (-0.125, -0.1, -0.6)
+
+
 def test_it_rests_where_it_is_there_until_it_is_lost():
     follower, target = Follower(), Pose(1.0, 0.0, 0.0)
 
@@ -153,8 +161,8 @@ def test_the_heading_rests_for_itself():
 class Pelvis:
     """A core of one robot whose pelvis is put where a test wants it."""
 
-    def __init__(self):
-        self.robot, self.command = RobotModel(), np.zeros((1, 3))
+    def __init__(self, **robot):
+        self.robot, self.command = RobotModel(**robot), np.zeros((1, 3))
         self.gait = SimpleNamespace(time=np.zeros(1))
         self._state = SimpleNamespace(qpos=np.zeros((1, 7)), xmat=np.zeros((1, 20, 9)))
 
@@ -189,3 +197,14 @@ def test_a_watcher_writes_the_command_in_the_frame_in_which_the_robot_began(monk
         "heading_errors_deg": [pytest.approx(math.degrees(0.02), abs=1e-3),
                                pytest.approx(math.degrees(0.32), abs=1e-3)],
     }  # fmt: skip
+
+
+def test_a_watcher_scales_limits_by_the_robot_and_ends_with_the_last_waypoint(monkeypatch):
+    """A CoM at a quarter of 0.8 m: velocities are half as large. After 90 s the 18th waypoint stays."""
+    targets = tuple(Pose(float(i), 0.0, 0.0) for i in range(18))
+    monkeypatch.setattr(tour, "waypoints", lambda run_id: targets)
+    core, watcher = Pelvis(com_height=0.2), tour.TourWatcher()
+    watcher.begin(core, 0, Scenario("tour-0001"))
+    core.put(90.0, 16.0, 0.0, 0.0)
+    watcher.look(core, 0)
+    assert core.command[0] == pytest.approx((0.25, 0.0, 0.0))
