@@ -76,6 +76,8 @@ class PlannerConfig:
     cop_margin_y: float = 0.0  # [m]
     trunk_gravity: float = 0.0  # of the leaning trunk per sin(lean), taken from the torque bound [N m]
     beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
+    standing_horizon: float = 0.6  # of stage 2 on two standing feet [s]
+    standing_carry: float = 0.1  # `push_carry` of stage 2 on two standing feet [s]
     first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
     jerk_cost: Literal["literal", "repaired"] = "repaired"  # jerk form: eq. 20, or about the free motion
 
@@ -104,7 +106,7 @@ class PlannerConfig:
             raise InvalidValueError(
                 f"PlannerConfig.tail_intervals must be an integer from 0 to {MOST_INTERVALS}, got {tail!r}"
             )
-        for name in ("sampling_time", "tail_sampling_time"):
+        for name in ("sampling_time", "tail_sampling_time", "standing_horizon"):
             if not getattr(self, name) >= SHORTEST_SAMPLING:
                 raise InvalidValueError(
                     f"PlannerConfig.{name} must be at least {SHORTEST_SAMPLING} s, got {getattr(self, name)}"
@@ -340,7 +342,7 @@ _BY_UNIT: Mapping[str, Mapping[Unit, str]] = {
     "planner": {
         PER_AREA: "alpha_step alpha_offset beta_cop beta_dcm",
         TIME: "duration_margin freeze touchdown_delay double_support push_carry sampling_time "
-        "tail_sampling_time mpc_step",
+        "tail_sampling_time mpc_step standing_carry standing_horizon",
         LENGTH: "push_threshold",
         SWING: "swing_acceleration",
         (("length", -2.0), ("time", 4.0)): "beta_dcm_acceleration",

@@ -12,6 +12,7 @@ from ..model import observation
 from ..model.capturability import capture_margin_kernel
 from ..model.gait_box import COP, DURATION, TRUNK
 from ..model.observation import WORLD_CMP, WORLD_COP, WORLD_DCM, Frame, canonical, canonical_frame, in_world
+from ..model.standing import margin_on_both_feet
 from ..whole_body import kinematics
 from ..whole_body.gait_machine import FLOOR, MOMENT, Gait, GaitSettings, Point
 from ..whole_body.kinematics import PELVIS, Array, Physics, sole_position
@@ -184,4 +185,6 @@ def observe(
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
+    if gait.elapsed[k] < 0.0:
+        return margin_on_both_feet(o[_SWING : _SWING + 2], dcm, angle, rate, capture)
     return capture_margin_kernel(gait.elapsed[k], dcm, angle, rate, capture)

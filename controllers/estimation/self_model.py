@@ -169,7 +169,7 @@ def feel_joints(joints: Floats3, before: Floats2, phys: Physics, gait: Gait, k: 
     when the step began, and then what it is now.
     """
     stance = gait.stance[k]
-    if gait.elapsed[k] <= 1.5 * dt:  # has just touched down
+    if 0.0 <= gait.elapsed[k] <= 1.5 * dt:  # has just touched down
         for j in range(LEG_DOF[stance], LEG_DOF[stance] + 6):
             conclude(joints[k, j - BASE])
     elif phys.load[k, 1 - stance] <= 0.0:
@@ -394,7 +394,8 @@ def learn_grip(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Co
     """Take in what the floor has held of robot k, whose stance sole may slide from its landing at first."""
     (x, y, _), impulse = kinematics.sole_position(phys, k, gait.stance[k]), contacts.impulse[k]
     share = math.hypot(impulse[0], impulse[1]) / impulse[2] if impulse[2] > 0.0 else -1.0
-    landed, step, span = gait.elapsed[k] > STANDING, gait.steps[k], contacts.time[k]
+    landed = gait.elapsed[k] > STANDING or gait.elapsed[k] < 0.0
+    step, span = gait.steps[k], contacts.time[k]
     known.grip[k] = feel_grip(known.stood[k], known.grip[k], x, y, step, landed, share, span)
 
 
@@ -422,7 +423,7 @@ def learn(known: SelfModel, k: int, phys: Physics, gait: Gait, contacts: Contact
         step[QUIET] = -1.0
     scale = 1.0 / (mass * s.omega**2 * span)
     x, y = scale * (mass * x - known.asked[k, 0]), scale * (mass * y - known.asked[k, 1])
-    weight = span * math.exp(-s.omega * gait.elapsed[k])
+    weight = span * math.exp(-s.omega * max(gait.elapsed[k], 0.0))
     x, y = canonical(ahead, x, y)
     step[DRIFT] += weight * x
     step[DRIFT + 1] += weight * y

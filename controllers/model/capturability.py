@@ -166,7 +166,7 @@ def recoverable_offset(
         foot: whether the CoP may leave the centre of the sole.
         flywheel: whether the trunk may be accelerated.
     """
-    angle, rate = _pair("trunk_angle", trunk_angle), _pair("trunk_rate", trunk_rate)
+    angle, rate = pair("trunk_angle", trunk_angle), pair("trunk_rate", trunk_rate)
     bounds = np.empty(BOUNDS)
     offset_bounds_kernel(elapsed, angle, rate, capture_constants(robot, limits, foot, flywheel), bounds)
     return OffsetBounds(bounds[LOW : LOW + 2], bounds[HIGH : HIGH + 2])
@@ -185,8 +185,8 @@ def capture_margin(
 ) -> float:
     """Distance of the DCM from the nearest bound of `recoverable_offset` [m]; negative: beyond recovery."""
     constants = capture_constants(robot, limits, foot, flywheel)
-    angle, rate = _pair("trunk_angle", trunk_angle), _pair("trunk_rate", trunk_rate)
-    return float(capture_margin_kernel(elapsed, _pair("dcm", dcm), angle, rate, constants))
+    angle, rate = pair("trunk_angle", trunk_angle), pair("trunk_rate", trunk_rate)
+    return float(capture_margin_kernel(elapsed, pair("dcm", dcm), angle, rate, constants))
 
 
 def max_recoverable_force(
@@ -273,7 +273,8 @@ def _max_recoverable_shift(
     return shift
 
 
-def _pair(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def pair(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Two finite numbers as an array (2,), or InvalidValueError with their name."""
     pair = np.asarray(value, dtype=np.float64)
     if pair.shape != (2,) or not np.isfinite(pair).all():
         raise InvalidValueError(f"{name} must be two finite numbers, got {value!r}")

@@ -70,14 +70,14 @@ def check_double_support(double_support: float, limits: GaitLimits) -> None:
 
 @njit(cache=True)
 def both_stand(elapsed: float, double_support: float) -> bool:
-    """Whether a step that began `elapsed` seconds ago is in double support."""
-    return double_support > 0.0 and double_support - elapsed > INSTANT
+    """Whether a step that began `elapsed` seconds ago is in double support; a standing robot always is."""
+    return elapsed < 0.0 or (double_support > 0.0 and double_support - elapsed > INSTANT)
 
 
 @njit(cache=True)
 def transfer_weight(elapsed: float, double_support: float, omega: float) -> float:
     """kappa(t): the rest of the transfer counts as a CoP at p kappa held for ever."""
-    if not both_stand(elapsed, double_support):
+    if elapsed < 0.0 or not both_stand(elapsed, double_support):
         return 0.0
     left = min(double_support - elapsed, double_support)
     return left / double_support + math.expm1(-omega * left) / (omega * double_support)
@@ -304,6 +304,12 @@ def nominal_start(
     return NominalStart(com, omega * (dcm - com), np.array([-gait.length, other_width]))
 
 
+def standing_start(pelvis_width: float) -> NominalStart:
+    """A robot at rest on two feet side by side, l_p [m] apart, its CoM between them."""
+    side = np.array([0.0, pelvis_width])
+    return NominalStart(0.5 * side, np.zeros(2), side)
+
+
 @njit(cache=True)
 def cop_range(
     axis: int, obs: Any, low: Any, high: Any, double_support: float
@@ -333,7 +339,7 @@ def gaits_of_actions(
 ) -> NDArray[np.float64]:
     """Gait variables (n, 7) of actions (n, 7) at observations (n, 36): `from_action`, but for the CoP."""
     gaits = limits.from_action(actions)
-    if double_support > 0.0:
+    if double_support > 0.0 or (observations[:, ELAPSED] < 0.0).any():
         asked = np.asarray(actions, dtype=np.float64)
         _widen(observations, asked, limits.low, limits.high, double_support, gaits)
     return gaits

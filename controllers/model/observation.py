@@ -80,7 +80,7 @@ def point_in_world(frame: Frame, sole_x: float, sole_y: float, x: float, y: floa
     return sole_x + frame.cos * x - frame.sin * y, sole_y + frame.sin * x + frame.cos * y
 
 
-ELAPSED = 0  # time since the step began [s]
+ELAPSED = 0  # time since the step began [s]; ON_BOTH_FEET where the robot stands and none has begun
 DCM = slice(1, 3)  # xi = com + com_velocity / omega
 COM = slice(3, 5)  # horizontal
 COM_VELOCITY = slice(5, 7)
@@ -100,6 +100,8 @@ PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
 # External force over m omega^2 during the last period, from the DCM and the CMP that acted in it:
 # delta = (xi - (exp(omega dt) xi_before - (exp(omega dt) - 1) cmp)) / (exp(omega dt) - 1)  [m]
 PUSH_ESTIMATE = slice(34, 36)
+
+ON_BOTH_FEET = -1.0  # "elapsed" of a robot that stands on both feet until a step begins
 
 # Columns of DCM, CoP and CMP in the world [m], for `info`; of a pair (x, y) the first one
 WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4

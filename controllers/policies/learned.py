@@ -193,7 +193,15 @@ def read_residual(values: Any) -> ResidualBase:
     residual = _record(ResidualBase, values, "residual")
     if residual.config is None:
         return residual
-    return replace(residual, config=_record(PlannerConfig, residual.config, "planner config"))
+    return replace(residual, config=_record(PlannerConfig, _with_newer(residual.config), "planner config"))
+
+
+NEWER = {"standing_horizon": 0.6, "standing_carry": 0.1}  # fields that the files of earlier versions lack
+
+
+def _with_newer(config: Any) -> Any:
+    """The planner's settings of a file, with those that did not exist when it was written."""
+    return NEWER | config if isinstance(config, dict) else config
 
 
 def _record(kind: type[T], values: Any, name: str) -> T:

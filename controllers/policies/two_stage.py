@@ -16,7 +16,7 @@ from ..errors import InvalidValueError, UnknownNameError
 from ..jit import RangeThreads, announce_compilation, njit
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, NominalGait, scale_action
-from ..model.observation import OBSERVATION_SIZE, as_batch
+from ..model.observation import ELAPSED, OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
 from ..settings import ARMS, PAPER_SUFFIX, PlannerConfig, load_preset, named_preset, preset_config
 from ..stage_1 import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, ROW_SIZE, STATUS, TARGET, StepPlanner
@@ -169,6 +169,7 @@ class TwoStagePolicy:
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
         self._stage_2 = make_regulator(self.robot, self.limits, self.config, self._threads.threads)
+        self._stander: Any = None  # a `Stander`, from the first standing robot on
         self._bounds = self.limits.box, self.config.double_support
         self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 
@@ -206,18 +207,37 @@ class TwoStagePolicy:
         n = len(batch)
         actions, rows = np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE))
 
+        stand = batch[:, ELAPSED] < 0.0
+        standing = bool(stand.any())
+
         def act(worker: int, first: int, end: int) -> None:
             seen, own = batch[first:end], rows[first:end]
             self._stage_1.plan(seen, own)
-            self._stage_2.regulate(seen, own, worker)
+            if standing:
+                self._act_standing(seen, own, stand, worker)
+            else:
+                self._stage_2.regulate(seen, own, worker)
             scale_actions(own, seen, *self._bounds, actions[first:end])
 
-        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
+        if standing or n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
             act(0, 0, n)
         else:
             self._threads.run(act, n, ROWS_A_THREAD)
         self._rows = rows
         return actions, rows
+
+    def _act_standing(self, batch: Floats, rows: Floats, standing: NDArray[np.bool_], worker: int) -> None:
+        """Stage 2 where some robots (n,) stand on both feet."""
+        from .standing import Stander
+
+        if self._stander is None:
+            self._stander = Stander(self.robot, self.limits, self.config, self._stage_1, self._stage_2)
+        if not standing.all():
+            part = rows[~standing]
+            self._stage_2.regulate(batch[~standing], part, worker)
+            rows[~standing] = part
+        for k in np.flatnonzero(standing):
+            self._stander.plan(batch[k], rows[k])
 
 
 class RandomPolicy:

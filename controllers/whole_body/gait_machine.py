@@ -6,18 +6,30 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.np.numpy_support import carray
 
 from ..array_table import Floats1, Floats2, Ints1
 from ..jit import njit
-from ..math3 import Vector, vector_at, vector_of
+from ..math3 import ZERO, Vector, cross, stack_floats, subtract, vector_at, vector_of
 from ..model import observation
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
-from ..model.observation import canonical, canonical_frame, point_in_world
+from ..model.observation import (
+    ON_BOTH_FEET,
+    canonical,
+    canonical_frame,
+    heading_frame,
+    in_world,
+    point_in_world,
+)
 from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
 from .kinematics import PELVIS, Array, Heading, Ints, Physics, sole_position
 from .limits import LANDED_LATE, TOUCHDOWN_ERROR, Bounds
 from .swing import PELVIS_YAW
+from .two_feet import standing_torque
+
+# stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 
 FAILURES = ("", "com_height", "pelvis_tilt", "not_finite")
 TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
@@ -33,7 +45,7 @@ class Gait(NamedTuple):
 
     stance: Ints1  # (n,) 0 left, 1 right
     steps: Ints1  # (n,) completed steps
-    elapsed: Floats1  # (n,) since the step began [s]
+    elapsed: Floats1  # (n,) since the step began [s]; ON_BOTH_FEET while the robot stands
     time: Floats1  # (n,) since reset [s]
     heading: Floats1  # (n,) of the stance sole and the canonical frame [rad]
     swing: Floats2  # (n, 9) reference of the swing sole: position, velocity, acceleration
@@ -42,6 +54,7 @@ class Gait(NamedTuple):
     failure: Ints1  # (n,) index into FAILURES
     wrench: Floats2  # (n, 6) that the last torque asks of the stance sole
     turn: Floats1  # (n,) commanded [rad/s]
+    stand: Floats1  # (n,) 1: commanded to stand
     yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turn_references`
 
 
@@ -52,6 +65,7 @@ class GaitSettings(NamedTuple):
     com_height: float  # [m]
     cmp_gain: float  # j / (m g) [m s^2]
     mass: float  # [kg]
+    feet_apart: float  # l_p: lateral distance of feet that stand [m]
     apex: float  # height of the swing sole in mid-step [m]
     landing_delay: float  # the swing sole aims at the floor this long after T [s]
     commit: float  # from T - this place and time stay, but for a step that ends later still [s]
@@ -73,7 +87,7 @@ def resting_gait(n: int) -> Gait:
     return Gait(
         stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
         heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
-        failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n),
+        failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n), stand=np.zeros(n),
         yaw=np.zeros((n, swing.SIZE)),
     )  # fmt: skip
 
@@ -230,9 +244,89 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     return met
 
 
+NEARLY = 0.05  # feet this near to side by side may stand [m]
+SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
+
+
+@njit(cache=True)
+def may_stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, both: Bounds) -> bool:
+    """Whether a robot that has touched down can stand from here on, as it is told to.
+
+    Its feet are side by side to NEARLY, and the DCM lies SETTLED within their hull: far enough within what
+    makes a step necessary that the two do not take turns.
+    """
+    if gait.stand[k] == 0.0:
+        return False
+    ahead, stance = heading_frame(gait.heading[k]), gait.stance[k]
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    com, velocity = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k)
+    other_x, other_y = canonical(ahead, foot[0] - sole[0], foot[1] - sole[1])
+    if abs(other_x) > NEARLY or abs(abs(other_y) - s.feet_apart) > NEARLY:
+        return False
+    x = com[0] - sole[0] + velocity[0] / s.omega
+    y = com[1] - sole[1] + velocity[1] / s.omega
+    x, y = canonical(ahead, x, y)
+    half_x, half_y = both.settings.cop_x_max - SETTLED, both.settings.cop_y_max - SETTLED
+    low, high = min(other_y, 0.0) - half_y, max(other_y, 0.0) + half_y
+    return min(other_x, 0.0) - half_x < x < max(other_x, 0.0) + half_x and low < y < high
+
+
+@njit(cache=True)
+def lift_off(phys: Physics, gait: Gait, k: int) -> None:
+    """Let a standing robot's step begin: the foot farther from the CoP asked for becomes the swing foot.
+
+    Place and time of the plan are those of the step, relative to the foot that stays; its CoP and its trunk
+    are as seen from the foot that was the stance foot until now, and are turned into the new one's frame.
+    """
+    old, plan = gait.stance[k], gait.plan[k]
+    frame = canonical_frame(gait.heading[k], old)
+    sole, foot = sole_position(phys, k, old), sole_position(phys, k, 1 - old)
+    other_x, other_y = canonical(frame, foot[0] - sole[0], foot[1] - sole[1])
+    if math.hypot(plan[COP] - other_x, plan[COP + 1] - other_y) < math.hypot(plan[COP], plan[COP + 1]):
+        gait.stance[k] = 1 - old
+        gait.heading[k] += swing.exchange_soles(gait.yaw[k])
+        gait.height[k, 0] -= foot[2] - sole[2]
+        plan[COP], plan[COP + 1] = plan[COP] - other_x, other_y - plan[COP + 1]
+        plan[TRUNK + 1] = -plan[TRUNK + 1]
+        foot = sole
+    gait.swing[k] = 0.0
+    gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = foot
+    gait.elapsed[k] = 0.0
+
+
+@njit(cache=True)
+def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both: Bounds, dt: float) -> int:
+    """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met."""
+    stance, plan = gait.stance[k], gait.plan[k]
+    ahead, sign = heading_frame(gait.heading[k]), observation.side_sign(stance)
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    com, velocity, lift = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k), gait.height[k]
+    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), s)
+    lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, s.height_time, dt)
+    lift[FLOOR] = sole[2]
+    x, y = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
+    x -= plan[COP] + s.cmp_gain * plan[TRUNK]
+    y -= sign * (plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1])
+    x, y = in_world(ahead, x, y)
+    acceleration, waist = (s.omega**2 * x, s.omega**2 * y), (plan[TRUNK], -sign * plan[TRUNK + 1])
+    pelvis = 0.5 * gait.yaw[k, swing.SWING], 0.0, 0.0
+    task = Task(
+        stance, acceleration, vector_of(lift, 0), (ahead.cos, ahead.sin), gait.swing[k], waist, ZERO, pelvis,
+        (0.0, 0.0), (0.0, 0.0),
+    )  # fmt: skip
+    wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
+    met = standing_torque(phys, k, task, velocity[2], 1.0, gains, both, wrench, other, phys.ctrl[k])
+    limits.clip_torque(phys.ctrl[k], both.torque_range)
+    moment = cross(subtract(foot, sole), vector_of(other, 0))
+    for i in range(3):
+        wrench[i], wrench[3 + i] = wrench[i] + other[i], wrench[3 + i] + other[3 + i] + moment[i]
+    return met
+
+
 @njit(cache=True, forceinline=True)
 def control(
-    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, landing: Ints, dt: float
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, both: Bounds,
+    landing: Ints, dt: float,
 ) -> int:  # fmt: skip
     """One physics step's torques of one robot, written to phys.ctrl; returns the bounds met, as bits.
 
@@ -241,6 +335,10 @@ def control(
     if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, DURATION], s):
         landing[k] = landing_error(phys, gait, k)
         touch_down(phys, gait, k)
+        if may_stand(phys, gait, k, s, both):
+            gait.elapsed[k] = ON_BOTH_FEET
+    if gait.elapsed[k] < 0.0:
+        return stand(phys, gait, k, s, gains, both, dt)
     met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
     if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:
         met |= TOUCHDOWN_ERROR
@@ -250,7 +348,8 @@ def control(
 @njit(cache=True, forceinline=True)
 def pass_time(gait: Gait, k: int, dt: float) -> None:
     """Let one physics step go by."""
-    gait.elapsed[k] += dt
+    if gait.elapsed[k] >= 0.0:
+        gait.elapsed[k] += dt
     gait.time[k] += dt
 
 

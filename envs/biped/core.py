@@ -21,7 +21,7 @@ from ...controllers.jit import RangeThreads
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NominalStart
-from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE, side_sign
+from ...controllers.model.observation import OBSERVATION_SIZE, ON_BOTH_FEET, WORLD_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig, load_preset, named_preset
 from ...controllers.validation import require_choice
@@ -29,10 +29,20 @@ from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ...controllers.whole_body.limits import BoundSettings, make_bounds
+from ...controllers.whole_body.two_feet import make_two_feet_bounds
 from ..robots.biped import biped
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING, inputs, outputs
-from ..scenario.arrays import NUMBERS, Kicks, assign_changes, assign_pushes, empty_pushes, empty_schedule
+from ..scenario.arrays import (
+    COMMAND_SIZE,
+    NUMBERS,
+    Kicks,
+    assign_changes,
+    assign_pushes,
+    command_row,
+    empty_pushes,
+    empty_schedule,
+)
 from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.noise import counter_seed
 from ..scenario.push import SIDES
@@ -46,12 +56,23 @@ from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, p
 from .posture import posture
 
 BIPED = RobotModel()  # Table II
-OF_ROBOT = ("omega", "com_height", "cmp_gain", "mass")  # fields of GaitSettings that no file may set
+OF_ROBOT = (
+    "omega",
+    "com_height",
+    "cmp_gain",
+    "mass",
+    "feet_apart",
+)  # fields of GaitSettings that no file may set
 _TUNED = named_preset("biped").robot()
 BIPED_LIMITS = replace(GaitLimits.of(BIPED), **_TUNED["limits"])
 BIPED_GAINS, BIPED_BOUNDS = Gains(**_TUNED["gains"]), BoundSettings(**_TUNED["bounds"])
 BIPED_GAIT = GaitSettings(
-    BIPED.omega, BIPED.com_height, BIPED.cmp_per_trunk_acceleration, BIPED.mass, **_TUNED["gait"]
+    BIPED.omega,
+    BIPED.com_height,
+    BIPED.cmp_per_trunk_acceleration,
+    BIPED.mass,
+    BIPED.pelvis_width,
+    **_TUNED["gait"],
 )
 SECTIONS: dict[str, tuple[str, ...]] = {
     "limits": tuple(entry.name for entry in fields(GaitLimits) if isinstance(entry.default, float)),
@@ -98,7 +119,7 @@ class BipedSettings:
 
     def of_robot(self, robot: RobotModel) -> BipedSettings:
         """These settings for a robot of another mass, CoM height, trunk or waist."""
-        own = robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass
+        own = robot.omega, robot.com_height, robot.cmp_per_trunk_acceleration, robot.mass, robot.pelvis_width
         limits = replace(self.limits, trunk_pitch=robot.trunk_pitch, trunk_roll=robot.trunk_roll)
         return replace(self, limits=limits, gait=self.gait._replace(**dict(zip(OF_ROBOT, own, strict=True))))
 
@@ -174,7 +195,7 @@ class BipedCore:
         self.kicks = Kicks(n)
         self.known = empty_self_model(n)
         self.floors = level_floors(n)
-        self.command = np.zeros((n, 3))  # in force
+        self.command = np.zeros((n, COMMAND_SIZE))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
         self.truth = np.zeros((n, OBSERVATION_SIZE))  # observation without its noise, to judge by
@@ -225,8 +246,11 @@ class BipedCore:
         """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
         self.settings = settings.gait
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
-        self._bounds = [make_bounds(settings.bounds, self.body.motors) for _ in range(self._threads.threads)]
-        self.constants = arena_constants(settings.gait, settings.gains, settings.bounds)
+        threads, motors = range(self._threads.threads), self.body.motors
+        whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
+        self._bounds = [make_bounds(settings.bounds, motors) for _ in threads]
+        self._both = [make_two_feet_bounds(whole, motors) for _ in threads]
+        self.constants = arena_constants(settings.gait, settings.gains, settings.bounds, whole)
         self._bind()
 
     def _bind(self) -> None:
@@ -237,10 +261,13 @@ class BipedCore:
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.limits_record, self.schedule, self.known, self.floors
-        workers = [(bounds, self.simulations.handles_of(w)) for w, (bounds, _) in enumerate(self._bounds)]
+        workers = [
+            (self._bounds[w][0], self._both[w][0], self.simulations.handles_of(w))
+            for w in range(self._threads.threads)
+        ]
         self._arenas = [
-            [Arena(*state, bounds, exchange, self.contacts, handles, *rest, *sense.sensing)
-             for bounds, handles in workers]
+            [Arena(*state, bounds, both, exchange, self.contacts, handles, *rest, *sense.sensing)
+             for bounds, both, handles in workers]
             for sense in self.senses.kinds
         ]  # fmt: skip
         own, estimates = (
@@ -299,7 +326,10 @@ class BipedCore:
         self.gait.stance[k] = stance
         self.gait.swing[k, :3] = soles[1 - stance]
         self.gait.height[k, 0], self.gait.height[k, FLOOR] = self.robot.com_height, soles[stance, 2]
-        self.command[k] = scenario.command.vx, scenario.command.vy, scenario.command.turn
+        self.command[k] = command_row(scenario.command)
+        self.gait.stand[k] = scenario.command.stand
+        if scenario.command.stand:
+            self.gait.elapsed[k] = ON_BOTH_FEET
         self.gait.plan[k] = gait
         self.previous_action[k] = action
         self.contacts.time[k] = 0.0

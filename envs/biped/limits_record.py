@@ -14,7 +14,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from ...controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
-from ...controllers.model.observation import ELAPSED, TRUNK_ANGLE
+from ...controllers.model.observation import ELAPSED, SWING_POSITION, TRUNK_ANGLE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig
 from ...controllers.stage_1 import time_to_place
@@ -40,7 +40,7 @@ AT_BOUND_TIME = 1e-3  # [s]; the planner finds the time that the swing foot need
 AT_BOUND_TORQUE = 1e-2  # [rad/s^2]
 LEAN_SHARE = 0.95  # of the largest lean, from which it counts as met
 
-_ANGLE = TRUNK_ANGLE.start
+_ANGLE, _SWING = TRUNK_ANGLE.start, SWING_POSITION.start
 
 
 class PlanLimits(NamedTuple):
@@ -137,10 +137,10 @@ def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) 
     A step that is final keeps the bits of its last decision, `before`.
     """
     bounds = PlanLimits(*to_fixed_tuple(edges, EDGES))
-    bits, remaining = 0, plan[DURATION] - observation[ELAPSED]
+    bits, remaining, stands = 0, plan[DURATION] - observation[ELAPSED], observation[ELAPSED] < 0.0
     if remaining < bounds.final:
         bits = before & OF_STEP
-    else:
+    elif not stands:
         length, width = plan[STEP], plan[STEP + 1]
         if length < bounds.length_min + AT_BOUND or length > bounds.length_max - AT_BOUND:
             bits |= STEP_LENGTH
@@ -153,7 +153,9 @@ def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) 
             bits |= STEP_TIME if remaining < swing + AT_BOUND_TIME else 0
     cop_max = bounds.cop_x_max, bounds.cop_y_max
     for axis in range(2):
-        if abs(plan[COP + axis]) > cop_max[axis] - AT_BOUND:
+        other = observation[_SWING + axis] if stands else 0.0
+        low, high = min(other, 0.0) - cop_max[axis], max(other, 0.0) + cop_max[axis]
+        if not low + AT_BOUND <= plan[COP + axis] <= high - AT_BOUND:
             bits |= COP_EDGE
         angle, trunk = observation[_ANGLE + axis], plan[TRUNK + axis]
         low, high = acceleration_interval(angle, bounds.gravity, bounds.torque, bounds.trunk_acceleration_max)

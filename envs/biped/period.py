@@ -29,7 +29,16 @@ from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Array, Ints, Physics
 from ...controllers.whole_body.limits import DCM_TRACKING, Bounds, BoundSettings
 from ...controllers.whole_body.swing import TURN
-from ..scenario.arrays import Pushes, Schedule, follow, mean_force, resolve_starts, turn_forces
+from ..scenario.arrays import (
+    STAND,
+    Pushes,
+    Schedule,
+    follow,
+    may_stay,
+    mean_force,
+    resolve_starts,
+    turn_forces,
+)
 from ..scenario.model_errors import CONTROL_STEP
 from ..sensing import SensedObservation, Sensors, read_inertial, read_joints_and_feet
 from ..simulation import Handles, advance, compute_nominal, show_unmeasured
@@ -66,6 +75,7 @@ class Arena(NamedTuple):
     gait: Gait
     pushes: Pushes
     bounds: Annotated[Bounds, NO_STATE]
+    both: Annotated[Bounds, NO_STATE]  # of two feet
     exchange: Exchange
     contacts: Contacts
     handles: Annotated[Handles, NO_STATE]  # of the simulations
@@ -95,11 +105,14 @@ class Controller(NamedTuple):
     settings: GaitSettings
     gains: Gains
     bounds: Bounds
+    both: Bounds  # of two feet
 
 
-def arena_constants(settings: GaitSettings, gains: Gains, bounds: BoundSettings) -> Array:
+def arena_constants(
+    settings: GaitSettings, gains: Gains, bounds: BoundSettings, both: BoundSettings
+) -> Array:
     """All scalar constants in one array."""
-    return np.array([*settings, *gains, *bounds])
+    return np.array([*settings, *gains, *bounds, *both])
 
 
 @njit(cache=True)
@@ -112,8 +125,13 @@ def settings_of(c: Array) -> GaitSettings:
 def controller_of(t: Tables, c: Array) -> Controller:
     """Read all constants, and the arrays of the bounds."""
     gains = Gains(*to_fixed_tuple(c[SETTINGS : SETTINGS + GAINS], GAINS))
-    bounds = BoundSettings(*to_fixed_tuple(c[SETTINGS + GAINS :], BOUND_SETTINGS))
-    return Controller(settings_of(c), gains, Bounds(bounds, *part_of(t.arena, Arena, "bounds")))
+    first = SETTINGS + GAINS
+    bounds = BoundSettings(*to_fixed_tuple(c[first : first + BOUND_SETTINGS], BOUND_SETTINGS))
+    both = BoundSettings(*to_fixed_tuple(c[first + BOUND_SETTINGS :], BOUND_SETTINGS))
+    return Controller(
+        settings_of(c), gains, Bounds(bounds, *part_of(t.arena, Arena, "bounds")),
+        Bounds(both, *part_of(t.arena, Arena, "both")),
+    )  # fmt: skip
 
 
 class Plant(NamedTuple):
@@ -205,7 +223,7 @@ def period_calls(actuation: Actuation, estimator: Estimator | None) -> PeriodCal
         for k in range(first, end):
             if gait.failure[k] != 0:
                 continue
-            controller.bounds.grip[0] = plant.known.grip[k]
+            controller.bounds.grip[0] = controller.both.grip[0] = plant.known.grip[k]
             for _ in range(count):
                 met = torques(own, plant, controller, k, share, dt)
                 load_plant(plant, k, met, dt)
@@ -303,7 +321,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
     """Write the mean push over the coming physics step into the external forces of one robot."""
     now, mean = gait.time[k], carray(stack_floats(3), (3,))
     resolve_starts(
-        pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - gait.elapsed[k],
+        pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - max(gait.elapsed[k], 0.0),
         gait.plan[k, DURATION], now, now + dt,
     )  # fmt: skip
     turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
@@ -356,7 +374,7 @@ def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
     errors, known = part_of(a, Arena, "errors"), part_of(a, Arena, "known")
     judged, judged_contacts = part_of(a, Arena, "judged"), part_of(a, Arena, "judged_contacts")
     follow(part_of(a, Arena, "schedule"), k, gait.time[k], command[k])
-    gait.turn[k] = command[k, TURN]
+    gait.turn[k], gait.stand[k] = command[k, TURN], command[k, STAND]
     span, before = contacts.time[k], (world[k, 0], world[k, 1])
     com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
     self_model.learn(known, k, phys, gait, contacts, settings)
@@ -384,8 +402,11 @@ def accept_gait(t: Tables, c: Array, k: int, asked: Array, action: Array) -> Non
     """Hold a gait (7,) for robot k; note its action (7,) and the limits that the plan meets."""
     gait, record = part_of(t.arena, Arena, "gait"), part_of(t.arena, Arena, "met")
     exchange = part_of(t.arena, Arena, "exchange")
+    stays = may_stay(exchange.command[k]) and action[DURATION] >= 1.0
     gait_machine.accept(gait, k, settings_of(c), asked, action, exchange.previous_action[k])
     record.plan[k] = plan_limits_met(exchange.observation[k], gait.plan[k], record.plan[k], record.edges)
+    if gait.elapsed[k] < 0.0 and not stays:
+        gait_machine.lift_off(part_of(t.arena, Arena, "physics"), gait, k)
 
 
 @njit(cache=True)
@@ -397,10 +418,10 @@ def no_parts(t: Tables) -> int:
 @njit(cache=True, forceinline=True)
 def gait_torques(own: Any, plant: Plant, controller: Controller, k: int, share: float, dt: float) -> int:
     """Whole-body control of the gait that robot k holds."""
-    settings, gains, bounds = controller
+    settings, gains, bounds, both = controller
     landing = plant.met.landing
     return (
-        gait_machine.control(plant.physics, plant.gait, k, settings, gains, bounds, landing, dt)
+        gait_machine.control(plant.physics, plant.gait, k, settings, gains, bounds, both, landing, dt)
         | plant.met.plan[k]
     )
 

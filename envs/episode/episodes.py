@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from ...controllers.array_table import NO_STATE, parts_table
 from ...controllers.errors import InvalidValueError
 from ...controllers.jit import announce_compilation
-from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_gait import NominalGait, NominalStart, nominal_gait, nominal_start
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
+from ...controllers.model.nominal_gait import (
+    NominalGait,
+    NominalStart,
+    gaits_of_actions,
+    nominal_gait,
+    nominal_start,
+    standing_start,
+)
 from ...controllers.model.observation import OBSERVATION_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
 from ...controllers.policies.interface import Policy
@@ -87,6 +94,7 @@ class GaitEpisodes(ABC, Generic[C]):
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned by default [N]
     turns: ClassVar[bool] = True  # whether it follows commands to turn
     takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
+    stands: ClassVar[bool] = False  # whether it stands on both feet where it is told to
     walks: ClassVar[bool] = False  # whether a planner can walk it, and it can be put back into its walk
     gate: ResidualGate | None = None  # of corrections of a planner within
     name: ClassVar[str]  # of the environment, for errors
@@ -210,7 +218,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now."""
-        return self.limits.from_action(actions)
+        return gaits_of_actions(self.limits, self.core.observation, actions, self.double_support)
 
     def walk(self, planner: Policy) -> Period:
         """One planning period under the actions of a planner of gaits."""
@@ -233,6 +241,8 @@ class GaitEpisodes(ABC, Generic[C]):
             gait, self.robot.pelvis_width, self.robot.omega, self.touchdown_delay, self.double_support
         )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
+        if scenario.command.stand:
+            start, values[DURATION] = standing_start(self.robot.pelvis_width), self.limits.duration_max
         self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
         self._bind_if_new()
         self.monitor.reset(k)
@@ -251,6 +261,12 @@ class GaitEpisodes(ABC, Generic[C]):
             raise InvalidValueError(
                 f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
                 f"{scenario.jumps[0]} in scenario {scenario.id!r}"
+            )
+        commands = scenario.command, *(change.command for change in scenario.changes)
+        if not self.stands and any(command.stand for command in commands):
+            raise InvalidValueError(
+                f"{self.name} does not stand, only environments of a gait do: Command.stand must be False in "
+                f"scenario {scenario.id!r}"
             )
         self._scenarios[k] = scenario
         self._episodes.pushes[k] = len(scenario.forces)

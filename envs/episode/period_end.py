@@ -22,12 +22,15 @@ from ...controllers.model import observation as layout
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, GaitLimits
 from ...controllers.model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, nominal_gait_kernel
 from ...controllers.model.robot import RobotModel
-from .recovery import MonitorState, nominal_dcm_kernel, record_touchdown, started_dcm_kernel
+from .recovery import MonitorState, nominal_dcm_kernel, record_standing, record_touchdown, started_dcm_kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _ANGLE, _RATE, _ACTION, _COMMAND = (
     part.start for part in (layout.TRUNK_ANGLE, layout.TRUNK_RATE, layout.PREVIOUS_ACTION, layout.COMMAND)
+)
+_DCM, _COM_VELOCITY, _SWING = (
+    part.start for part in (layout.DCM, layout.COM_VELOCITY, layout.SWING_POSITION)
 )
 
 
@@ -220,7 +223,14 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         uphill[0], uphill[1] = layout.canonical(frame, episodes.uphill[k, 0], episodes.uphill[k, 1])
         started_dcm_kernel(obs, uphill, double_support, omega, started)
         event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
-        if robots.steps[k] != monitor.steps[k]:
+        if obs[layout.ELAPSED] < 0.0:
+            monitor.steps[k] = robots.steps[k]
+            for axis in range(2):
+                started[axis], start[axis] = obs[_DCM + axis] - uphill[axis], 0.5 * obs[_SWING + axis]
+            error = np.hypot(started[0] - start[0], started[1] - start[1])
+            speed = np.hypot(obs[_COM_VELOCITY], obs[_COM_VELOCITY + 1])
+            record_standing(monitor, k, error, speed, time, event)
+        elif robots.steps[k] != monitor.steps[k]:
             monitor.steps[k] = robots.steps[k]
             error = np.hypot(started[0] - start[0], started[1] - start[1])
             record_touchdown(
@@ -261,7 +271,7 @@ def write_info(t, rows):  # pragma: no cover
     for k in range(rows.shape[0]):
         row, obs, time, side = rows[k], robots.observation[k], robots.time[k], robots.side[k]
         row[TIME], row[MARGIN] = time, robots.margin[k]
-        row[PHASE] = min(obs[layout.ELAPSED] / episodes.planned[k], 1.0)
+        row[PHASE] = max(min(obs[layout.ELAPSED] / episodes.planned[k], 1.0), 0.0)
         row[SIDE], row[FAILURE] = side, robots.failure[k]
         row[RECOVERED_AT] = monitor.recovered_at[k]
         row[PUSH] = push = latest_push(robots.push_start[k], episodes.pushes[k], time)

@@ -5,7 +5,8 @@ CoP's transfer in double support will take off it, p kappa, counts in both. On a
 slope's own: gravity along the floor acts like a CoP h tan(slope) further uphill, and moves the DCM there.
 Recovered means: after the last push and the last change of command two good steps in a row, over which the
 mean velocity is within SPEED_TOLERANCE of the command. It is judged anew at each touchdown, and taken back
-where it no longer holds.
+where it no longer holds. A robot that stands has recovered while its DCM is within OFFSET_TOLERANCE of the
+middle between its feet and its CoM slower than SPEED_TOLERANCE, as long as it stays so.
 """
 
 from __future__ import annotations
@@ -107,6 +108,28 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
             and max(state.error[k, 0], state.error[k, 1]) <= OFFSET_TOLERANCE
             and state.speed_error[k] <= SPEED_TOLERANCE
         )
+    judge(state, k, good, time)
+
+
+@njit(cache=True)
+def record_standing(state, k, error, speed, time, event):  # pragma: no cover
+    """Judge robot k, which stands: good where DCM and CoM are nearly at rest after the last event.
+
+    Args:
+        state: of n robots, written.
+        k: the robot.
+        error: of the DCM against the middle between the feet [m].
+        speed: of the CoM [m/s].
+        time: since reset [s].
+        event: as for `record_touchdown`.
+    """
+    good = time >= event and error <= OFFSET_TOLERANCE and speed <= SPEED_TOLERANCE
+    judge(state, k, good, time)
+
+
+@njit(cache=True)
+def judge(state, k, good, time):  # pragma: no cover
+    """Robot k has recovered since the first of the good moments that go on until now [s]."""
     if not good:
         state.recovered_at[k] = np.nan
     elif math.isnan(state.recovered_at[k]):

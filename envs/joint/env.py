@@ -136,6 +136,7 @@ class JointRewards(NamedTuple):
 class OnJointsEpisodes(BipedEpisodes):
     """Episodes of n bipeds whose joints are acted on, with a planner below or without."""
 
+    stands = False
     core: Any  # a JointCore
 
     @property

@@ -100,9 +100,9 @@ def taught_torques(
     own: TaughtParts, plant: Plant, controller: Controller, k: int, share: float, dt: float
 ) -> int:
     """PD control of robot k beside the planner's torques, which move it where the planner leads."""
-    (joints, walk, teacher), (settings, gains, bounds), phys = own, controller, plant.physics
+    (joints, walk, teacher), (settings, gains, bounds, both), phys = own, controller, plant.physics
     bounds.grip[0] = bounds.settings.friction
-    met = control(phys, walk, k, settings, gains, bounds, teacher.landing, dt)
+    met = control(phys, walk, k, settings, gains, bounds, both, teacher.landing, dt)
     add_target(phys, k, joints, share, teacher.side[k], teacher.target[k])
     joint_control.follow_contacts(phys, plant.gait, k, settings, joints)
     if teacher.leads[k] == 0:

@@ -30,7 +30,9 @@ from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK
 from ...controllers.model.nominal_gait import both_stand, nearest_in_hull, transfer_mean
 from ...controllers.model.observation import PUSH_ESTIMATE, side_sign
 from ...controllers.model.robot import GRAVITY
-from ..scenario.arrays import resolve_starts
+from ...controllers.model.standing import HULL_COLUMNS, HULL_ROWS, OFFSET, REACH, write_hull
+from ...controllers.stage_1 import stopping_debt
+from ..scenario.arrays import STAND, may_stay, resolve_starts
 from ..scenario.model_errors import BOUNDS
 from ..scenario.noise import (
     COM_NOISE,
@@ -46,7 +48,7 @@ from ..scenario.scenario import EXACT_SENSING, Scenario
 @njit(cache=True)
 def supported_cop(s, k, cop_x, cop_y, p):  # pragma: no cover
     """The CoP (world axes, from the stance sole) brought to the nearest point that the feet can bear."""
-    if both_stand(s.time[k] - s.step_start[k], p.double_support):
+    if s.standing[k] != 0 or both_stand(s.time[k] - s.step_start[k], p.double_support):
         other_x, other_y = s.lift[k, 0] - s.stance[k, 0], s.lift[k, 1] - s.stance[k, 1]
         return nearest_in_hull(cop_x, cop_y, other_x, other_y, p.half_length, p.half_width)
     return (
@@ -59,6 +61,8 @@ def supported_cop(s, k, cop_x, cop_y, p):  # pragma: no cover
 def transferred_cop(s, k, left, p):  # pragma: no cover
     """CoP of no action's, for the next `left` seconds or the rest of double support: the transfer's mean."""
     elapsed = s.time[k] - s.step_start[k]
+    if s.standing[k] != 0:
+        return 0.5 * (s.lift[k, 0] - s.stance[k, 0]), 0.5 * (s.lift[k, 1] - s.stance[k, 1])
     if left <= 0.0 or not both_stand(elapsed, p.double_support):
         return 0.0, 0.0
     share = transfer_mean(elapsed, min(left, p.double_support - elapsed), p.double_support, p.omega)
@@ -191,6 +195,8 @@ def show(s, e, p, dt, truth, seen, first, end):  # pragma: no cover
 
 FAILURES = ("", "dcm_diverged", "not_finite")
 DIVERGED, NOT_FINITE = range(1, len(FAILURES))
+NEARLY = 0.05  # feet this near to side by side may stand [m]
+SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
 LANDED = 1e-9  # a touchdown due this soon after a cycle belongs to it [s]
 
 
@@ -213,6 +219,7 @@ class Pendulums(NamedTuple):
     steps: Ints  # (n,) completed
     failure: Ints  # (n,) index into FAILURES
     heading: Array  # (n,) always 0: a pendulum does not turn [rad]
+    standing: Ints  # (n,) 1: both feet stay where they are until a step begins
 
 
 class Physics(NamedTuple):
@@ -226,6 +233,8 @@ class Physics(NamedTuple):
     acceleration_max: float  # tau_max / j [rad/s^2]
     angle_max: float  # [rad]
     double_support: float  # [s]
+    pelvis_width: float  # l_p [m]
+    duration_max: float  # a standing robot that is asked for this duration makes no step [s]
 
 
 @njit(cache=True)
@@ -296,13 +305,53 @@ def touch_down(s, k):  # pragma: no cover
 
 
 @njit(cache=True)
+def lift_off(s, k):  # pragma: no cover
+    """Let a standing robot's step begin: the foot farther from the CoP asked for becomes the swing foot.
+
+    Place and time of the plan are those of the step, relative to the foot that stays; its CoP and its trunk
+    are as seen from the foot that was the stance foot until now, and are turned into the new one's frame.
+    """
+    sign = side_sign(s.side[k])
+    other_x, other_y = s.lift[k, 0] - s.stance[k, 0], s.lift[k, 1] - s.stance[k, 1]
+    cop_x, cop_y = s.plan[k, COP], sign * s.plan[k, COP + 1]
+    if math.hypot(cop_x - other_x, cop_y - other_y) < math.hypot(cop_x, cop_y):
+        for axis in range(2):
+            s.stance[k, axis], s.lift[k, axis] = s.lift[k, axis], s.stance[k, axis]
+        s.side[k] = 1 - s.side[k]
+        s.plan[k, COP], s.plan[k, COP + 1] = cop_x - other_x, -sign * (cop_y - other_y)
+        s.plan[k, TRUNK + 1] = -s.plan[k, TRUNK + 1]
+    s.standing[k] = 0
+    s.step_start[k] = s.time[k]
+
+
+@njit(cache=True)
+def settle(s, k, stand, p):  # pragma: no cover
+    """Let a robot that has touched down stand, where it is told to and can be caught by its soles alone.
+
+    Its feet are side by side to NEARLY and its DCM lies SETTLED within the hull: far enough within what makes
+    a step necessary that the two do not take turns.
+    """
+    dx, dy = s.lift[k, 0] - s.stance[k, 0], abs(s.lift[k, 1] - s.stance[k, 1]) - p.pelvis_width
+    if stand == 0.0 or abs(dx) > NEARLY or abs(dy) > NEARLY:
+        return
+    hull, margin = np.empty((HULL_ROWS, HULL_COLUMNS)), np.inf
+    write_hull(dx, s.lift[k, 1] - s.stance[k, 1], 0.0, p.half_length, p.half_width, hull)
+    for axis in range(2):
+        debt = stopping_debt(s.rate[k, axis], p.gain, p.acceleration_max, p.omega)
+        dcm = s.com[k, axis] + s.velocity[k, axis] / p.omega + debt - s.stance[k, axis]
+        margin = min(margin, hull[REACH + axis, OFFSET] - dcm, hull[REACH + 2 + axis, OFFSET] + dcm)
+    if margin > SETTLED:
+        s.standing[k] = 1
+
+
+@njit(cache=True)
 def _next_event(s, q, k, end, landed, double_support):  # pragma: no cover
     """Time of the next event after now, at most `end`; starts of pushes that wait for it are resolved [s]."""
     now = s.time[k]
     until = end
-    if not landed:
+    if not landed and s.standing[k] == 0:
         until = min(until, s.step_start[k] + s.plan[k, DURATION])
-    if both_stand(now - s.step_start[k], double_support):
+    if s.standing[k] == 0 and both_stand(now - s.step_start[k], double_support):
         until = min(until, s.step_start[k] + double_support)
     resolve_starts(
         q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, DURATION], now, until
@@ -344,7 +393,7 @@ def _estimate_push(s, k, force_x, force_y, span, dt, p):  # pragma: no cover
 
 
 @njit(cache=True)
-def advance(s, q, e, dt, p):  # pragma: no cover
+def advance(s, q, e, command, dt, p):  # pragma: no cover
     """One control cycle of every pendulum under its plan and with its model errors.
 
     The CoP is clipped to what the feet on the floor span and the trunk's acceleration to the torque. After a
@@ -356,6 +405,9 @@ def advance(s, q, e, dt, p):  # pragma: no cover
         if s.failure[k] != 0:
             continue
         end = s.time[k] + dt
+        stays = may_stay(command[k]) and s.plan[k, DURATION] >= p.duration_max - INSTANT
+        if s.standing[k] != 0 and not stays:
+            lift_off(s, k)
         cop_x, cop_y, pitch, roll, change = begin_cycle(s, e, k, dt, p)
         landed = False
         s.push[k, 0] = s.push[k, 1] = 0.0
@@ -363,8 +415,9 @@ def advance(s, q, e, dt, p):  # pragma: no cover
             if s.time[k] >= change:
                 cop_x, cop_y, pitch, roll = acting(s, e, k, e.lag[k], end - s.time[k], p)
                 change = np.inf
-            if not landed and s.time[k] >= s.step_start[k] + s.plan[k, DURATION]:
+            if s.standing[k] == 0 and not landed and s.time[k] >= s.step_start[k] + s.plan[k, DURATION]:
                 touch_down(s, k)
+                settle(s, k, command[k, STAND], p)
                 landed = True
                 cop_x, cop_y = transferred_cop(s, k, end - s.time[k], p)
             elif p.double_support > 0.0:  # the other foot may have left the floor within the cycle
@@ -377,5 +430,7 @@ def advance(s, q, e, dt, p):  # pragma: no cover
             advance_axis(s, k, 1, s.stance[k, 1] + cop_y, roll, force_y, span, p)
             s.time[k] = until
         s.cop[k, 0], s.cop[k, 1] = s.stance[k, 0] + cop_x, s.stance[k, 1] + cop_y
-        if not landed and s.time[k] >= s.step_start[k] + s.plan[k, DURATION] - LANDED:
+        ends = s.step_start[k] + s.plan[k, DURATION] - LANDED
+        if s.standing[k] == 0 and not landed and s.time[k] >= ends:
             touch_down(s, k)
+            settle(s, k, command[k, STAND], p)

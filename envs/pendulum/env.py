@@ -18,12 +18,21 @@ from ...controllers.model import observation as layout
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
 from ...controllers.model.nominal_gait import NominalStart, both_stand, check_double_support, gaits_of_actions
 from ...controllers.model.robot import RobotModel
+from ...controllers.model.standing import margin_on_both_feet
 from ...controllers.validation import require_kind
 from ..episode.episodes import GaitEpisodes, Ints
 from ..episode.gym_env import GaitEnv
 from ..episode.period_end import Motion
 from ..episode.vector_env import vector_maker
-from ..scenario.arrays import assign_changes, assign_pushes, empty_pushes, empty_schedule, follow_all
+from ..scenario.arrays import (
+    COMMAND_SIZE,
+    assign_changes,
+    assign_pushes,
+    command_row,
+    empty_pushes,
+    empty_schedule,
+    follow_all,
+)
 from ..scenario.distribution import PushDistribution
 from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
@@ -49,7 +58,8 @@ def observe(s, command, previous, p, out, world, first, end):  # pragma: no cove
     for k in range(first, end):
         o = out[k]
         o[:] = 0.0
-        elapsed = s.time[k] - s.step_start[k]
+        stands = s.standing[k] != 0
+        elapsed = layout.ON_BOTH_FEET if stands else s.time[k] - s.step_start[k]
         swing = s.plan[k, DURATION] - p.double_support
         phase = min(max(elapsed - p.double_support, 0.0) / swing, 1.0)
         blend = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase * phase)
@@ -99,10 +109,22 @@ def margin_of(o, elapsed, double_support, constants):  # pragma: no cover
 
 
 @njit(cache=True)
+def margin_of_standing(o, constants):  # pragma: no cover
+    """`margin_on_both_feet` of the observation (36,) of a standing robot [m]."""
+    other, dcm = o[_SWING : _SWING + 2], o[_DCM : _DCM + 2]
+    return margin_on_both_feet(other, dcm, o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2], constants)
+
+
+@njit(cache=True)
 def check_failures(s, observation, double_support, constants, margins, first, end):  # pragma: no cover
     """Capture margins (n,) [m] of pendulums first..end-1, and those that not even a step now could save."""
     for k in range(first, end):
         o = observation[k]
+        if o[layout.ELAPSED] < 0.0:
+            margins[k] = margin_of_standing(o, constants)
+            if s.failure[k] == 0 and not margins[k] > -BEYOND:
+                s.failure[k] = dynamics.DIVERGED if math.isfinite(margins[k]) else dynamics.NOT_FINITE
+            continue
         margins[k] = margin_of(o, o[layout.ELAPSED], double_support, constants)
         if s.failure[k] != 0:
             continue
@@ -128,7 +150,7 @@ class PendulumCore:
         self.physics = dynamics.Physics(
             robot.omega, robot.mass, robot.cmp_per_trunk_acceleration, robot.foot_length / 2,
             robot.foot_width / 2, robot.trunk_torque_max / robot.trunk_inertia, robot.trunk_angle_max,
-            double_support,
+            double_support, robot.pelvis_width, limits.duration_max,
         )  # fmt: skip
         self.capture = capturability.capture_constants(robot, limits)
         self.state = dynamics.Pendulums(
@@ -137,10 +159,11 @@ class PendulumCore:
             cop=np.zeros((n, 2)), cmp=np.zeros((n, 2)), push=np.zeros((n, 2)),
             time=np.zeros(n), step_start=np.zeros(n), side=np.zeros(n, np.int64),
             steps=np.zeros(n, np.int64), failure=np.zeros(n, np.int64), heading=np.zeros(n),
+            standing=np.zeros(n, np.int64),
         )  # fmt: skip
         self.state.plan[:, DURATION] = limits.duration_max  # of pendulums that have not been reset
         self.pushes = empty_pushes(n, 1)
-        self.schedule, self.command = empty_schedule(n), np.zeros((n, 3))  # to come, in force
+        self.schedule, self.command = empty_schedule(n), np.zeros((n, COMMAND_SIZE))  # to come, in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, layout.OBSERVATION_SIZE))
         self.truth = np.zeros((n, layout.OBSERVATION_SIZE))  # observation without its noise, to judge by
@@ -166,14 +189,15 @@ class PendulumCore:
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]
         s.plan[k] = gait
-        self.command[k, :2], self.previous_action[k] = (scenario.command.vx, scenario.command.vy), action
+        s.standing[k] = scenario.command.stand
+        self.command[k], self.previous_action[k] = command_row(scenario.command), action
         self._look(k, k + 1)
 
     def step(self, gaits: Array, actions: Array) -> None:
         """Hold gait variables (n, 7) for one control cycle; `actions` (n, 7) go into the observation."""
         self.state.plan[:] = gaits
         self.previous_action[:] = actions
-        dynamics.advance(self.state, self.pushes, self.errors, self.dt, self.physics)
+        dynamics.advance(self.state, self.pushes, self.errors, self.command, self.dt, self.physics)
         self.errors.period[self.state.failure == 0] += 1
         self._look(0, self.n)
 
@@ -190,7 +214,7 @@ class PendulumEpisodes(GaitEpisodes[PendulumCore]):
     """Episodes of n pendulums."""
 
     failures = dynamics.FAILURES
-    has_double_support = True
+    has_double_support = stands = True
     force_grid = 10.0
     turns, name = False, "PushRecovery/Pendulum-v0"
 

@@ -15,22 +15,37 @@ from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.jit import njit
 from ...controllers.model.observation import heading_frame, in_world
 from .push import BODIES, FRAMES, PENDING, GaitEvent, Kick, Push
-from .scenario import Scenario
+from .scenario import Command, Scenario
 
 DUE = 1e-9  # a change or kick this soon after the period begins is due: times are sums of steps [s]
+
+
+STAND = 3  # column of a command after velocity and turn: 1 where the robot is to stand
+COMMAND_SIZE = 4
+
+
+def command_row(command: Command) -> tuple[float, float, float, float]:
+    """A command as a row (COMMAND_SIZE,)."""
+    return command.vx, command.vy, command.turn, float(command.stand)
+
+
+@njit(cache=True)
+def may_stay(command):  # pragma: no cover
+    """Whether a standing robot may go on standing under a command (4,): to stand, or while it gets going."""
+    return command[STAND] != 0.0 or command[0] != 0.0 or command[1] != 0.0
 
 
 class Schedule(NamedTuple):
     """Changes of the command of n robots, at most C each."""
 
     time: Floats2  # (n, C) since reset [s], rising; inf: there are no more
-    command: Floats3  # (n, C, 3) velocity in the heading frame [m/s], turn [rad/s]
+    command: Floats3  # (n, C, 4) velocity in the heading frame [m/s], turn [rad/s], 1: stand
     next: Ints1  # (n,) index of the first change to come
 
 
 def empty_schedule(n: int, count: int = 0) -> Schedule:
     """Arrays of `count` changes for n robots, none of which ever comes."""
-    return Schedule(np.full((n, count), np.inf), np.zeros((n, count, 3)), np.zeros(n, np.int64))
+    return Schedule(np.full((n, count), np.inf), np.zeros((n, count, COMMAND_SIZE)), np.zeros(n, np.int64))
 
 
 def assign_changes(schedule: Schedule, k: int, scenario: Scenario) -> Schedule:
@@ -45,14 +60,13 @@ def assign_changes(schedule: Schedule, k: int, scenario: Scenario) -> Schedule:
     schedule.time[k], schedule.next[k] = np.inf, 0
     for i, change in enumerate(scenario.changes):
         schedule.time[k, i] = change.time
-        command = change.command
-        schedule.command[k, i] = command.vx, command.vy, command.turn
+        schedule.command[k, i] = command_row(change.command)
     return schedule
 
 
 @njit(cache=True)
 def follow(schedule, k, now, command):  # pragma: no cover
-    """Put the latest command (3,) that is due `now` [s] into force for robot k."""
+    """Put the latest command (4,) that is due `now` [s] into force for robot k."""
     i = schedule.next[k]
     while i < schedule.time.shape[1] and schedule.time[k, i] <= now + DUE:
         for axis in range(command.shape[0]):
@@ -63,7 +77,7 @@ def follow(schedule, k, now, command):  # pragma: no cover
 
 @njit(cache=True)
 def follow_all(schedule, now, command, first, end):  # pragma: no cover
-    """`follow` for robots first..end-1: now (n,) [s], command (n, 3)."""
+    """`follow` for robots first..end-1: now (n,) [s], command (n, 4)."""
     for k in range(first, end):
         follow(schedule, k, now[k], command[k])
 

@@ -27,30 +27,40 @@ FASTEST_TURN = 0.6  # [rad/s]
 
 @dataclass(frozen=True)
 class Command(JsonRecord):
-    """Commanded mean velocity in the heading frame, and how fast the heading turns."""
+    """Commanded mean velocity in the heading frame, how fast the heading turns, and whether to stand.
 
-    json_name, left_out = "command", ("turn",)
+    A robot that is told to stand keeps both feet on the floor as long as it can be caught in place; at rest
+    without it, the robot steps in place.
+    """
+
+    json_name, left_out = "command", ("turn", "stand")
 
     vx: float = 0.0  # forward [m/s]
     vy: float = 0.0  # to the left [m/s]
     turn: float = 0.0  # to the left [rad/s]
+    stand: bool = False  # on both feet; only at rest
 
     def __post_init__(self) -> None:
         self._set(vx=require_number("Command.vx [m/s]", self.vx, -5.0, 5.0))
         self._set(vy=require_number("Command.vy [m/s]", self.vy, -5.0, 5.0))
         self._set(turn=require_number("Command.turn [rad/s]", self.turn, -FASTEST_TURN, FASTEST_TURN))
+        require_kind("Command.stand", self.stand, bool)
+        if self.stand and (self.vx or self.vy or self.turn):
+            raise InvalidValueError(
+                f"a robot that stands has no velocity: Command.stand needs vx = vy = turn = 0, got {self}"
+            )
 
     def mirrored(self) -> Command:
         """Sideways velocity and turning negated."""
-        return Command(self.vx, 0.0 - self.vy, 0.0 - self.turn)
+        return Command(self.vx, 0.0 - self.vy, 0.0 - self.turn, self.stand)
 
     def scaled(self, scale: Similarity) -> Command:
         """The same command for a robot of another size; none turns faster than FASTEST_TURN."""
         turn = min(max(self.turn / scale.time, -FASTEST_TURN), FASTEST_TURN)
-        return Command(self.vx * scale.velocity, self.vy * scale.velocity, turn)
+        return Command(self.vx * scale.velocity, self.vy * scale.velocity, turn, self.stand)
 
 
-IN_PLACE = Command()
+IN_PLACE, AT_REST = Command(), Command(stand=True)
 
 
 @dataclass(frozen=True)

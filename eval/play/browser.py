@@ -119,7 +119,8 @@ class Panel:
             self._session.switch(self._policy.value)
 
     def _set_command(self) -> None:
-        self._session.set_command(Command(*(float(slider.value) for slider in self._command)))
+        vx, vy, turn = (float(slider.value) for slider in self._command)
+        self._session.set_command(Command(vx, vy, turn))
 
     def _put_beside(self) -> None:
         chosen = None if self._beside.value == NOBODY else self._beside.value

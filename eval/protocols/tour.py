@@ -272,7 +272,7 @@ class TourWatcher:
 
     def look(self, core: BipedCore, k: int) -> None:
         """Write the command of robot k; the planning period after the next one is planned on it."""
-        core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
+        core.command[k, :3] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
 
     def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """Errors at the last look of each segment begun, also the one in which it fell."""

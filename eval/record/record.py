@@ -43,7 +43,7 @@ UNITS = {  # of the columns that every robot has; places are in the world, x for
     "planned_step_x": "m", "planned_step_y": "m", "planned_duration": "s", "planned_cop_x": "m",
     "planned_cop_y": "m", "planned_trunk_pitch_acceleration": "rad/s^2",
     "planned_trunk_roll_acceleration": "rad/s^2",
-    "command_vx": "m/s", "command_vy": "m/s", "command_turn": "rad/s",
+    "command_vx": "m/s", "command_vy": "m/s", "command_turn": "rad/s", "command_stand": "1",
     "push_x": "N", "push_y": "N", "push_z": "N",
 }  # fmt: skip
 NAN = float("nan")
@@ -184,7 +184,7 @@ class Recorder:
         put("cop_{}", "x y", info[period_end.COP])
         put("cmp_{}", "x y", info[period_end.CMP])
         put("{}_contact", "left right", info[period_end.LOADED])
-        put("command_{}", "vx vy turn", core.command[0])
+        put("command_{}", "vx vy turn stand", core.command[0])
         put("left_sole_{}", "x y z", soles[0])
         put("right_sole_{}", "x y z", soles[1])
         put("trunk_{}", "pitch roll", truth[observation.TRUNK_ANGLE] * (1.0, sign))  # roll to the left

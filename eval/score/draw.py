@@ -202,10 +202,11 @@ def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Target
     event = GaitEvent(FIRST_STEP, "left" if bits & 4 else "right", round(u.phase, 4))
     walk, sign = WALKS[int(u.walk * LEVELS)], 1.0 if bits & 8 else -1.0
     velocity = u.speed * walk.vx, sign * u.speed * walk.vy, sign * u.turn * walk.turn
+    vx, vy, turn = (round(value, 4) + 0.0 for value in velocity)  # + 0.0: no -0.0
     return Scenario(
         id=scenario_id,
         pushes=_pushes(u, "trunk" if bits & 1 else "pelvis", event, stance, targets),
-        command=Command(*(round(value, 4) + 0.0 for value in velocity)),  # + 0.0: no -0.0
+        command=Command(vx, vy, turn),
         stance_side=stance,
         noise_seed=noise_seed,
     )

@@ -46,8 +46,8 @@ def same(found, held):
 def test_the_arena_is_read_where_it_is(episodes, name):
     core = episodes.core
     arena, tables = core._arenas[0][0], core._tables[0][0]
-    if name == "bounds":  # which has settings, too
-        same(controller_of(tables, core.constants).bounds, arena.bounds)
+    if name in ("bounds", "both"):  # which have settings, too
+        same(getattr(controller_of(tables, core.constants), name), getattr(arena, name))
     else:
         same(reader(Arena, name)(tables.arena), getattr(arena, name))
 

@@ -264,9 +264,9 @@ def test_a_new_command_must_come_after_the_snapshot_and_is_followed(walked):
         envs.restore(snapshot, scenario=replace(SCENARIOS[0], changes=(TOLD[0], change)))
         assert envs.episodes._episodes.changed[0] == change.time
         for _ in range(periods):
-            assert envs.core.command[0].tolist() == [0.1, 0.0, 0.2]
+            assert envs.core.command[0].tolist() == [0.1, 0.0, 0.2, 0.0]
             envs.step(action)
-        assert envs.core.command[0].tolist() == [0.05, -0.1, 0.1]
+        assert envs.core.command[0].tolist() == [0.05, -0.1, 0.1, 0.0]
 
 
 def test_a_new_push_must_begin_after_the_snapshot(walked):

@@ -1,0 +1,159 @@
+"""Limits of standing: figures of the paper's robot, a linear program as oracle, and invariances."""
+
+import math
+
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.capturability import recoverable_offset
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.model.standing import (
+    CORNERS,
+    HULL_COLUMNS,
+    HULL_ROWS,
+    OFFSET,
+    Feet,
+    max_standing_force,
+    max_standing_impulse,
+    standing_margin,
+    standing_trajectory,
+    write_hull,
+)
+from scipy.spatial import ConvexHull
+
+ROBOT = RobotModel()
+LIMITS = GaitLimits.of(ROBOT)
+ASTRIDE = Feet((0.15, 0.25), 0.4)
+
+
+# Forces of the paper's robot with its feet 0.2 m apart, worked out by hand from the formula in the docstring:
+# d = 0.1 m forward and 0.15 m aside, and 0.0807 m of the trunk
+@pytest.mark.parametrize(
+    ("psi", "soles", "flywheel", "force"),
+    [
+        (0, True, False, 249),
+        (0, True, True, 450),
+        (90, True, False, 374),
+        (90, True, True, 575),
+        (0, False, True, 201),
+    ],
+)
+def test_limits_of_the_papers_robot(psi, soles, flywheel, force):
+    found = max_standing_force(ROBOT, math.radians(psi), 0.1, soles=soles, flywheel=flywheel)
+    assert found == pytest.approx(force, abs=0.7)
+
+
+def test_the_papers_formula_holds_along_both_axes_for_any_duration():
+    m, w, j, tau = ROBOT.mass, ROBOT.omega, ROBOT.trunk_inertia, ROBOT.trunk_torque_max
+    t_1 = math.sqrt(ROBOT.trunk_angle_max * j / tau)
+    trunk = tau / (m * 9.81) * (1.0 - math.exp(-w * t_1)) ** 2
+    for psi, d in ((0.0, 0.1), (0.5 * math.pi, 0.15), (math.pi, 0.1), (-0.5 * math.pi, 0.15)):
+        for duration in (0.02, 0.1, 0.5):
+            force = max_standing_force(ROBOT, psi, duration)
+            assert force * (1.0 - math.exp(-w * duration)) / (m * w**2) == pytest.approx(d + trunk, rel=1e-9)
+
+
+@pytest.mark.parametrize("feet", [Feet.side_by_side(ROBOT), ASTRIDE, Feet((-0.1, -0.3), -0.7)])
+@pytest.mark.parametrize("degrees", range(0, 360, 60))
+def test_no_trajectory_does_better_and_one_does_as_well(feet, degrees):
+    psi = math.radians(degrees)
+    impulse = standing_trajectory(ROBOT, psi, feet=feet).impulse
+    assert impulse / 0.1 == pytest.approx(max_standing_force(ROBOT, psi, feet=feet), abs=0.05)
+
+
+def test_an_optimal_trajectory_keeps_the_soles_and_ends_at_rest():
+    found = standing_trajectory(ROBOT, 0.7, feet=ASTRIDE)
+    hull = ASTRIDE.hull(LIMITS)
+    assert (found.cop @ hull[:, :2].T <= hull[:, OFFSET] + 1e-7).all()
+    assert np.abs(found.trunk_acceleration).max() <= ROBOT.trunk_torque_max / ROBOT.trunk_inertia + 1e-7
+    assert np.abs(found.trunk_angle).max() <= ROBOT.trunk_angle_max + 1e-7
+    assert (hull[:, :2] @ found.dcm[-1] <= hull[:, OFFSET] + 1e-7).all()
+    assert found.trunk_angle[-1] == pytest.approx(found.trunk_angle[-2], abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, -1.2, math.pi / 2])
+@pytest.mark.parametrize("other", [(0.0, 0.2), (0.2, 0.1), (-0.3, -0.25)])
+def test_the_hull_is_that_of_all_eight_corners(other, turn):
+    half = np.array([LIMITS.cop_x_max, LIMITS.cop_y_max])
+    corners = half * [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    points = np.vstack([corners, corners @ rotation.T + other])
+    hull = Feet(other, turn).hull(LIMITS)
+    expected = {
+        (round(x, 6) + 0.0, round(y, 6) + 0.0, round(-d, 6)) for x, y, d in ConvexHull(points).equations
+    }
+    assert {tuple((np.round(row, 6) + 0.0).tolist()) for row in hull[:CORNERS]} == expected
+    assert hull[CORNERS:, OFFSET] == pytest.approx([*points.max(axis=0), *-points.min(axis=0)])
+
+
+def test_the_number_of_edges_is_returned():
+    hull = np.empty((HULL_ROWS, HULL_COLUMNS))
+    assert write_hull(0.0, 0.2, 0.0, 0.1, 0.05, hull) == 4
+    assert write_hull(0.1, 0.2, 0.0, 0.1, 0.05, hull) == 6
+    assert write_hull(0.1, 0.3, 0.3, 0.1, 0.05, hull) == 6
+    assert write_hull(0.0, 0.0, math.pi / 4, 0.1, 0.1, hull) == 8
+
+
+def test_the_margin_is_zero_at_the_limit_and_grows_inwards():
+    feet, force = Feet.side_by_side(ROBOT), max_standing_force(ROBOT, 0.4, 0.1)
+    shift = force * (1 - math.exp(-0.1 * ROBOT.omega)) / (ROBOT.mass * ROBOT.omega**2)
+    edge = np.array(feet.middle) + shift * np.array([math.cos(0.4), math.sin(0.4)])
+    assert standing_margin(ROBOT, LIMITS, feet, edge) == pytest.approx(0.0, abs=1e-12)
+    assert standing_margin(ROBOT, LIMITS, feet, edge - [0.01, 0.0]) == pytest.approx(0.01)
+    assert standing_margin(ROBOT, LIMITS, feet, edge + [0.02, 0.0]) == pytest.approx(-0.02)
+
+
+def test_the_trunk_gives_what_it_has_left():
+    feet, dcm = Feet.side_by_side(ROBOT), (0.15, 0.1)
+    upright = standing_margin(ROBOT, LIMITS, feet, dcm)
+    leaning = standing_margin(ROBOT, LIMITS, feet, dcm, trunk_angle=(0.5, 0.0))
+    back = standing_margin(ROBOT, LIMITS, feet, dcm, trunk_angle=(-0.5, 0.0))
+    none = standing_margin(ROBOT, LIMITS, feet, dcm, flywheel=False)
+    assert none == pytest.approx(-0.05)
+    assert none < leaning < upright < back
+    # as single support counts it
+    high = recoverable_offset(ROBOT, LIMITS, trunk_angle=(0.5, 0.0)).high[0]
+    assert leaning - none == pytest.approx(high - recoverable_offset(ROBOT, LIMITS, flywheel=False).high[0])
+    assert standing_margin(ROBOT, LIMITS, feet, dcm, trunk_angle=(0.5, 0.0), trunk_rate=(1.0, 0.0)) < leaning
+
+
+def test_a_waist_without_an_axis_gives_nothing_about_it():
+    robot = RobotModel(trunk_roll=False)
+    aside = 0.5 * math.pi
+    assert max_standing_force(robot, aside) == max_standing_force(robot, aside, flywheel=False)
+    assert max_standing_force(robot, 0.0) == pytest.approx(max_standing_force(ROBOT, 0.0))
+
+
+def test_mirrored_feet_have_the_mirrored_limit():
+    mirrored = Feet((0.15, -0.25), -0.4)
+    for psi in (0.3, 1.9, -2.5):
+        assert max_standing_force(ROBOT, psi, feet=ASTRIDE) == pytest.approx(
+            max_standing_force(ROBOT, -psi, feet=mirrored), rel=1e-12
+        )
+
+
+def test_a_reaction_time_costs_the_growth_of_the_dcm():
+    soon, late = (max_standing_impulse(ROBOT, 1.0, reaction=r) for r in (0.0, 0.1))
+    assert late / soon == pytest.approx(math.exp(-0.1 * ROBOT.omega))
+
+
+def test_an_impulse_is_the_limit_of_short_pushes():
+    assert max_standing_force(ROBOT, 2.0, 1e-6) * 1e-6 == pytest.approx(
+        max_standing_impulse(ROBOT, 2.0), rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: max_standing_force(ROBOT, 0.0, 0.0), r"duration must be positive \[s\], got 0.0"),
+        (lambda: max_standing_impulse(ROBOT, math.nan), "must be finite, reaction >= 0, got nan"),
+        (lambda: max_standing_impulse(ROBOT, 0.0, reaction=-1.0), "reaction >= 0, got 0.0, -1.0"),
+        (lambda: Feet((math.inf, 0.0)).hull(LIMITS), "Feet must be finite"),
+        (lambda: standing_margin(ROBOT, LIMITS, ASTRIDE, (1.0,)), "dcm must be two finite numbers"),
+    ],
+)
+def test_impossible_inputs_are_named(call, words):
+    with pytest.raises(InvalidValueError, match=words):
+        call()

@@ -1,0 +1,207 @@
+"""Whole-body control on two feet against dense systems of MuJoCo's own matrices."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from push_recovery.controllers.model.robot import GRAVITY
+from push_recovery.controllers.whole_body.inverse_dynamics import (
+    Task,
+    base_angular_acceleration,
+    stance_acceleration,
+)
+from push_recovery.controllers.whole_body.kinematics import (
+    NU,
+    NV,
+    PELVIS,
+    WAIST_DOF,
+    base_angular_velocity,
+    com_velocity,
+    sole_motion,
+    sole_position,
+)
+from push_recovery.controllers.whole_body.two_feet import (
+    SHARE_PRICE,
+    make_two_feet_bounds,
+    share_wrench,
+    standing_torque,
+)
+from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.simulation import advance
+
+MODEL = biped_model()
+GAINS = BIPED_GAINS._replace(damping=0.0)  # exact leg inverse
+MOTORS = biped().motors
+FULL = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
+LOOSE, _LOOSE_MEMORY = make_two_feet_bounds(
+    FULL._replace(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6),
+    np.full((2, NU), 1e9),
+)
+ZERO, PLANNED = (0.0, 0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
+
+
+def random_task(rng, core, stance, size):
+    """Accelerations of CoM, waist and height about a robot's present state."""
+    above = core.physics.com[0, 0, 2] - sole_position(core.physics, 0, stance)[2]
+    climb, heading = com_velocity(core.physics, 0)[2], rng.normal(0.0, 0.05)
+    height = above + rng.normal(0.0, 0.001), climb + rng.normal(0.0, 0.01), rng.normal(0.0, size)
+    facing = float(np.cos(heading)), float(np.sin(heading))
+    com, waist = tuple(rng.normal(0.0, size, 2)), tuple(rng.normal(0.0, 4.0 * size, 2))
+    return Task(stance, com, height, facing, np.zeros(9), waist, ZERO, ZERO, (0.0, 0.0), (0.0, 0.0))
+
+
+def torques(core, task, bounds, most=1.0):
+    """Wrenches of stance and other sole (6,), torque (14,) and the bits of the bounds met."""
+    wrench, other, torque = np.empty(6), np.empty(6), np.empty(NU)
+    climb = com_velocity(core.physics, 0)[2]
+    met = standing_torque(core.physics, 0, task, climb, most, GAINS, bounds, wrench, other, torque)
+    return wrench, other, torque, met
+
+
+def jacobians(data, stance):
+    """(6, 20) of the stance sole and of the other one."""
+    found = []
+    for leg in (stance, 1 - stance):
+        J = np.zeros((6, NV))
+        mujoco.mj_jacSite(MODEL, data, J[:3], J[3:], MODEL.site(PLAN.soles[leg]).id)
+        found.append(J)
+    return found
+
+
+def dense_total(core, data, task, deviation):
+    """M qdd + h (20,) of the tasks, CoM, pelvis and waist deviating by (8,), both soles still."""
+    phys, omega = core.physics, base_angular_velocity(core.physics, 0)
+    M, A, b = np.zeros((NV, NV)), np.zeros((NV, NV)), np.empty(NV)
+    mujoco.mj_fullM(MODEL, data, M)
+    asked, rate, climb = task.height
+    climb += GAINS.height_kp * (asked - data.subtree_com[0, 2] + sole_position(phys, 0, task.stance)[2])
+    climb += GAINS.height_kd * (rate - com_velocity(phys, 0)[2])
+    A[:3], b[:3] = M[:3] / BIPED.mass, [*task.com_acceleration, GRAVITY + climb]
+    b[:3] -= data.qfrc_bias[:3] / BIPED.mass
+    A[3:6, 3:6] = data.xmat[PELVIS].reshape(3, 3)
+    b[3:6] = base_angular_acceleration(phys, 0, omega, task, GAINS)
+    (cos, sin), R = task.facing, data.xmat[PELVIS].reshape(3, 3)
+    A[6, WAIST_DOF] = A[7, WAIST_DOF + 1] = 1.0  # of the trunk in the world, about left and ahead
+    A[6, 3:6], A[7, 3:6] = np.array([-sin, cos, 0.0]) @ R, np.array([cos, sin, 0.0]) @ R
+    b[6:8] = task.waist
+    b[:8] += deviation
+    for i, (J, leg) in enumerate(
+        zip(jacobians(data, task.stance), (task.stance, 1 - task.stance), strict=True)
+    ):
+        foot, rows = sole_motion(phys, 0, leg, omega), slice(8 + 6 * i, 14 + 6 * i)
+        still = stance_acceleration(phys, 0, foot, task._replace(stance=leg), GAINS)
+        A[rows], b[rows] = J, np.subtract(still, [foot.drift, foot.turn_drift]).ravel()
+    return M @ np.linalg.solve(A, b) + data.qfrc_bias
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_wrenches_and_torques_are_the_inverse_dynamics_of_still_soles(random_state, robot_in, stance):
+    rng = np.random.default_rng(stance)
+    for _ in range(20):
+        core, data = robot_in(*random_state(rng, 0.1), stance)
+        task = random_task(rng, core, stance, 1.0)
+        wrench, other, torque, _ = torques(core, task, LOOSE)
+        total = dense_total(core, data, task, np.zeros(8))
+        near, far = jacobians(data, stance)
+        forces = near.T @ wrench + far.T @ other
+        np.testing.assert_allclose(forces[:6], total[:6], rtol=1e-8, atol=1e-6)
+        np.testing.assert_allclose(torque, (total - forces)[6:], rtol=1e-8, atol=1e-6)
+
+
+def cop(wrench):
+    return np.array([-wrench[4], wrench[3]]) / wrench[2]
+
+
+@pytest.mark.parametrize(
+    ("place", "share"), [(0.0, 0.0), (0.25, 0.25), (0.5, 0.5), (1.0, 1.0), (-0.2, 0.0), (1.3, 1.0)]
+)
+def test_the_load_goes_with_the_cop_from_foot_to_foot(place, share):
+    r, force, off = np.array([0.05, 0.2, 0.03]), np.array([30.0, -20.0, 600.0]), np.array([0.01, -0.004, 0.0])
+    at = place * np.array([*r[:2], 0.0]) + off - off @ r / (r[:2] @ r[:2]) * np.array([*r[:2], 0.0])
+    total = np.concatenate([force, np.cross(at, force) + [0.0, 0.0, 4.0]])
+    wrench, other = total.copy(), np.empty(6)
+    share_wrench(wrench, tuple(r), 1.0, other)
+    np.testing.assert_allclose(wrench[:3] + other[:3], force)
+    np.testing.assert_allclose(wrench[3:] + other[3:] + np.cross(r, other[:3]), total[3:])
+    assert other[2] == pytest.approx(share * 600.0)
+    if 0.0 < share < 1.0:
+        np.testing.assert_allclose(cop(wrench), cop(other))
+        np.testing.assert_allclose(wrench[:3] / wrench[2], other[:3] / other[2])
+
+
+def test_a_foot_that_is_about_to_leave_has_no_more_than_its_share():
+    total = np.array([0.0, 0.0, 600.0, 600.0 * 0.15, 0.0, 0.0])  # CoP at 3/4 of the way
+    other = np.empty(6)
+    for most in (0.75, 0.3, 0.0):
+        wrench = total.copy()
+        share_wrench(wrench, (0.0, 0.2, 0.0), most, other)
+        assert other[2] == pytest.approx(most * 600.0)
+        assert wrench[3] + other[3] + 0.2 * other[2] == pytest.approx(total[3])
+
+
+def excess(core, leg, wrench):
+    """What a sole's wrench passes its bounds by: CoP [m] and friction, times its load, and pull; [300 N]."""
+    R = core.physics.xmat[0, MODEL.body(("left_foot", "right_foot")[leg]).id].reshape(3, 3)
+    x = R[:2, 0] / np.linalg.norm(R[:2, 0])
+    if wrench[2] < 1.0:
+        return -wrench[2] / 300.0
+    ahead, aside = cop(wrench) @ x, cop(wrench) @ [-x[1], x[0]]
+    slip = math.hypot(*wrench[:2]) / wrench[2] - FULL.friction / math.cos(math.pi / 8)
+    return max(abs(ahead) - 0.1, abs(aside) - 0.05, slip) * wrench[2] / 300.0
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(random_state, robot_in, stance):
+    rng, bound = np.random.default_rng(40 + stance), 0
+    bounds, _memory = make_two_feet_bounds(FULL, MOTORS)
+    for _ in range(60):
+        core, data = robot_in(*random_state(rng, 0.1), stance)
+        task = random_task(rng, core, stance, 2.0)
+        bounds.solution[:] = np.nan
+        wrench, other, torque, _ = torques(core, task, bounds)
+        if np.isnan(bounds.solution).any():
+            assert max(excess(core, stance, wrench), excess(core, 1 - stance, other)) <= 1e-9
+            continue
+        bound += 1
+        v, M = bounds.solution, bounds.matrix
+        passed = np.maximum(M @ v - bounds.upper, 0) - np.maximum(bounds.lower - M @ v, 0)
+        np.testing.assert_allclose(v + M.T @ (FULL.row_price * passed), 0.0, atol=1e-6)
+        if np.abs(passed).max() < 1e-3:
+            assert max(excess(core, stance, wrench), excess(core, 1 - stance, other)) < 0.02
+        # d = Q^(-1/2) v: CoM, pelvis and waist deviate, the other sole takes over a wrench, both stay still
+        d = bounds.scale * v
+        total = dense_total(core, data, task, np.concatenate([d[:6], d[12:]]))
+        near, far = jacobians(data, stance)
+        forces = near.T @ wrench + far.T @ other
+        np.testing.assert_allclose(forces[:6], total[:6], rtol=1e-7, atol=1e-5)
+        np.testing.assert_allclose(torque, (total - forces)[6:], rtol=1e-7, atol=1e-5)
+        _, before, _, _ = torques(core, task, LOOSE)
+        np.testing.assert_allclose(other - before, d[6:12], rtol=1e-7, atol=1e-5)
+        s = FULL
+        prices = [s.com_price, s.com_price, s.height_price, s.pelvis_price, s.pelvis_price, s.heading_price]
+        prices += [SHARE_PRICE] * 6 + [s.waist_price] * 2
+        np.testing.assert_allclose(bounds.scale, 1.0 / np.sqrt(prices))
+    assert bound >= 20
+
+
+def test_a_robot_stands_still_and_carries_half_of_its_weight_on_each_foot(biped_core):
+    """Ten seconds under a CMP on the DCM's far side, which is the law of a pendulum that is to stay."""
+    core, soles = biped_core(1), np.array([[0.0, 0.1, 0.0], [0.05, -0.1, 0.0]])
+    bounds, _memory = make_two_feet_bounds(FULL, MOTORS)
+    rest, omega, phys = np.array([0.025, 0.0]), BIPED.omega, core.physics
+    core.put(0, *posture(core.body, np.array([*rest, BIPED.com_height]), np.zeros(3), soles))
+    for _ in range(5000):
+        com = phys.com[0, 0, :2]
+        dcm = com + np.array(com_velocity(phys, 0)[:2]) / omega
+        asked = omega**2 * (com - rest - 2.0 * (dcm - rest))
+        waist = -20.0 * phys.qpos[0, 7:9] - 9.0 * phys.qvel[0, 6:8]
+        height = BIPED.com_height, 0.0, 0.0
+        task = Task(0, tuple(asked), height, (1.0, 0.0), np.zeros(9), tuple(waist), ZERO, ZERO, *PLANNED)
+        phys.ctrl[0] = torques(core, task, bounds)[2]
+        advance(core.simulations.handles, 0)
+    np.testing.assert_allclose(phys.com[0, 0], [*rest, BIPED.com_height], atol=1e-3)
+    np.testing.assert_allclose(phys.load[0], 0.5 * BIPED.weight, rtol=1e-3)
+    assert np.abs(phys.qvel[0]).max() < 1e-3

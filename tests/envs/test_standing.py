@@ -1,0 +1,186 @@
+"""Robots that stand: at rest, caught in place or by a step, and on their way into a walk and back."""
+
+import json
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
+from push_recovery.controllers.model.standing import max_standing_force
+from push_recovery.envs.scenario.push import Push
+from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
+
+from push_recovery import make_policy
+
+STAND = Command(stand=True)
+PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+ROBOTS = [PENDULUM, BIPED, "PushRecovery/G1-v0", "PushRecovery/T1-v0", "PushRecovery/JVRC1-v0"]
+
+
+@pytest.fixture(scope="module")
+def stage():
+    """An environment and its planner by id and name, made once."""
+    made = {}
+
+    def get(name, policy="two-stage"):
+        if name not in made:
+            made[name] = gym.make(name).unwrapped
+        if (name, policy) not in made:
+            made[name, policy] = make_policy(policy, made[name])
+        return made[name], made[name, policy]
+
+    yield get
+    for env in made.values():
+        if isinstance(env, gym.Env):
+            env.close()
+
+
+def walked(env, policy, scenario):
+    """Observation and DCM in the world after every period, and whether the robot fell."""
+    seen, _ = env.reset(options={"scenario": scenario})
+    observations, dcm, over = [seen], [], False
+    while not over:
+        seen, _, fell, late, _ = env.step(policy.predict(seen)[0])
+        observations.append(seen)
+        dcm.append(env.core.world[0, :2].copy())
+        over = fell or late
+    return np.array(observations), np.array(dcm), fell
+
+
+def pushed(force, psi, command=STAND, **changes):
+    vector = force * math.cos(psi), force * math.sin(psi), 0.0
+    return Scenario("pushed", (Push(vector, 0.1, 0.5),), command, duration=5.0, **changes)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nothing_moves_at_rest(stage, name):
+    env, policy = stage(name)
+    observations, dcm, fell = walked(env, policy, Scenario("rest", (), STAND, duration=5.0))
+    assert not fell
+    assert (observations[:, 0] == ON_BOTH_FEET).all()
+    assert (observations[1:, SWING_CONTACT] == 1.0).all()
+    assert np.abs(dcm - dcm[0]).max() < 2e-3
+    middle = 0.5 * env.episodes.robot.pelvis_width
+    assert observations[-1, SWING_POSITION][:2] == pytest.approx([0.0, 2.0 * middle], abs=2e-3)
+
+
+def test_noise_and_delay_make_no_step(stage):
+    env, policy = stage(BIPED)
+    scenario = HARDWARE.applied(Scenario("rest", (), STAND, duration=5.0, noise_seed=3))
+    observations, dcm, fell = walked(env, policy, scenario)
+    assert not fell
+    assert (observations[:, 0] == ON_BOTH_FEET).all()
+    assert np.abs(dcm - dcm[0]).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees"),
+    # aside the paper's step box reaches no farther than the hull of two soles
+    [*((BIPED, d) for d in (0, 65, 90, 180, 270)), *((PENDULUM, d) for d in (0, 30, 180, 200))],
+)
+def test_a_push_within_the_limit_is_caught_in_place_and_a_larger_one_by_steps(stage, name, degrees):
+    env, policy = stage(name)
+    psi = math.radians(degrees)
+    limit = max_standing_force(env.episodes.robot, psi)
+    observations, _, fell = walked(env, policy, pushed(0.85 * limit, psi))
+    assert not fell
+    assert (observations[:, 0] == ON_BOTH_FEET).all()
+    observations, dcm, fell = walked(env, policy, pushed(1.15 * limit, psi))
+    assert not fell
+    steps = (observations[:, 0] >= 0.0).sum()
+    assert 0 < steps < 300
+    assert observations[-1, 0] == ON_BOTH_FEET  # it stands again, somewhere else
+    assert np.hypot(*(dcm[-1] - dcm[0])) > 0.05
+
+
+@pytest.mark.parametrize("name", [PENDULUM, BIPED])
+def test_what_each_part_may_use_decides_what_it_catches(stage, name):
+    """Soles and trunk, soles alone, steps alone: 0.85 of the limit of both, forward."""
+    env, _ = stage(name)
+    force = 0.85 * max_standing_force(env.episodes.robot, 0.0)
+    stepped = {}
+    for part in ("two-stage", "stage-1+cop", "stage-1"):
+        observations, _, _ = walked(env, stage(name, part)[1], pushed(force, 0.0))
+        stepped[part] = (observations[:, 0] >= 0.0).any()
+    assert stepped == {"two-stage": False, "stage-1+cop": True, "stage-1": True}
+
+
+@pytest.mark.parametrize("name", [PENDULUM, BIPED])
+def test_mirrored_pushes_have_mirrored_answers(stage, name):
+    env, policy = stage(name)
+    robot = env.episodes.robot
+    one = pushed(1.2 * max_standing_force(robot, 0.5), 0.5)
+    (left, dcm, _), (right, other, _) = walked(env, policy, one), walked(env, policy, one.mirrored())
+    assert right == pytest.approx(left, abs=2e-3)
+    assert other[:, 0] == pytest.approx(dcm[:, 0], abs=2e-3)
+    assert other[:, 1] == pytest.approx(-dcm[:, 1], abs=2e-3)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("degrees", "stays"), [(90.0, 1), (-90.0, 0)])
+def test_a_push_aside_is_answered_by_the_foot_on_its_far_side(stage, side, degrees, stays):
+    env, policy = stage(BIPED)
+    psi = math.radians(degrees)
+    force = 1.2 * max_standing_force(env.episodes.robot, psi)
+    seen, _ = env.reset(options={"scenario": pushed(force, psi, stance_side=side)})
+    while seen[0] < 0.0:
+        seen, *_ = env.step(policy.predict(seen)[0])
+    assert env.episodes.motion().side[0] == stays
+
+
+@pytest.mark.parametrize("name", [PENDULUM, BIPED])
+def test_it_starts_walks_and_stands_again(stage, name):
+    env, policy = stage(name)
+    walk = CommandChange(1.0, Command(vx=0.3)), CommandChange(5.0, STAND)
+    turn = CommandChange(9.0, Command()), CommandChange(12.0, STAND)  # to step in place, and back
+    scenario = Scenario("tour", (), STAND, changes=walk + turn, duration=15.0)
+    observations, dcm, fell = walked(env, policy, scenario)
+    assert not fell
+    stands = observations[1:, 0] == ON_BOTH_FEET
+    time = 0.01 * (np.arange(len(stands)) + 1.0)
+    for start, end, standing in ((0.0, 1.0, True), (2.0, 5.0, False), (7.0, 9.0, True), (9.5, 12.0, False)):
+        inside = stands[(time > start + 0.005) & (time < end)]
+        assert inside.all() if standing else not inside.any()
+    assert stands[-1]
+    speed = (dcm[490, 0] - dcm[290, 0]) / 2.0
+    assert speed == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_robot_that_is_asked_for_a_step_lifts_the_foot_that_the_cop_is_away_from(stage):
+    env, _ = stage(PENDULUM)
+    half = env.episodes.limits.cop_y_max
+    for share, side in ((-0.9, 0), (0.9, 1)):  # towards the stance foot, the left one, and away from it
+        env.reset(options={"scenario": Scenario("rest", (), STAND, duration=5.0)})
+        action = np.array([0.0, 0.0, -1.0, 0.0, share, 0.0, 0.0], np.float32)
+        seen, *_ = env.step(action)
+        assert seen[0] == pytest.approx(0.01)
+        assert env.core.state.side[0] == side
+        cop = env.core.state.cop[0] - env.core.state.stance[0]
+        reach = share * (0.5 * env.episodes.robot.pelvis_width + half)  # from the middle, canonical
+        expected = -(reach + 0.5 * env.episodes.robot.pelvis_width) if side == 0 else None
+        if side == 0:
+            assert cop[1] == pytest.approx(np.clip(expected, -half, half))
+        assert abs(cop[1]) <= half + 1e-12
+
+
+def test_a_command_to_stand_has_no_velocity_and_stays_in_its_file():
+    with pytest.raises(
+        InvalidValueError, match=r"Command.stand needs vx = vy = turn = 0, got Command\(vx=0.1"
+    ):
+        Command(0.1, stand=True)
+    with pytest.raises(InvalidValueError, match=r"Command\.stand must be"):
+        Command(stand=1)
+    scenario = pushed(100.0, 0.0)
+    text = json.dumps(scenario.to_dict())
+    assert Scenario.from_dict(json.loads(text)) == scenario
+    assert "stand" not in json.dumps(pushed(100.0, 0.0, Command()).to_dict()["command"])
+    assert scenario.mirrored().command.stand
+
+
+def test_joint_environments_refuse_to_stand():
+    env = gym.make("PushRecovery/BipedJoint-v0")
+    with pytest.raises(InvalidValueError, match=r"BipedJoint-v0 does not stand, .* in scenario 'pushed'"):
+        env.reset(options={"scenario": pushed(100.0, 0.0)})
+    env.close()
