@@ -69,10 +69,10 @@ class Task(NamedTuple):
 
 @njit(cache=True, forceinline=True)
 def stance_acceleration(
-    phys: Physics, k: int, foot: kinematics.SoleMotion, task: Task, gains: Gains
+    phys: Physics, k: int, leg: int, foot: kinematics.SoleMotion, facing: Heading, gains: Gains
 ) -> tuple[Vector, Vector]:
-    """Linear and angular acceleration that keep the stance foot still and level."""
-    error = upright_error(phys.xmat, k, FOOT_BODY[task.stance], task.facing)
+    """Linear and angular acceleration that keep the sole of a leg still and level."""
+    error = upright_error(phys.xmat, k, FOOT_BODY[leg], facing)
     level = gains.stance_kp * error[0], gains.stance_kp * error[1], 0.0
     return scaled(foot.velocity, -gains.stance_kd), subtract(level, scaled(foot.omega, gains.stance_kd))
 
@@ -117,6 +117,18 @@ def com_force(phys: Physics, k: int, task: Task, sole: Vector, climb: float, gai
 
 
 @njit(cache=True, forceinline=True)
+def write_leg_task(
+    phys: Physics, k: int, leg: int, sole: Vector, linear: Vector, angular: Vector, gains: Gains,
+    inverses: LegInverses, qdd: Array,
+) -> None:  # fmt: skip
+    """Write a leg's inverse, and its part of qdd (20,) from its sole's acceleration seen by the pelvis."""
+    kinematics.write_leg_inverse(phys, k, leg, sole, gains.damping, inverses)
+    for i in range(6):
+        rate = dot(vector_at(inverses.velocity, leg, i), linear)
+        qdd[LEG_DOF[leg] + i] = rate + dot(vector_at(inverses.omega, leg, i), angular)
+
+
+@njit(cache=True, forceinline=True)
 def write_tasks(
     phys: Physics, k: int, task: Task, gains: Gains, inverses: LegInverses, qdd: Array
 ) -> tuple[Vector, Vector]:
@@ -134,16 +146,13 @@ def write_tasks(
         foot = kinematics.sole_motion(phys, k, leg, omega)
         left, right = right, foot.position
         if leg == task.stance:
-            linear, angular = stance_acceleration(phys, k, foot, task, gains)
+            linear, angular = stance_acceleration(phys, k, leg, foot, task.facing, gains)
         else:
             linear, angular = swing_acceleration(phys, k, foot, task, gains)
         carried = cross(alpha, subtract(foot.position, base))
         linear = subtract(linear, add(foot.drift, carried))
         angular = subtract(angular, add(foot.turn_drift, alpha))
-        kinematics.write_leg_inverse(phys, k, leg, foot.position, gains.damping, inverses)
-        for i in range(6):
-            rate = dot(vector_at(inverses.velocity, leg, i), linear)
-            qdd[LEG_DOF[leg] + i] = rate + dot(vector_at(inverses.omega, leg, i), angular)
+        write_leg_task(phys, k, leg, foot.position, linear, angular, gains, inverses, qdd)
     return left, right
 
 

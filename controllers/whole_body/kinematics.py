@@ -441,14 +441,11 @@ def mass_times(phys: Physics, k: int, X: Array, out: Array) -> None:
                 out[i, c] += entry * X[j, c]
 
 
-@njit(cache=True)
-def write_deviation_maps(phys: Physics, k: int, legs: Legs, wrench: Array, torque: Array) -> None:
-    """Write W_d (6, 14) and T_d (14, 14): how wrench and torque follow a deviation from the tasks."""
-    X, total = carray(stack_floats(280), (NV, TASKS)), carray(stack_floats(280), (NV, TASKS))
-    write_rates(phys, k, legs, X)
-    accelerate_pelvis_for_tasks(phys, k, legs, X)
+@njit(cache=True, forceinline=True)
+def write_force_maps(phys: Physics, k: int, sole: Vector, X: Array, wrench: Array, torque: Array) -> None:
+    """Write M X as the total wrench at a sole (6, 14) and the forces on the joints (14, 14)."""
+    total = carray(stack_floats(280), (NV, TASKS))
     mass_times(phys, k, X, total)
-    sole = legs.left if legs.stance == 0 else legs.right
     arm = subtract(vector_at(phys.xpos, k, PELVIS), sole)
     for c in range(TASKS):
         force = total[0, c], total[1, c], total[2, c]
@@ -459,10 +456,26 @@ def write_deviation_maps(phys: Physics, k: int, legs: Legs, wrench: Array, torqu
     for i in range(NU):
         for c in range(TASKS):
             torque[i, c] = total[BASE + i, c]
+
+
+@njit(cache=True, forceinline=True)
+def subtract_leg_maps(phys: Physics, k: int, leg: int, sole: Vector, wrench: Array, torque: Array) -> None:
+    """`subtract_leg_torques` for every column of wrenches (6, 14) and torques (14, 14)."""
     for i in range(6):
-        joint, row = LEG_JOINT[legs.stance] + i, LEG_DOF[legs.stance] - BASE + i
+        joint, row = LEG_JOINT[leg] + i, LEG_DOF[leg] - BASE + i
         axis = vector_at(phys.xaxis, k, joint)
         lever = cross(axis, subtract(sole, vector_at(phys.xanchor, k, joint)))
         for c in range(TASKS):
             torque[row, c] -= lever[0] * wrench[0, c] + lever[1] * wrench[1, c] + lever[2] * wrench[2, c]
             torque[row, c] -= axis[0] * wrench[3, c] + axis[1] * wrench[4, c] + axis[2] * wrench[5, c]
+
+
+@njit(cache=True)
+def write_deviation_maps(phys: Physics, k: int, legs: Legs, wrench: Array, torque: Array) -> None:
+    """Write W_d (6, 14) and T_d (14, 14): how wrench and torque follow a deviation from the tasks."""
+    X = carray(stack_floats(280), (NV, TASKS))
+    write_rates(phys, k, legs, X)
+    accelerate_pelvis_for_tasks(phys, k, legs, X)
+    sole = legs.left if legs.stance == 0 else legs.right
+    write_force_maps(phys, k, sole, X, wrench, torque)
+    subtract_leg_maps(phys, k, legs.stance, sole, wrench, torque)

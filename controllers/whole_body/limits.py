@@ -97,6 +97,7 @@ ROWS = NU + WRENCH_ROWS
 FREE = 1e6  # a bound that never binds, in the units of the rows
 FORCE_UNIT, MOMENT_UNIT, TORQUE_UNIT = 300.0, 20.0, 100.0  # scale of the rows [N], [N m], [N m]
 NEVER = 1e8  # torque [N m] or speed [rad/s] that no motor reaches
+SHARE_PRICE = 1e-4  # of (1 N)^2 or (1 N m)^2 that one foot takes over from the other
 AT_BOUND = 1e-4  # in these units, from where a bound counts as met
 
 
@@ -126,21 +127,28 @@ class Bounds(NamedTuple):
     torque_range: Floats2  # (2, 14) least and largest torque at the present speeds [N m]
     scale: Floats1  # (14,) Q^(-1/2)
     handle: Ints1  # of the solver
-    matrix: Floats2  # (ROWS, TASKS)
+    matrix: Floats2  # (ROWS, TASKS); on two feet with WRENCH_ROWS more
     lower: Floats1  # (ROWS,)
     upper: Floats1  # (ROWS,)
     solution: Floats1  # (TASKS,) v
     grip: Floats1  # (1,) friction that the robot in hand counts on
 
 
-def make_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:
-    """Bounds for one thread of control, and the owner of the solver's memory, to be kept as long."""
+def make_bounds(
+    settings: BoundSettings, motors: Array, two_feet: bool = False
+) -> tuple[Bounds, LeastDistance]:
+    """Bounds for one thread of control, and the owner of the solver's memory, to be kept as long.
+
+    On two feet there are the rows of both soles, and, in place of the swing sole, what the other one takes.
+    """
+    swing = (SHARE_PRICE, SHARE_PRICE) if two_feet else (settings.swing_price, settings.swing_turn_price)
     price = np.repeat(
         [settings.com_price, settings.height_price, settings.pelvis_price, settings.heading_price,
-         settings.swing_price, settings.swing_turn_price, settings.waist_price],
+         *swing, settings.waist_price],
         [2, 1, 2, 1, 3, 3, 2],
     )  # fmt: skip
-    problem = LeastDistance(np.ones((ROWS, TASKS)), np.full(ROWS, settings.row_price))
+    rows = ROWS + WRENCH_ROWS if two_feet else ROWS
+    problem = LeastDistance(np.ones((rows, TASKS)), np.full(rows, settings.row_price))
     bounds = Bounds(
         settings, motors, np.zeros((2, NU)), 1.0 / np.sqrt(price), problem.handle, problem.M, problem.lower,
         problem.upper, problem.x, np.array([settings.friction]),
@@ -166,24 +174,34 @@ def clipped_cop_in_world(wrench: Array, axis: Heading, settings: BoundSettings) 
 
 
 @njit(cache=True, forceinline=True)
-def within_bounds(wrench: Array, torque: Array, axis: Heading, bounds: Bounds) -> bool:
-    """Whether the exact solution of the tasks passes no bound."""
+def sole_bears(wrench: Array, axis: Heading, bounds: Bounds) -> bool:
+    """Whether CoP, yaw moment and friction of a wrench (6,) that presses are what a sole can give."""
     s = bounds.settings
-    if wrench[2] < s.force_min:
-        return False
     x, y = centre_of_pressure(wrench, axis)
     if abs(x) > s.cop_x_max or abs(y) > s.cop_y_max:
         return False
     x, y = clipped_cop_in_world(wrench, axis, s)
     if abs(wrench[5] - x * wrench[1] + y * wrench[0]) > s.yaw_friction * wrench[2]:
         return False
-    if math.hypot(wrench[0], wrench[1]) > bounds.grip[0] * wrench[2]:
-        return False
+    return not math.hypot(wrench[0], wrench[1]) > bounds.grip[0] * wrench[2]
+
+
+@njit(cache=True, forceinline=True)
+def motors_give(torque: Array, bounds: Bounds) -> bool:
+    """Whether the motors can give torques (14,) at their present speeds."""
     excess = 0.0
     for i in range(NU):
         low, high = bounds.torque_range[0, i], bounds.torque_range[1, i]
         excess = max(excess, low - torque[i], torque[i] - high)
     return excess <= 0.0
+
+
+@njit(cache=True, forceinline=True)
+def within_bounds(wrench: Array, torque: Array, axis: Heading, bounds: Bounds) -> bool:
+    """Whether the exact solution of the tasks passes no bound."""
+    if wrench[2] < bounds.settings.force_min:
+        return False
+    return sole_bears(wrench, axis, bounds) and motors_give(torque, bounds)
 
 
 @njit(cache=True, forceinline=True)
@@ -216,13 +234,18 @@ def write_wrench_rows(wrench: Array, axis: Heading, bounds: Bounds, P: Array) ->
 
 
 @njit(cache=True, forceinline=True)
-def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: Array, torque: Array) -> None:
-    """Write the least-distance problem: torques in range, then P wrench <= 0, of the load <= -force_min."""
+def write_torque_problem(Td: Array, bounds: Bounds, torque: Array) -> None:
+    """Write the first rows of the least-distance problem: torques in range."""
     for i in range(NU):
         for c in range(TASKS):
             bounds.matrix[i, c] = Td[i, c] * bounds.scale[c] / TORQUE_UNIT
         bounds.lower[i] = (bounds.torque_range[0, i] - torque[i]) / TORQUE_UNIT
         bounds.upper[i] = (bounds.torque_range[1, i] - torque[i]) / TORQUE_UNIT
+
+
+@njit(cache=True, forceinline=True)
+def write_wrench_problem(Wd: Array, axis: Heading, bounds: Bounds, wrench: Array, first: int) -> None:
+    """Write the rows from `first` on: P wrench <= 0, for a sole whose wrench the deviation changes by W_d."""
     P = carray(stack_floats(90), (WRENCH_ROWS, 6))
     write_wrench_rows(wrench, axis, bounds, P)
     for row in range(WRENCH_ROWS):
@@ -233,9 +256,8 @@ def write_problem(Wd: Array, Td: Array, axis: Heading, bounds: Bounds, wrench: A
             total = 0.0
             for i in range(6):
                 total += P[row, i] * Wd[i, c]
-            bounds.matrix[NU + row, c] = total * bounds.scale[c]
-        bounds.lower[NU + row], bounds.upper[NU + row] = -FREE, -value
-    bounds.upper[ROWS - 1] -= bounds.settings.force_min / FORCE_UNIT
+            bounds.matrix[first + row, c] = total * bounds.scale[c]
+        bounds.lower[first + row], bounds.upper[first + row] = -FREE, -value
 
 
 @njit(cache=True)
@@ -262,6 +284,15 @@ def limits_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, fl
     return met
 
 
+@njit(cache=True, forceinline=True)
+def deviate(per_deviation: Array, bounds: Bounds, values: Array) -> None:
+    """Add what the solution makes of values (m,) that follow the deviation by (m, 14)."""
+    for c in range(TASKS):
+        d = bounds.scale[c] * bounds.solution[c]
+        for i in range(values.shape[0]):
+            values[i] += per_deviation[i, c] * d
+
+
 @njit(cache=True, forceinline=False)
 def keep_bounds(
     phys: Physics, k: int, legs: Legs, axis: Heading, bounds: Bounds, wrench: Array, torque: Array
@@ -272,16 +303,14 @@ def keep_bounds(
     """
     Wd, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
     write_deviation_maps(phys, k, legs, Wd, Td)
-    write_problem(Wd, Td, axis, bounds, wrench, torque)
+    write_torque_problem(Td, bounds, torque)
+    write_wrench_problem(Wd, axis, bounds, wrench, NU)
+    bounds.upper[ROWS - 1] -= bounds.settings.force_min / FORCE_UNIT
     cop = clipped_cop_in_world(wrench, axis, bounds.settings)
     if solve_least_distance(bounds.handle) <= 0:
         return limits_met(wrench, torque, axis, cop, bounds)
-    for c in range(TASKS):
-        d = bounds.scale[c] * bounds.solution[c]
-        for i in range(6):
-            wrench[i] += Wd[i, c] * d
-        for i in range(NU):
-            torque[i] += Td[i, c] * d
+    deviate(Wd, bounds, wrench)
+    deviate(Td, bounds, torque)
     return limits_met(wrench, torque, axis, cop, bounds)
 
 

@@ -17,44 +17,17 @@ foot those of the swing sole, are now what the other sole's wrench takes over fr
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 from numba.np.numpy_support import carray
 
+from .. import math3
 from ..jit import njit
-from ..math3 import (
-    ZERO,
-    Vector,
-    add,
-    cross,
-    dot,
-    rows_times,
-    scaled,
-    stack_floats,
-    subtract,
-    to_body,
-    to_world,
-    vector_at,
-    vector_in,
-    vector_of,
-)
-from ..qp import LeastDistance, solve_least_distance
-from .inverse_dynamics import (
-    Gains,
-    Task,
-    accelerate_pelvis,
-    base_angular_acceleration,
-    com_force,
-    forward_axis,
-    stance_acceleration,
-    write_wrench,
-)
+from ..math3 import Vector, add, cross, scaled, stack_floats, subtract, vector_at, vector_of
+from ..qp import solve_least_distance
+from . import inverse_dynamics as dynamics
+from . import kinematics, limits
 from .kinematics import (
     BASE,
     FOOT_BODY,
-    LEG_DOF,
-    LEG_JOINT,
     NU,
     NV,
     PELVIS,
@@ -67,66 +40,19 @@ from .kinematics import (
     LegInverses,
     Legs,
     Physics,
-    accelerate_pelvis_for_tasks,
-    base_angular_velocity,
-    com_compliance,
-    mass_times,
-    sole_motion,
-    subtract_leg_torques,
-    turning_momentum,
-    write_generalised_force,
-    write_leg_inverse,
-    write_rates,
 )
-from .limits import (
-    FORCE_UNIT,
-    FREE,
-    TORQUE_UNIT,
-    WRENCH_ROWS,
-    Bounds,
-    BoundSettings,
-    centre_of_pressure,
-    clipped_cop_in_world,
-    limits_met,
-    write_torque_range,
-    write_wrench_rows,
-)
+from .limits import FORCE_UNIT, WRENCH_ROWS, Bounds, clipped_cop_in_world, limits_met
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
 
-ROWS_OF_TWO = NU + 2 * WRENCH_ROWS
-SHARE_PRICE = 1e-4  # of (1 N)^2 or (1 N m)^2 that one foot takes over from the other
-
-
-def make_two_feet_bounds(settings: BoundSettings, motors: Array) -> tuple[Bounds, LeastDistance]:
-    """`limits.make_bounds` with the rows of two soles."""
-    price = np.repeat(
-        [settings.com_price, settings.height_price, settings.pelvis_price, settings.heading_price,
-         SHARE_PRICE, settings.waist_price],
-        [2, 1, 2, 1, 6, 2],
-    )  # fmt: skip
-    problem = LeastDistance(np.ones((ROWS_OF_TWO, TASKS)), np.full(ROWS_OF_TWO, settings.row_price))
-    bounds = Bounds(
-        settings, motors, np.zeros((2, NU)), 1.0 / np.sqrt(price), problem.handle, problem.M, problem.lower,
-        problem.upper, problem.x, np.array([settings.friction]),
-    )  # fmt: skip
-    return bounds, problem
-
 
 @njit(cache=True)
-def sole_bears(wrench: Array, axis: Heading, bounds: Bounds) -> bool:
-    """Whether a sole can give a wrench (6,): it presses, its CoP, friction and yaw moment are in range."""
-    s = bounds.settings
+def foot_bears(wrench: Array, axis: Heading, bounds: Bounds) -> bool:
+    """Whether a foot can give a wrench (6,), which may be none at all."""
     if wrench[2] <= 0.0:
         return wrench[2] == 0.0
-    x, y = centre_of_pressure(wrench, axis)
-    if abs(x) > s.cop_x_max or abs(y) > s.cop_y_max:
-        return False
-    x, y = clipped_cop_in_world(wrench, axis, s)
-    if abs(wrench[5] - x * wrench[1] + y * wrench[0]) > s.yaw_friction * wrench[2]:
-        return False
-    return math.hypot(wrench[0], wrench[1]) <= bounds.grip[0] * wrench[2]
+    return limits.sole_bears(wrench, axis, bounds)
 
 
 @njit(cache=True)
@@ -145,42 +71,35 @@ def share_wrench(wrench: Array, r: Vector, most: float, other: Array) -> None:
 
 @njit(cache=True)
 def write_standing_tasks(
-    phys: Physics, k: int, task: Task, gains: Gains, inverses: LegInverses, qdd: Array
+    phys: Physics, k: int, task: dynamics.Task, gains: dynamics.Gains, inverses: LegInverses, qdd: Array
 ) -> tuple[Vector, Vector]:
     """`inverse_dynamics.write_tasks` with both soles still; returns the positions of the soles.
 
     The trunk has the acceleration asked for in the world, whatever the pelvis does: a pelvis that is turned
     upright again would otherwise take the trunk along, and that takes the CoP.
     """
-    omega, base = base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
-    alpha = base_angular_acceleration(phys, k, omega, task, gains)
-    qdd[0], qdd[1], qdd[2] = ZERO
-    qdd[3], qdd[4], qdd[5] = to_body(phys.xmat, k, PELVIS, alpha)
+    omega, base = kinematics.base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
+    alpha = dynamics.base_angular_acceleration(phys, k, omega, task, gains)
+    qdd[0], qdd[1], qdd[2] = math3.ZERO
+    qdd[3], qdd[4], qdd[5] = math3.to_body(phys.xmat, k, PELVIS, alpha)
     cos, sin = task.facing
     qdd[WAIST_DOF] = task.waist[0] - (cos * alpha[1] - sin * alpha[0])
     qdd[WAIST_DOF + 1] = task.waist[1] - (cos * alpha[0] + sin * alpha[1])
     left, right = base, base
     for leg in range(2):
-        foot = sole_motion(phys, k, leg, omega)
+        foot = kinematics.sole_motion(phys, k, leg, omega)
         left, right = right, foot.position
-        own = Task(
-            leg, task.com_acceleration, task.height, task.facing, task.swing, task.waist, task.swing_yaw,
-            task.pelvis_yaw, task.cop, task.missing,
-        )  # fmt: skip
-        linear, angular = stance_acceleration(phys, k, foot, own, gains)
+        linear, angular = dynamics.stance_acceleration(phys, k, leg, foot, task.facing, gains)
         linear = subtract(linear, add(foot.drift, cross(alpha, subtract(foot.position, base))))
         angular = subtract(angular, add(foot.turn_drift, alpha))
-        write_leg_inverse(phys, k, leg, foot.position, gains.damping, inverses)
-        for i in range(6):
-            rate = dot(vector_at(inverses.velocity, leg, i), linear)
-            qdd[LEG_DOF[leg] + i] = rate + dot(vector_at(inverses.omega, leg, i), angular)
+        dynamics.write_leg_task(phys, k, leg, foot.position, linear, angular, gains, inverses, qdd)
     return left, right
 
 
 @njit(cache=True)
 def standing_torque(
-    phys: Physics, k: int, task: Task, climb: float, most: float, gains: Gains, bounds: Bounds,
-    wrench: Array, other: Array, torque: Array,
+    phys: Physics, k: int, task: dynamics.Task, climb: float, most: float, gains: dynamics.Gains,
+    bounds: Bounds, wrench: Array, other: Array, torque: Array,
 ) -> int:  # fmt: skip
     """Write the joint torques (14,) [N m] of a robot on both feet, and the wrenches (6,) of both soles.
 
@@ -191,7 +110,7 @@ def standing_torque(
         climb: vertical velocity of its CoM [m/s].
         most: share of the load that the other foot may have at most.
         gains: of the tasks.
-        bounds: of `make_two_feet_bounds`.
+        bounds: of `make_bounds` for two feet.
         wrench: of the stance sole, written.
         other: of the other sole, written.
         torque: written.
@@ -203,23 +122,23 @@ def standing_torque(
     inverses = LegInverses(carray(stack_floats(36), (2, 6, 3)), carray(stack_floats(36), (2, 6, 3)))
     left, right = write_standing_tasks(phys, k, task, gains, inverses, qdd)
     sole, far = (left, right) if task.stance == 0 else (right, left)
-    force = com_force(phys, k, task, sole, climb, gains)
-    rows = com_compliance(phys, k, inverses)
-    missing = subtract(force, add(vector_in(phys.bias, k, 0), turning_momentum(phys, k, qdd)))
-    accelerate_pelvis(rows_times(rows, missing), inverses, qdd)
-    write_generalised_force(phys, k, qdd, total)
-    write_wrench(phys, k, sole, total, wrench)
+    force = dynamics.com_force(phys, k, task, sole, climb, gains)
+    rows = kinematics.com_compliance(phys, k, inverses)
+    turning = kinematics.turning_momentum(phys, k, qdd)
+    missing = subtract(force, add(math3.vector_in(phys.bias, k, 0), turning))
+    dynamics.accelerate_pelvis(math3.rows_times(rows, missing), inverses, qdd)
+    kinematics.write_generalised_force(phys, k, qdd, total)
+    dynamics.write_wrench(phys, k, sole, total, wrench)
     share_wrench(wrench, subtract(far, sole), most, other)
     for i in range(NU):
         torque[i] = total[BASE + i]
-    subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
-    subtract_leg_torques(phys, k, 1 - task.stance, far, other, torque)
-    write_torque_range(phys, k, bounds.motors, bounds.torque_range)
-    axes = forward_axis(phys, k, FOOT_BODY[task.stance]), forward_axis(phys, k, FOOT_BODY[1 - task.stance])
-    fine = sole_bears(wrench, axes[0], bounds) and sole_bears(other, axes[1], bounds)
-    for i in range(NU):
-        fine = fine and bounds.torque_range[0, i] <= torque[i] <= bounds.torque_range[1, i]
-    if fine:
+    kinematics.subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
+    kinematics.subtract_leg_torques(phys, k, 1 - task.stance, far, other, torque)
+    limits.write_torque_range(phys, k, bounds.motors, bounds.torque_range)
+    near, away = FOOT_BODY[task.stance], FOOT_BODY[1 - task.stance]
+    axes = dynamics.forward_axis(phys, k, near), dynamics.forward_axis(phys, k, away)
+    fine = foot_bears(wrench, axes[0], bounds) and foot_bears(other, axes[1], bounds)
+    if fine and limits.motors_give(torque, bounds):
         return 0
     legs = Legs(task.stance, left, right, inverses, rows)
     return keep_bounds_of_both(phys, k, legs, task.facing, axes, most, bounds, wrench, other, torque)
@@ -227,52 +146,32 @@ def standing_torque(
 
 @njit(cache=True)
 def write_shared_maps(
-    phys: Physics, k: int, legs: Legs, facing: Heading, stance: Array, torque: Array
+    phys: Physics, k: int, legs: Legs, facing: Heading, stance: Array, other: Array, torque: Array
 ) -> None:
-    """Write how the stance sole's wrench (6, 14) and the torques (14, 14) follow the deviation.
+    """Write how both soles' wrenches (6, 14) and the torques (14, 14) follow the deviation.
 
     Its columns from SWING_TASK on are what the other sole's wrench takes over.
     """
-    X, total = carray(stack_floats(280), (NV, TASKS)), carray(stack_floats(280), (NV, TASKS))
-    write_rates(phys, k, legs, X)
-    for j in range(NV):
-        for c in range(6):
-            X[j, SWING_TASK + c] = 0.0
+    X = carray(stack_floats(280), (NV, TASKS))
+    kinematics.write_rates(phys, k, legs, X)
+    X[:, SWING_TASK : SWING_TASK + 6] = 0.0
     cos, sin = facing  # a pelvis that deviates does not take the trunk along
     X[WAIST_DOF, PELVIS_TASK], X[WAIST_DOF, PELVIS_TASK + 1] = sin, -cos
     X[WAIST_DOF + 1, PELVIS_TASK], X[WAIST_DOF + 1, PELVIS_TASK + 1] = -cos, -sin
-    accelerate_pelvis_for_tasks(phys, k, legs, X)
-    mass_times(phys, k, X, total)
+    kinematics.accelerate_pelvis_for_tasks(phys, k, legs, X)
     sole, far = (legs.left, legs.right) if legs.stance == 0 else (legs.right, legs.left)
-    arm, r = subtract(vector_at(phys.xpos, k, PELVIS), sole), subtract(far, sole)
-    for c in range(TASKS):
-        force = total[0, c], total[1, c], total[2, c]
-        moment = to_world(phys.xmat, k, PELVIS, (total[3, c], total[4, c], total[5, c]))
-        moment = add(cross(arm, force), moment)
-        taken = c - SWING_TASK
-        if 0 <= taken < 3:
-            unit = (-1.0 if taken == 0 else 0.0, -1.0 if taken == 1 else 0.0, -1.0 if taken == 2 else 0.0)
-            force, moment = unit, cross(r, unit)
-        elif 3 <= taken < 6:
-            moment = (-1.0 if taken == 3 else 0.0, -1.0 if taken == 4 else 0.0, -1.0 if taken == 5 else 0.0)
-        stance[0, c], stance[1, c], stance[2, c] = force
-        stance[3, c], stance[4, c], stance[5, c] = moment
-    for i in range(NU):
-        for c in range(TASKS):
-            torque[i, c] = total[BASE + i, c]
+    kinematics.write_force_maps(phys, k, sole, X, stance, torque)
+    other[:] = 0.0
     for i in range(6):
-        joint, row = LEG_JOINT[legs.stance] + i, LEG_DOF[legs.stance] - BASE + i
-        axis = vector_at(phys.xaxis, k, joint)
-        lever = cross(axis, subtract(sole, vector_at(phys.xanchor, k, joint)))
-        for c in range(TASKS):
-            for a in range(3):
-                torque[row, c] -= lever[a] * stance[a, c] + axis[a] * stance[3 + a, c]
-        joint, row = LEG_JOINT[1 - legs.stance] + i, LEG_DOF[1 - legs.stance] - BASE + i
-        axis = vector_at(phys.xaxis, k, joint)
-        lever = cross(axis, subtract(far, vector_at(phys.xanchor, k, joint)))
-        for a in range(3):
-            torque[row, SWING_TASK + a] -= lever[a]
-            torque[row, SWING_TASK + 3 + a] -= axis[a]
+        other[i, SWING_TASK + i] = 1.0
+    r = subtract(far, sole)
+    for c in range(SWING_TASK, SWING_TASK + 6):
+        moment = cross(r, (other[0, c], other[1, c], other[2, c]))
+        for i in range(3):
+            stance[i, c] -= other[i, c]
+            stance[3 + i, c] -= other[3 + i, c] + moment[i]
+    kinematics.subtract_leg_maps(phys, k, legs.stance, sole, stance, torque)
+    kinematics.subtract_leg_maps(phys, k, 1 - legs.stance, far, other, torque)
 
 
 @njit(cache=True)
@@ -284,45 +183,19 @@ def keep_bounds_of_both(
 
     Returns the bits of `limits_met` that they are at the bounds of.
     """
-    Ws, Td = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(196), (NU, TASKS))
-    write_shared_maps(phys, k, legs, facing, Ws, Td)
-    for i in range(NU):
-        for c in range(TASKS):
-            bounds.matrix[i, c] = Td[i, c] * bounds.scale[c] / TORQUE_UNIT
-        bounds.lower[i] = (bounds.torque_range[0, i] - torque[i]) / TORQUE_UNIT
-        bounds.upper[i] = (bounds.torque_range[1, i] - torque[i]) / TORQUE_UNIT
-    P = carray(stack_floats(90), (WRENCH_ROWS, 6))
-    load = wrench[2] + other[2]
-    for foot in range(2):
-        own, first = (wrench if foot == 0 else other), NU + foot * WRENCH_ROWS
-        write_wrench_rows(own, axes[foot], bounds, P)
-        for row in range(WRENCH_ROWS):
-            value = 0.0
-            for i in range(6):
-                value += P[row, i] * own[i]
-            for c in range(TASKS):
-                total = 0.0
-                if foot == 0:
-                    for i in range(6):
-                        total += P[row, i] * Ws[i, c]
-                elif 0 <= c - SWING_TASK < 6:
-                    total = P[row, c - SWING_TASK]
-                bounds.matrix[first + row, c] = total * bounds.scale[c]
-            bounds.lower[first + row], bounds.upper[first + row] = -FREE, -value
-    bounds.lower[NU + 2 * WRENCH_ROWS - 1] = -(most * load - other[2]) / FORCE_UNIT if most < 1.0 else -FREE
-    cops = (
-        clipped_cop_in_world(wrench, axes[0], bounds.settings),
-        clipped_cop_in_world(other, axes[1], bounds.settings),
-    )
+    Ws, Wo = carray(stack_floats(84), (6, TASKS)), carray(stack_floats(84), (6, TASKS))
+    Td, load = carray(stack_floats(196), (NU, TASKS)), wrench[2] + other[2]
+    write_shared_maps(phys, k, legs, facing, Ws, Wo, Td)
+    limits.write_torque_problem(Td, bounds, torque)
+    limits.write_wrench_problem(Ws, axes[0], bounds, wrench, NU)
+    limits.write_wrench_problem(Wo, axes[1], bounds, other, NU + WRENCH_ROWS)
+    if most < 1.0:
+        bounds.lower[NU + 2 * WRENCH_ROWS - 1] = (other[2] - most * load) / FORCE_UNIT
+    near = clipped_cop_in_world(wrench, axes[0], bounds.settings)
+    far = clipped_cop_in_world(other, axes[1], bounds.settings)
     if solve_least_distance(bounds.handle) > 0:
-        for c in range(TASKS):
-            d = bounds.scale[c] * bounds.solution[c]
-            for i in range(6):
-                wrench[i] += Ws[i, c] * d
-            for i in range(NU):
-                torque[i] += Td[i, c] * d
-            if 0 <= c - SWING_TASK < 6:
-                other[c - SWING_TASK] += d
-    return limits_met(wrench, torque, axes[0], cops[0], bounds) | limits_met(
-        other, torque, axes[1], cops[1], bounds
-    )
+        limits.deviate(Ws, bounds, wrench)
+        limits.deviate(Wo, bounds, other)
+        limits.deviate(Td, bounds, torque)
+    met = limits_met(wrench, torque, axes[0], near, bounds)
+    return met | limits_met(other, torque, axes[1], far, bounds)

@@ -29,7 +29,6 @@ from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import Array, Physics
 from ...controllers.whole_body.limits import BoundSettings, make_bounds
-from ...controllers.whole_body.two_feet import make_two_feet_bounds
 from ..robots.biped import biped
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING, inputs, outputs
@@ -249,7 +248,7 @@ class BipedCore:
         threads, motors = range(self._threads.threads), self.body.motors
         whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
         self._bounds = [make_bounds(settings.bounds, motors) for _ in threads]
-        self._both = [make_two_feet_bounds(whole, motors) for _ in threads]
+        self._both = [make_bounds(whole, motors, two_feet=True) for _ in threads]
         self.constants = arena_constants(settings.gait, settings.gains, settings.bounds, whole)
         self._bind()
 

@@ -83,7 +83,9 @@ def task_equations(core, data: mujoco.MjData, task: Task) -> tuple[np.ndarray, n
     A[12, kinematics.WAIST_DOF] = A[13, kinematics.WAIST_DOF + 1] = 1.0
     b[12:14] = task.waist
     A[14:] = jacobians[0]
-    b[14:] = np.subtract(dynamics.stance_acceleration(phys, 0, stance, task, GAINS), drift(stance)).ravel()
+    b[14:] = np.subtract(
+        dynamics.stance_acceleration(phys, 0, task.stance, stance, task.facing, GAINS), drift(stance)
+    ).ravel()
     return A, b
 
 
@@ -341,7 +343,7 @@ def test_the_heading_is_that_of_the_task(upright):
 def test_the_stance_foot_is_braked_and_levelled_and_does_not_turn_back(upright):
     phys, lean = upright
     foot = SoleMotion(ZERO, SPEED, OMEGA, ZERO, ZERO)
-    linear, angular = dynamics.stance_acceleration(phys, 0, foot, task(), G)
+    linear, angular = dynamics.stance_acceleration(phys, 0, 0, foot, (1.0, 0.0), G)
     np.testing.assert_allclose(linear, -G.stance_kd * np.array(SPEED), atol=1e-12)
     np.testing.assert_allclose(angular, -G.stance_kd * np.array(OMEGA), atol=1e-12)
     still = SoleMotion(ZERO, ZERO, ZERO, ZERO, ZERO)
@@ -350,7 +352,7 @@ def test_the_stance_foot_is_braked_and_levelled_and_does_not_turn_back(upright):
         expected = np.zeros(3)
         expected[axis] = -gain * SMALL
         np.testing.assert_allclose(
-            dynamics.stance_acceleration(phys, 0, still, task(), G)[1], expected, atol=1e-3
+            dynamics.stance_acceleration(phys, 0, 0, still, (1.0, 0.0), G)[1], expected, atol=1e-3
         )
 
 

@@ -21,12 +21,8 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_motion,
     sole_position,
 )
-from push_recovery.controllers.whole_body.two_feet import (
-    SHARE_PRICE,
-    make_two_feet_bounds,
-    share_wrench,
-    standing_torque,
-)
+from push_recovery.controllers.whole_body.limits import SHARE_PRICE, make_bounds
+from push_recovery.controllers.whole_body.two_feet import share_wrench, standing_torque
 from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
@@ -36,9 +32,10 @@ MODEL = biped_model()
 GAINS = BIPED_GAINS._replace(damping=0.0)  # exact leg inverse
 MOTORS = biped().motors
 FULL = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
-LOOSE, _LOOSE_MEMORY = make_two_feet_bounds(
+LOOSE, _LOOSE_MEMORY = make_bounds(
     FULL._replace(cop_x_max=1e6, cop_y_max=1e6, yaw_friction=1e6, friction=1e6),
     np.full((2, NU), 1e9),
+    two_feet=True,
 )
 ZERO, PLANNED = (0.0, 0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
 
@@ -92,7 +89,7 @@ def dense_total(core, data, task, deviation):
         zip(jacobians(data, task.stance), (task.stance, 1 - task.stance), strict=True)
     ):
         foot, rows = sole_motion(phys, 0, leg, omega), slice(8 + 6 * i, 14 + 6 * i)
-        still = stance_acceleration(phys, 0, foot, task._replace(stance=leg), GAINS)
+        still = stance_acceleration(phys, 0, leg, foot, task.facing, GAINS)
         A[rows], b[rows] = J, np.subtract(still, [foot.drift, foot.turn_drift]).ravel()
     return M @ np.linalg.solve(A, b) + data.qfrc_bias
 
@@ -156,7 +153,7 @@ def excess(core, leg, wrench):
 @pytest.mark.parametrize("stance", [0, 1])
 def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(random_state, robot_in, stance):
     rng, bound = np.random.default_rng(40 + stance), 0
-    bounds, _memory = make_two_feet_bounds(FULL, MOTORS)
+    bounds, _memory = make_bounds(FULL, MOTORS, two_feet=True)
     for _ in range(60):
         core, data = robot_in(*random_state(rng, 0.1), stance)
         task = random_task(rng, core, stance, 2.0)
@@ -190,7 +187,7 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(rand
 def test_a_robot_stands_still_and_carries_half_of_its_weight_on_each_foot(biped_core):
     """Ten seconds under a CMP on the DCM's far side, which is the law of a pendulum that is to stay."""
     core, soles = biped_core(1), np.array([[0.0, 0.1, 0.0], [0.05, -0.1, 0.0]])
-    bounds, _memory = make_two_feet_bounds(FULL, MOTORS)
+    bounds, _memory = make_bounds(FULL, MOTORS, two_feet=True)
     rest, omega, phys = np.array([0.025, 0.0]), BIPED.omega, core.physics
     core.put(0, *posture(core.body, np.array([*rest, BIPED.com_height]), np.zeros(3), soles))
     for _ in range(5000):
