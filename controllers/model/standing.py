@@ -44,7 +44,8 @@ from .capturability import (
     pair,
     trunk_reserve,
 )
-from .gait_box import GaitLimits
+from .gait_box import COP, TRUNK, GaitLimits
+from .nominal_gait import box_around
 from .robot import RobotModel
 
 Floats = NDArray[np.float64]
@@ -143,6 +144,55 @@ def standing_margin_kernel(dcm_x, dcm_y, angle, rate, hull, constants):  # pragm
     return margin
 
 
+NEARLY = 0.05  # feet this near to side by side may stand [m]
+SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
+
+
+@njit(cache=True)
+def may_settle(
+    other_x: float, other_y: float, x: float, y: float, half_x: float, half_y: float, apart: float
+) -> bool:
+    """Whether a robot that has touched down can stand from here on.
+
+    Its feet are side by side to NEARLY, and the DCM lies SETTLED within their hull: far enough within what
+    makes a step necessary that the two do not take turns.
+
+    Args:
+        other_x: centre of the other sole, from the stance sole's, along its axes [m].
+        other_y: likewise [m].
+        x: DCM [m].
+        y: DCM [m].
+        half_x: half the length of a sole [m].
+        half_y: half its width [m].
+        apart: lateral distance of feet that stand [m].
+    """
+    if abs(other_x) > NEARLY or abs(abs(other_y) - apart) > NEARLY:
+        return False
+    low_x, high_x = box_around(SETTLED - half_x, half_x - SETTLED, other_x)
+    low_y, high_y = box_around(SETTLED - half_y, half_y - SETTLED, other_y)
+    return low_x < x < high_x and low_y < y < high_y
+
+
+@njit(cache=True)
+def stays_on_other_foot(plan: Any, other_x: float, other_y: float) -> bool:
+    """Whether a standing robot's step begins on the foot that is not its stance foot; the plan is turned.
+
+    The foot farther from the CoP asked for becomes the swing foot. Place and time of the plan are those of
+    the step, relative to the foot that stays; its CoP and its trunk are as seen from the stance foot, and are
+    turned into the other one's frame.
+
+    Args:
+        plan: gait variables (7,), canonical frame, written.
+        other_x: centre of the other sole, canonical frame [m].
+        other_y: likewise [m].
+    """
+    x, y = plan[COP] - other_x, other_y - plan[COP + 1]
+    if not math.hypot(x, y) < math.hypot(plan[COP], plan[COP + 1]):
+        return False
+    plan[COP], plan[COP + 1], plan[TRUNK + 1] = x, y, -plan[TRUNK + 1]
+    return True
+
+
 @njit(cache=True)
 def margin_on_both_feet(other, dcm, angle, rate, constants):  # pragma: no cover
     """Capture margin of a robot that stands on both feet [m]: in place, or by a step of either foot.
@@ -161,10 +211,7 @@ def margin_on_both_feet(other, dcm, angle, rate, constants):  # pragma: no cover
     best = standing_margin_kernel(dcm[0], dcm[1], lean, pace, hull, constants)
     for _ in range(2):
         best = max(best, capture_margin_kernel(0.0, seen, lean, pace, constants))
-        seen[0], seen[1] = (
-            seen[0] - other[0],
-            other[1] - seen[1],
-        )  # from the other foot, mirrored
+        seen[0], seen[1] = seen[0] - other[0], other[1] - seen[1]  # from the other foot, mirrored
         lean[1], pace[1] = -lean[1], -pace[1]
     return best
 

@@ -21,6 +21,7 @@ from ..model.observation import (
     in_world,
     point_in_world,
 )
+from ..model.standing import may_settle, stays_on_other_foot
 from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
 from .kinematics import PELVIS, Array, Heading, Ints, Physics, sole_position
@@ -244,50 +245,33 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     return met
 
 
-NEARLY = 0.05  # feet this near to side by side may stand [m]
-SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
-
-
 @njit(cache=True)
 def may_stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, both: Bounds) -> bool:
-    """Whether a robot that has touched down can stand from here on, as it is told to.
-
-    Its feet are side by side to NEARLY, and the DCM lies SETTLED within their hull: far enough within what
-    makes a step necessary that the two do not take turns.
-    """
+    """Whether a robot that has touched down is told to stand, and can (`may_settle`)."""
     if gait.stand[k] == 0.0:
         return False
     ahead, stance = heading_frame(gait.heading[k]), gait.stance[k]
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
     com, velocity = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k)
     other_x, other_y = canonical(ahead, foot[0] - sole[0], foot[1] - sole[1])
-    if abs(other_x) > NEARLY or abs(abs(other_y) - s.feet_apart) > NEARLY:
-        return False
     x = com[0] - sole[0] + velocity[0] / s.omega
     y = com[1] - sole[1] + velocity[1] / s.omega
     x, y = canonical(ahead, x, y)
-    half_x, half_y = both.settings.cop_x_max - SETTLED, both.settings.cop_y_max - SETTLED
-    low, high = min(other_y, 0.0) - half_y, max(other_y, 0.0) + half_y
-    return min(other_x, 0.0) - half_x < x < max(other_x, 0.0) + half_x and low < y < high
+    half_x, half_y = both.settings.cop_x_max, both.settings.cop_y_max
+    return may_settle(other_x, other_y, x, y, half_x, half_y, s.feet_apart)
 
 
 @njit(cache=True)
 def lift_off(phys: Physics, gait: Gait, k: int) -> None:
-    """Let a standing robot's step begin: the foot farther from the CoP asked for becomes the swing foot.
-
-    Place and time of the plan are those of the step, relative to the foot that stays; its CoP and its trunk
-    are as seen from the foot that was the stance foot until now, and are turned into the new one's frame.
-    """
-    old, plan = gait.stance[k], gait.plan[k]
+    """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
+    old = gait.stance[k]
     frame = canonical_frame(gait.heading[k], old)
     sole, foot = sole_position(phys, k, old), sole_position(phys, k, 1 - old)
     other_x, other_y = canonical(frame, foot[0] - sole[0], foot[1] - sole[1])
-    if math.hypot(plan[COP] - other_x, plan[COP + 1] - other_y) < math.hypot(plan[COP], plan[COP + 1]):
+    if stays_on_other_foot(gait.plan[k], other_x, other_y):
         gait.stance[k] = 1 - old
         gait.heading[k] += swing.exchange_soles(gait.yaw[k])
         gait.height[k, 0] -= foot[2] - sole[2]
-        plan[COP], plan[COP + 1] = plan[COP] - other_x, other_y - plan[COP + 1]
-        plan[TRUNK + 1] = -plan[TRUNK + 1]
         foot = sole
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = foot

@@ -30,7 +30,7 @@ from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK
 from ...controllers.model.nominal_gait import both_stand, nearest_in_hull, transfer_mean
 from ...controllers.model.observation import PUSH_ESTIMATE, side_sign
 from ...controllers.model.robot import GRAVITY
-from ...controllers.model.standing import HULL_COLUMNS, HULL_ROWS, OFFSET, REACH, write_hull
+from ...controllers.model.standing import may_settle, stays_on_other_foot
 from ...controllers.stage_1 import stopping_debt
 from ..scenario.arrays import STAND, may_stay, resolve_starts
 from ..scenario.model_errors import BOUNDS
@@ -195,8 +195,6 @@ def show(s, e, p, dt, truth, seen, first, end):  # pragma: no cover
 
 FAILURES = ("", "dcm_diverged", "not_finite")
 DIVERGED, NOT_FINITE = range(1, len(FAILURES))
-NEARLY = 0.05  # feet this near to side by side may stand [m]
-SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
 LANDED = 1e-9  # a touchdown due this soon after a cycle belongs to it [s]
 
 
@@ -306,41 +304,26 @@ def touch_down(s, k):  # pragma: no cover
 
 @njit(cache=True)
 def lift_off(s, k):  # pragma: no cover
-    """Let a standing robot's step begin: the foot farther from the CoP asked for becomes the swing foot.
-
-    Place and time of the plan are those of the step, relative to the foot that stays; its CoP and its trunk
-    are as seen from the foot that was the stance foot until now, and are turned into the new one's frame.
-    """
-    sign = side_sign(s.side[k])
-    other_x, other_y = s.lift[k, 0] - s.stance[k, 0], s.lift[k, 1] - s.stance[k, 1]
-    cop_x, cop_y = s.plan[k, COP], sign * s.plan[k, COP + 1]
-    if math.hypot(cop_x - other_x, cop_y - other_y) < math.hypot(cop_x, cop_y):
+    """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
+    other_x = s.lift[k, 0] - s.stance[k, 0]
+    other_y = side_sign(s.side[k]) * (s.lift[k, 1] - s.stance[k, 1])
+    if stays_on_other_foot(s.plan[k], other_x, other_y):
         for axis in range(2):
             s.stance[k, axis], s.lift[k, axis] = s.lift[k, axis], s.stance[k, axis]
         s.side[k] = 1 - s.side[k]
-        s.plan[k, COP], s.plan[k, COP + 1] = cop_x - other_x, -sign * (cop_y - other_y)
-        s.plan[k, TRUNK + 1] = -s.plan[k, TRUNK + 1]
     s.standing[k] = 0
     s.step_start[k] = s.time[k]
 
 
 @njit(cache=True)
 def settle(s, k, stand, p):  # pragma: no cover
-    """Let a robot that has touched down stand, where it is told to and can be caught by its soles alone.
-
-    Its feet are side by side to NEARLY and its DCM lies SETTLED within the hull: far enough within what makes
-    a step necessary that the two do not take turns.
-    """
-    dx, dy = s.lift[k, 0] - s.stance[k, 0], abs(s.lift[k, 1] - s.stance[k, 1]) - p.pelvis_width
-    if stand == 0.0 or abs(dx) > NEARLY or abs(dy) > NEARLY:
-        return
-    hull, margin = np.empty((HULL_ROWS, HULL_COLUMNS)), np.inf
-    write_hull(dx, s.lift[k, 1] - s.stance[k, 1], 0.0, p.half_length, p.half_width, hull)
-    for axis in range(2):
-        debt = stopping_debt(s.rate[k, axis], p.gain, p.acceleration_max, p.omega)
-        dcm = s.com[k, axis] + s.velocity[k, axis] / p.omega + debt - s.stance[k, axis]
-        margin = min(margin, hull[REACH + axis, OFFSET] - dcm, hull[REACH + 2 + axis, OFFSET] + dcm)
-    if margin > SETTLED:
+    """Let a robot that has touched down stand, where it is told to and can (`may_settle`)."""
+    debt_x = stopping_debt(s.rate[k, 0], p.gain, p.acceleration_max, p.omega)
+    debt_y = stopping_debt(s.rate[k, 1], p.gain, p.acceleration_max, p.omega)
+    x = s.com[k, 0] + s.velocity[k, 0] / p.omega + debt_x - s.stance[k, 0]
+    y = s.com[k, 1] + s.velocity[k, 1] / p.omega + debt_y - s.stance[k, 1]
+    other_x, other_y = s.lift[k, 0] - s.stance[k, 0], s.lift[k, 1] - s.stance[k, 1]
+    if stand != 0.0 and may_settle(other_x, other_y, x, y, p.half_length, p.half_width, p.pelvis_width):
         s.standing[k] = 1
 
 
