@@ -291,14 +291,15 @@ class StepPlanner:
         self._constants, self._box = np.array(constants), limits.box
         self._latest = LATEST / robot.omega  # [s]
 
-    def plan(self, observations: Floats, rows: Floats) -> None:
-        """Write the plans of observations (n, 36) into rows (n, ROW_SIZE).
+    def plan(self, observations: Floats, rows: Floats) -> int:
+        """Write the plans of observations (n, 36) into rows (n, ROW_SIZE); returns how many robots stand.
 
         Raises:
             InvalidValueError: an observation is not finite, or far too large to be a robot's.
         """
-        if plan_steps(observations, rows, self._constants, self._box):
-            return
+        standing = plan_steps(observations, rows, self._constants, self._box)
+        if standing >= 0:
+            return standing
         if not np.isfinite(observations).all():
             raise InvalidValueError("observation must be finite, got NaN or infinity")
         if (largest := np.abs(observations).max()) > LARGEST:
@@ -475,17 +476,20 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def plan_steps(observations, rows, constants, box):  # pragma: no cover
-    """Plans (n, ROW_SIZE) of observations (n, 36); False, and no plan, where an entry is out of all bounds.
+    """Plans (n, ROW_SIZE) of observations (n, 36); returns how many of the robots stand on both feet.
+
+    It is -1, and there is no plan, where an entry is out of all bounds.
 
     Entries lie within +-LARGEST, and the times since the step began within +-LATEST / omega [s].
     """
     c, low, high = constants_of(constants), box[0], box[1]
-    bounded, latest = True, LATEST / c.omega
+    bounded, latest, standing = True, LATEST / c.omega, 0
     for i in range(observations.shape[0]):
+        standing += 1 if observations[i, ELAPSED] < 0.0 else 0
         bounded = bounded and abs(observations[i, ELAPSED]) <= latest
         for j in range(observations.shape[1]):
             bounded = bounded and abs(observations[i, j]) <= LARGEST  # NaN is not
     if bounded:
         for i in range(observations.shape[0]):
             plan_step(observations[i], c, low, high, rows[i])
-    return bounded
+    return standing if bounded else -1

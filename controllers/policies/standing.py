@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..model.capturability import capture_constants
 from ..model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
-from ..model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, drifting_dcm_kernel
+from ..model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, drifting_dcm_kernel, nearest_in_hull
 from ..model.observation import (
     COM,
     COM_VELOCITY,
@@ -38,15 +38,12 @@ from ..model.robot import RobotModel
 from ..model.standing import (
     HULL_COLUMNS,
     HULL_ROWS,
-    NORMAL,
-    OFFSET,
-    REACH,
     standing_margin_kernel,
     write_hull,
 )
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, NOMINAL, NOMINAL_OFFSET, RESULT, ROW_SIZE, StepPlanner
-from ..stage_2.problem import RESULT_COP, RESULT_TRUNK, Regulator
+from ..stage_2.problem import RESULT_COP, RESULT_TRUNK, Regulator, cop_bounds
 from ..stage_2.standing import StandingPlanner
 
 Floats = NDArray[np.float64]
@@ -81,13 +78,16 @@ class Stander:
         config: PlannerConfig,
         stage_1: StepPlanner,
         stage_2: Regulator,
+        worker: int = 0,
     ):
+        self._worker = worker
         self._robot, self._limits, self._config = robot, limits, config
         self._stage_1, self._stage_2 = stage_1, stage_2
         self._in_place = (
             StandingPlanner(robot, limits, config) if config.use_cop or config.use_trunk else None
         )
         self._capture = capture_constants(robot, limits, config.use_cop, config.use_trunk)
+        self._half_sole = cop_bounds(limits, config)
         period = config.first_interval_min
         self._shifts = np.arange(0.0, LONGEST_SHIFT + 0.5 * period, period)[: None if config.use_cop else 1]
 
@@ -116,11 +116,14 @@ class Stander:
         other, dcm = observation[SWING_POSITION][:2], observation[DCM] + carry * push
         state = np.concatenate([other, [0.0], dcm, observation[TRUNK_ANGLE], observation[TRUNK_RATE]])
         result = planner.plan_batch(state[None])[0]
-        row[STEP], row[STEP + 1], row[DURATION] = 0.0, self._robot.pelvis_width, self._limits.duration_max
+        self._ask_for_no_step(row)
         row[RESULT:] = result
         row[COP : COP + 2] = result[RESULT_COP : RESULT_COP + 2]
         if self._config.use_trunk:
             row[TRUNK : TRUNK + 2] = result[RESULT_TRUNK : RESULT_TRUNK + 2]
+
+    def _ask_for_no_step(self, row: Floats) -> None:
+        row[STEP], row[STEP + 1], row[DURATION] = 0.0, self._robot.pelvis_width, self._limits.duration_max
 
     def _step(self, observation: Floats, row: Floats) -> None:
         """The best of all candidates: the shift of the load goes on, or a foot lifts now."""
@@ -136,13 +139,13 @@ class Stander:
         _, swapped, k, seen, cop, planned = best
         if k == 0:
             batch, rows = seen[None], planned[None].copy()
-            self._stage_2.regulate(batch, rows)
+            self._stage_2.regulate(batch, rows, self._worker)
             planned, cop = rows[0], rows[0, COP : COP + 2]
             row[DURATION] = min(planned[DURATION], 0.999 * self._limits.duration_max)
             row[TRUNK : TRUNK + 2] = planned[TRUNK : TRUNK + 2] * [1.0, -1.0 if swapped else 1.0]
             row[STEP : STEP + 2] = planned[STEP : STEP + 2]
         else:
-            row[STEP], row[STEP + 1], row[DURATION] = 0.0, self._robot.pelvis_width, self._limits.duration_max
+            self._ask_for_no_step(row)
         x, y = observation[SWING_POSITION][:2]
         row[COP : COP + 2] = (x + cop[0], y - cop[1]) if swapped else cop
 
@@ -155,7 +158,8 @@ class Stander:
         start = np.array(drifting_dcm_kernel(rows[0, NOMINAL : NOMINAL + 5], omega, config.touchdown_delay))
         growth = np.exp(omega * self._shifts)[:, None]
         wanted = (growth * ahead - start) / np.maximum(growth - 1.0, 1e-9)
-        cops = np.array([self._in_hull(z, seen[SWING_POSITION]) for z in wanted])
+        other = seen[SWING_POSITION.start], seen[SWING_POSITION.start + 1]
+        cops = np.array([nearest_in_hull(x, y, *other, *self._half_sole) for x, y in wanted])
         batch[:, DCM] = growth * ahead - (growth - 1.0) * cops
         batch[:, PUSH_ESTIMATE] = 0.0  # it is in the DCM ahead
         self._stage_1.plan(batch, rows)
@@ -167,15 +171,3 @@ class Stander:
         costs += config.alpha_step * np.square(u - nominal[:, NOMINAL_STEP : NOMINAL_STEP + 2]).sum(axis=1)
         costs += config.alpha_duration * np.square(tau)
         return cops, costs, rows
-
-    def _in_hull(self, z: Floats, other: Floats) -> tuple[float, float]:
-        """The point of the hull of both soles that is nearest to z, up to its corners [m]."""
-        config, limits, hull = self._config, self._limits, np.empty((HULL_ROWS, HULL_COLUMNS))
-        half = limits.cop_x_max - config.cop_margin_x, limits.cop_y_max - config.cop_margin_y
-        write_hull(other[0], other[1], 0.0, *half, hull)
-        x, y = z
-        for _ in range(3):
-            for edge in hull[:REACH]:
-                over = max(edge[NORMAL] * x + edge[NORMAL + 1] * y - edge[OFFSET], 0.0)
-                x, y = x - over * edge[NORMAL], y - over * edge[NORMAL + 1]
-        return x, y

@@ -169,7 +169,7 @@ class TwoStagePolicy:
         self._threads = RangeThreads(threads)
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
         self._stage_2 = make_regulator(self.robot, self.limits, self.config, self._threads.threads)
-        self._stander: Any = None  # a `Stander`, from the first standing robot on
+        self._standers: dict[int, Any] = {}  # a `Stander` for each thread that has met a standing robot
         self._bounds = self.limits.box, self.config.double_support
         self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 
@@ -207,37 +207,35 @@ class TwoStagePolicy:
         n = len(batch)
         actions, rows = np.empty((n, GAIT_SIZE), np.float32), np.empty((n, ROW_SIZE))
 
-        stand = batch[:, ELAPSED] < 0.0
-        standing = bool(stand.any())
-
         def act(worker: int, first: int, end: int) -> None:
             seen, own = batch[first:end], rows[first:end]
-            self._stage_1.plan(seen, own)
-            if standing:
-                self._act_standing(seen, own, stand, worker)
+            if self._stage_1.plan(seen, own):
+                self._act_standing(seen, own, worker)
             else:
                 self._stage_2.regulate(seen, own, worker)
             scale_actions(own, seen, *self._bounds, actions[first:end])
 
-        if standing or n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
+        if n < 2 * ROWS_A_THREAD or self._stage_2.workers < self._threads.threads:
             act(0, 0, n)
         else:
             self._threads.run(act, n, ROWS_A_THREAD)
         self._rows = rows
         return actions, rows
 
-    def _act_standing(self, batch: Floats, rows: Floats, standing: NDArray[np.bool_], worker: int) -> None:
-        """Stage 2 where some robots (n,) stand on both feet."""
+    def _act_standing(self, batch: Floats, rows: Floats, worker: int) -> None:
+        """Stage 2 where some robots stand on both feet."""
         from .standing import Stander
 
-        if self._stander is None:
-            self._stander = Stander(self.robot, self.limits, self.config, self._stage_1, self._stage_2)
+        standing = batch[:, ELAPSED] < 0.0
+        if worker not in self._standers:
+            stages = self._stage_1, self._stage_2
+            self._standers[worker] = Stander(self.robot, self.limits, self.config, *stages, worker)
         if not standing.all():
             part = rows[~standing]
             self._stage_2.regulate(batch[~standing], part, worker)
             rows[~standing] = part
         for k in np.flatnonzero(standing):
-            self._stander.plan(batch[k], rows[k])
+            self._standers[worker].plan(batch[k], rows[k])
 
 
 class RandomPolicy:

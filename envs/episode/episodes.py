@@ -129,6 +129,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
         self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
+        self._both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
         self._episodes = period_end.Episodes(
@@ -217,7 +218,9 @@ class GaitEpisodes(ABC, Generic[C]):
         return rows
 
     def gaits(self, actions: NDArray[Any]) -> Array:
-        """Gait variables (n, 7) that actions (n, 7) mean now."""
+        """Gait variables (n, 7) that actions (n, 7) mean now; on both feet the CoP may be between them."""
+        if not self._both_feet:
+            return self.limits.from_action(actions)
         return gaits_of_actions(self.limits, self.core.observation, actions, self.double_support)
 
     def walk(self, planner: Policy) -> Period:
@@ -268,6 +271,7 @@ class GaitEpisodes(ABC, Generic[C]):
                 f"{self.name} does not stand, only environments of a gait do: Command.stand must be False in "
                 f"scenario {scenario.id!r}"
             )
+        self._both_feet = self._both_feet or any(command.stand for command in commands)
         self._scenarios[k] = scenario
         self._episodes.pushes[k] = len(scenario.forces)
         self._episodes.changed[k] = scenario.last_sudden_change

@@ -16,7 +16,7 @@ from ...controllers.jit import njit
 from ...controllers.model import capturability
 from ...controllers.model import observation as layout
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
-from ...controllers.model.nominal_gait import NominalStart, both_stand, check_double_support, gaits_of_actions
+from ...controllers.model.nominal_gait import NominalStart, both_stand, check_double_support
 from ...controllers.model.robot import RobotModel
 from ...controllers.model.standing import margin_on_both_feet
 from ...controllers.validation import require_kind
@@ -243,10 +243,6 @@ class PendulumEpisodes(GaitEpisodes[PendulumCore]):
     def failure(self) -> Ints:
         """Index into FAILURES, (n,)."""
         return self.core.state.failure
-
-    def gaits(self, actions: NDArray[np.float32]) -> Array:
-        """Gait variables (n, 7); in double support the CoP may be anywhere in the hull of both soles."""
-        return gaits_of_actions(self.limits, self.core.observation, actions, self.double_support)
 
 
 class PendulumEnv(GaitEnv):

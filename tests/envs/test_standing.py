@@ -158,11 +158,11 @@ def test_a_robot_that_is_asked_for_a_step_lifts_the_foot_that_the_cop_is_away_fr
         assert seen[0] == pytest.approx(0.01)
         assert env.core.state.side[0] == side
         cop = env.core.state.cop[0] - env.core.state.stance[0]
-        reach = share * (0.5 * env.episodes.robot.pelvis_width + half)  # from the middle, canonical
-        expected = -(reach + 0.5 * env.episodes.robot.pelvis_width) if side == 0 else None
-        if side == 0:
-            assert cop[1] == pytest.approx(np.clip(expected, -half, half))
         assert abs(cop[1]) <= half + 1e-12
+        if side == 0:  # the frame stays, and y points to the right
+            middle = 0.5 * env.episodes.robot.pelvis_width
+            asked = middle + share * (middle + half)
+            assert cop[1] == pytest.approx(np.clip(-asked, -half, half))
 
 
 def test_a_command_to_stand_has_no_velocity_and_stays_in_its_file():
