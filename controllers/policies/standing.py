@@ -38,6 +38,8 @@ from ..model.robot import RobotModel
 from ..model.standing import (
     HULL_COLUMNS,
     HULL_ROWS,
+    NORMAL,
+    OFFSET,
     standing_margin_kernel,
     write_hull,
 )
@@ -103,8 +105,9 @@ class Stander:
         """How far the DCM is within what can be caught in place [m]."""
         hull = np.empty((HULL_ROWS, HULL_COLUMNS))
         other, limits = observation[SWING_POSITION], self._limits
-        half = (limits.cop_x_max, limits.cop_y_max) if self._config.use_cop else (1e-9, 1e-9)
-        write_hull(other[0], other[1], 0.0, *half, hull)
+        write_hull(other[0], other[1], 0.0, limits.cop_x_max, limits.cop_y_max, hull)
+        if not self._config.use_cop:
+            hull[:, OFFSET] = 0.5 * hull[:, NORMAL : NORMAL + 2] @ other[:2]
         dcm, lean, rate = observation[DCM], observation[TRUNK_ANGLE], observation[TRUNK_RATE]
         return standing_margin_kernel(dcm[0], dcm[1], lean, rate, hull, self._capture)
 
