@@ -15,10 +15,12 @@ a hundredth of what shifts can save. It is made anew in every period.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import njit
 from ..model.capturability import capture_constants
 from ..model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
 from ..model.nominal_gait import NOMINAL_DURATION, NOMINAL_STEP, drifting_dcm_kernel, nearest_in_hull
@@ -45,8 +47,10 @@ from ..model.standing import (
 )
 from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, NOMINAL, NOMINAL_OFFSET, RESULT, ROW_SIZE, StepPlanner
-from ..stage_2.problem import RESULT_COP, RESULT_TRUNK, Regulator, cop_bounds
-from ..stage_2.standing import StandingPlanner
+from ..stage_2.problem import RESULT_COP, RESULT_SIZE, RESULT_TRUNK, Regulator, cop_bounds
+from ..stage_2.standing import DCM as STATE_DCM
+from ..stage_2.standing import INPUTS, StandingPlanner, plan_standing_rows
+from ..stage_2.standing import LEAN as STATE_LEAN
 
 Floats = NDArray[np.float64]
 LONGEST_SHIFT = 0.4  # of the load before a foot lifts [s]
@@ -70,6 +74,68 @@ def from_other_foot(observation: Floats) -> Floats:
     return seen
 
 
+class StayConstants(NamedTuple):
+    """Constants of staying in place."""
+
+    half_x: float  # of a sole [m]
+    half_y: float  # [m]
+    use_cop: float  # 1 or 0
+    use_trunk: float  # 1 or 0
+    carry: float  # of a push that is felt, which is expected to last on
+    push_threshold: float  # of what counts as felt [m]
+    pelvis_width: float  # [m]
+    duration_max: float  # T that asks for no step [s]
+
+
+@njit(cache=True)
+def write_no_step(row: Any, c: StayConstants) -> None:
+    """Ask for no step in a row (ROW_SIZE,) of stage 1."""
+    row[STEP], row[STEP + 1], row[DURATION] = 0.0, c.pelvis_width, c.duration_max
+
+
+@njit(cache=True)
+def margin_in_place(seen: Any, c: StayConstants, capture: Any, hull: Any) -> float:
+    """How far the DCM of an observation (36,) is within what can be caught in place [m]."""
+    x, y = seen[SWING_POSITION.start], seen[SWING_POSITION.start + 1]
+    write_hull(x, y, 0.0, c.half_x, c.half_y, hull)
+    if c.use_cop == 0.0:
+        for e in range(hull.shape[0]):
+            hull[e, OFFSET] = 0.5 * (hull[e, NORMAL] * x + hull[e, NORMAL + 1] * y)
+    dcm, lean, rate = seen[DCM.start], seen[TRUNK_ANGLE], seen[TRUNK_RATE]
+    return standing_margin_kernel(dcm, seen[DCM.start + 1], lean, rate, hull, capture)
+
+
+@njit(cache=True)
+def stay_rows(
+    batch: Any, rows: Any, robots: Any, step: Any, constants: StayConstants, capture: Any, stage_2: Any
+) -> None:
+    """Write the plans of the `robots` (k,) of a batch (n, 36) that stay into rows (n, ROW_SIZE) of stage 1.
+
+    `step` (k,) is written: which of them cannot stay, or are told to walk.
+    """
+    c, (numbers, cops, program) = constants, stage_2
+    hull, state = np.empty((HULL_ROWS, HULL_COLUMNS)), np.zeros((1, INPUTS))
+    result = np.empty((1, RESULT_SIZE))
+    for i in range(robots.shape[0]):
+        seen, row = batch[robots[i]], rows[robots[i]]
+        step[i] = seen[COMMAND].any() or margin_in_place(seen, c, capture, hull) < 0.0
+        if step[i]:
+            continue
+        push = seen[PUSH_ESTIMATE]
+        carry = c.carry if math.hypot(push[0], push[1]) >= c.push_threshold else 0.0
+        for axis in range(2):
+            state[0, axis] = seen[SWING_POSITION.start + axis]
+            state[0, STATE_DCM + axis] = seen[DCM.start + axis] + carry * push[axis]
+            state[0, STATE_LEAN + axis] = seen[TRUNK_ANGLE.start + axis]
+            state[0, STATE_LEAN + 2 + axis] = seen[TRUNK_RATE.start + axis]
+        plan_standing_rows(state, result, numbers, cops, program)
+        write_no_step(row, c)
+        row[RESULT:] = result[0]
+        row[COP : COP + 2] = result[0, RESULT_COP : RESULT_COP + 2]
+        if c.use_trunk != 0.0:
+            row[TRUNK : TRUNK + 2] = result[0, RESULT_TRUNK : RESULT_TRUNK + 2]
+
+
 class Stander:
     """Decides for standing robots, between stage 2 of standing and a first step."""
 
@@ -90,43 +156,22 @@ class Stander:
         )
         self._capture = capture_constants(robot, limits, config.use_cop, config.use_trunk)
         self._half_sole = cop_bounds(limits, config)
+        self._constants = StayConstants(
+            half_x=limits.cop_x_max, half_y=limits.cop_y_max, use_cop=float(config.use_cop),
+            use_trunk=float(config.use_trunk), carry=-math.expm1(-robot.omega * config.standing_carry),
+            push_threshold=config.push_threshold, pelvis_width=robot.pelvis_width,
+            duration_max=limits.duration_max,
+        )  # fmt: skip
         period = config.first_interval_min
         self._shifts = np.arange(0.0, LONGEST_SHIFT + 0.5 * period, period)[: None if config.use_cop else 1]
 
-    def plan(self, observation: Floats, row: Floats) -> None:
-        """Write the plan of a standing robot's observation (36,) into a row (ROW_SIZE,) of stage 1."""
-        planner = self._in_place
-        if planner is None or observation[COMMAND].any() or self._margin(observation) < 0.0:
-            self._step(observation, row)
-        else:
-            self._stay(observation, row, planner)
-
-    def _margin(self, observation: Floats) -> float:
-        """How far the DCM is within what can be caught in place [m]."""
-        hull = np.empty((HULL_ROWS, HULL_COLUMNS))
-        other, limits = observation[SWING_POSITION], self._limits
-        write_hull(other[0], other[1], 0.0, limits.cop_x_max, limits.cop_y_max, hull)
-        if not self._config.use_cop:
-            hull[:, OFFSET] = 0.5 * hull[:, NORMAL : NORMAL + 2] @ other[:2]
-        dcm, lean, rate = observation[DCM], observation[TRUNK_ANGLE], observation[TRUNK_RATE]
-        return standing_margin_kernel(dcm[0], dcm[1], lean, rate, hull, self._capture)
-
-    def _stay(self, observation: Floats, row: Floats, planner: StandingPlanner) -> None:
-        """Stage 2 of standing; the duration T_max asks for no step."""
-        push, config = observation[PUSH_ESTIMATE], self._config
-        felt = np.hypot(*push) >= config.push_threshold
-        carry = -math.expm1(-self._robot.omega * config.standing_carry) * felt
-        other, dcm = observation[SWING_POSITION][:2], observation[DCM] + carry * push
-        state = np.concatenate([other, [0.0], dcm, observation[TRUNK_ANGLE], observation[TRUNK_RATE]])
-        result = planner.plan_batch(state[None])[0]
-        self._ask_for_no_step(row)
-        row[RESULT:] = result
-        row[COP : COP + 2] = result[RESULT_COP : RESULT_COP + 2]
-        if self._config.use_trunk:
-            row[TRUNK : TRUNK + 2] = result[RESULT_TRUNK : RESULT_TRUNK + 2]
-
-    def _ask_for_no_step(self, row: Floats) -> None:
-        row[STEP], row[STEP + 1], row[DURATION] = 0.0, self._robot.pelvis_width, self._limits.duration_max
+    def plan(self, batch: Floats, rows: Floats, robots: NDArray[np.int64]) -> None:
+        """Write the plans of the `robots` (k,) that stand, of a batch (n, 36), into rows (n, ROW_SIZE)."""
+        step = np.ones(len(robots), np.bool_)
+        if self._in_place is not None:
+            stay_rows(batch, rows, robots, step, self._constants, self._capture, self._in_place.compiled)
+        for k in robots[step] if step.any() else ():
+            self._step(batch[k], rows[k])
 
     def _step(self, observation: Floats, row: Floats) -> None:
         """The best of all candidates: the shift of the load goes on, or a foot lifts now."""
@@ -148,7 +193,7 @@ class Stander:
             row[TRUNK : TRUNK + 2] = planned[TRUNK : TRUNK + 2] * [1.0, -1.0 if swapped else 1.0]
             row[STEP : STEP + 2] = planned[STEP : STEP + 2]
         else:
-            self._ask_for_no_step(row)
+            write_no_step(row, self._constants)
         x, y = observation[SWING_POSITION][:2]
         row[COP : COP + 2] = (x + cop[0], y - cop[1]) if swapped else cop
 

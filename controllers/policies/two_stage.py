@@ -224,18 +224,19 @@ class TwoStagePolicy:
 
     def _act_standing(self, batch: Floats, rows: Floats, worker: int) -> None:
         """Stage 2 where some robots stand on both feet."""
-        from .standing import Stander
+        if (stander := self._standers.get(worker)) is None:
+            from .standing import Stander
 
-        standing = batch[:, ELAPSED] < 0.0
-        if worker not in self._standers:
             stages = self._stage_1, self._stage_2
-            self._standers[worker] = Stander(self.robot, self.limits, self.config, *stages, worker)
-        if not standing.all():
+            stander = Stander(self.robot, self.limits, self.config, *stages, worker)
+            self._standers[worker] = stander
+        standing = batch[:, ELAPSED] < 0.0
+        robots = standing.nonzero()[0]
+        if len(robots) < len(batch):
             part = rows[~standing]
             self._stage_2.regulate(batch[~standing], part, worker)
             rows[~standing] = part
-        for k in np.flatnonzero(standing):
-            self._standers[worker].plan(batch[k], rows[k])
+        stander.plan(batch, rows, robots)
 
 
 class RandomPolicy:

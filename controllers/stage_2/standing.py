@@ -100,13 +100,16 @@ def _solve(row: Any, cops: int, c: Constants, p: Program) -> int:
         for k in range(cops):
             p.lower[first + e * cops + k] = -FREE
             p.upper[first + e * cops + k] = room - x * p.plan[0, k] - y * p.plan[1, k]
-            for j in range(n):
-                p.matrix[first + e * cops + k, j] = x * p.whitened[k, j]
-                p.matrix[first + e * cops + k, n + j] = y * p.whitened[k, j]
     for i in range(p.lower.shape[0]):
         inside = inside and p.lower[i] <= 0.0 <= p.upper[i]
     if inside:
         return problem.SOLVED
+    for e in range(REACH):
+        x, y = p.hull[e, NORMAL], p.hull[e, NORMAL + 1]
+        for k in range(cops):
+            for j in range(n):
+                p.matrix[first + e * cops + k, j] = x * p.whitened[k, j]
+                p.matrix[first + e * cops + k, n + j] = y * p.whitened[k, j]
     if solve_least_distance(p.handle) <= 0:
         return problem.CLIPPED
     for axis in range(2):
@@ -215,6 +218,11 @@ class StandingPlanner:
             rate[k, n + 2] = 1.0
         return end, lean, rate
 
+    @property
+    def compiled(self) -> tuple[Any, int, Program]:
+        """What `plan_standing_rows` takes after its rows."""
+        return self._numbers, self._cops, self._program
+
     def plan_batch(self, rows: Floats) -> Floats:
         """Plan n robots by DAQP in one compiled loop.
 
@@ -234,5 +242,5 @@ class StandingPlanner:
         if not (fine := np.isfinite(rows).all(axis=1)).all():
             raise InvalidValueError(f"stage 2 of standing needs finite states, got {rows[~fine][0].tolist()}")
         out = np.zeros((len(rows), problem.RESULT_SIZE))
-        plan_standing_rows(rows, out, self._numbers, self._cops, self._program)
+        plan_standing_rows(rows, out, *self.compiled)
         return out
