@@ -13,7 +13,7 @@ from ...controllers.errors import MissingExtraError, PushRecoveryError
 from ...envs.scenario.scenario import FASTEST_TURN, Command
 from ..record.record import Array
 from .gate import Gate, open_server
-from .scene import COLOURS, GROUND, SEEN, Ground, PushArrow, RobotView, StripCharts
+from .scene import CAMERA, COLOURS, GROUND, LOOK_AT, SEEN, Ground, PushArrow, RobotView, StripCharts
 from .session import CLICK, IMPULSE_MAX, Session, dragged_impulse, limits_words, polar_impulse, status_words
 
 NOBODY = "nobody"
@@ -230,11 +230,20 @@ class App:
             self._robots.append(RobotView(self.server, f"robot {i}", body, i * APART, self.grab))
 
 
-def look_above_the_panel(client: Any) -> None:
-    """Move the camera of a phone so that the panel covers nothing of the robot."""
-    if client.camera.aspect < PHONE:
-        with client.atomic():
-            client.camera.position, client.camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
+async def look_above_the_panel(client: Any) -> None:
+    """Keep the camera of a phone where the panel covers nothing of the robot, until somebody moves it.
+
+    A page tells its first camera before it knows its size, and takes the scene's initial camera again after
+    that; so whatever it tells is looked at, in the order in which it comes.
+    """
+
+    async def seen(camera: Any) -> None:
+        untouched = np.allclose([camera.position, camera.look_at], [CAMERA, LOOK_AT], atol=1e-3)
+        if untouched and camera.aspect < PHONE:
+            with client.atomic():
+                camera.position, camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
+
+    client.camera.on_update(seen)
 
 
 def camera_axes(wxyz: Any) -> Array:
