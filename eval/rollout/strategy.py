@@ -1,0 +1,110 @@
+"""How a robot that stands answers a push: by its ankles, by its hips, or by a step.
+
+While both feet stand, xi' = omega (xi - z - (j / (m g)) theta''), so that with what the trunk has taken over
+
+    eta = xi + (j / (m g)) (omega theta' + omega^2 theta) = int_0^inf omega exp(-omega s) (z + r) ds,
+
+r = (j / (m g)) omega^2 theta, which is gone once the trunk is upright again. As long as eta lies in the hull
+of both soles, the CoP alone can catch the robot: the ankle strategy. Beyond it the trunk was needed: the hip
+strategy. Beyond what both catch together (`model/standing.py`) a step has to come; a sooner one is needless.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...controllers.array_table import Floats1
+from ...controllers.jit import njit
+from ...controllers.model.capturability import capture_constants, constants_of
+from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
+from ...controllers.model.standing import (
+    HULL_COLUMNS,
+    HULL_ROWS,
+    NORMAL,
+    OFFSET,
+    standing_margin_kernel,
+    write_hull,
+)
+from ...envs.episode.episodes import GaitEpisodes
+from ...envs.scenario.arrays import STAND
+
+STRATEGIES = "ankle", "hip", "step"
+
+
+class Stance(NamedTuple):
+    """What n robots that are told to stand have done so far in their episodes."""
+
+    soles: Floats1  # (n,) how far within the hull of both soles eta was, the least [m]; inf: never stood
+    catchable: Floats1  # (n,) margin of what can be caught in place, when last seen standing [m], or NaN
+    lift_off: Floats1  # (n,) the largest of these from which a step began [m]; -inf: none did
+
+
+@njit(cache=True)
+def _look(truth: Any, command: Any, s: Stance, first: int, end: int, constants: Any) -> None:
+    """Take in robots first..end-1 from their observations (n, 36) without noise and commands (n, 4)."""
+    c, hull = constants_of(constants), np.empty((HULL_ROWS, HULL_COLUMNS))
+    for k in range(first, end):
+        seen = truth[k]
+        if command[k, STAND] == 0.0:
+            s.catchable[k] = np.nan
+        elif seen[ELAPSED] >= 0.0:
+            if not math.isnan(s.catchable[k]):
+                s.lift_off[k] = max(s.lift_off[k], s.catchable[k])
+            s.catchable[k] = np.nan
+        else:
+            x, y = seen[DCM.start], seen[DCM.start + 1]
+            other, lean, rate = SWING_POSITION.start, seen[TRUNK_ANGLE], seen[TRUNK_RATE]
+            write_hull(seen[other], seen[other + 1], 0.0, c.cop_x_max, c.cop_y_max, hull)
+            taken, within = c.trunk_gain * c.omega, np.inf
+            eta_x = x + taken * (rate[0] + c.omega * lean[0])
+            eta_y = y + taken * (rate[1] + c.omega * lean[1])
+            for e in range(HULL_ROWS):
+                within = min(within, hull[e, OFFSET] - hull[e, NORMAL] * eta_x - hull[e, NORMAL + 1] * eta_y)
+            s.soles[k] = min(s.soles[k], within)
+            s.catchable[k] = standing_margin_kernel(x, y, lean, rate, hull, constants)
+
+
+class StrategyMeter:
+    """Watches n robots that share a core, over the planning periods of their episodes, at the true state.
+
+    Args:
+        episodes: of the robots.
+    """
+
+    def __init__(self, episodes: GaitEpisodes):
+        n = episodes.n
+        self.stance = Stance(np.full(n, np.inf), np.full(n, np.nan), np.full(n, -np.inf))
+        self._core: Any = episodes.core
+        self._constants = capture_constants(episodes.robot, episodes.limits)
+
+    def begin(self, k: int) -> None:
+        """Forget robot k, which begins an episode."""
+        self.stance.soles[k], self.stance.catchable[k], self.stance.lift_off[k] = np.inf, np.nan, -np.inf
+        self._see(k, k + 1)
+
+    def look(self) -> None:
+        """Take in the period that has ended, for all robots."""
+        self._see(0, len(self.stance.soles))
+
+    def strategy(self, k: int) -> str | None:
+        """The strategy of robot k so far, one of STRATEGIES; None where it has never stood when told to."""
+        soles, lift_off = self.stance.soles.item(k), self.stance.lift_off.item(k)
+        return strategy_of(None if math.isinf(soles) else soles, None if math.isinf(lift_off) else lift_off)
+
+    def _see(self, first: int, end: int) -> None:
+        _look(self._core.truth, self._core.command, self.stance, first, end, self._constants)
+
+
+def strategy_of(soles_margin: float | None, lift_off_margin: float | None) -> str | None:
+    """The strategy that an episode's measures mean.
+
+    Args:
+        soles_margin: how far within the hull of both soles eta was, the least [m]; None: never stood.
+        lift_off_margin: what was left of the margin in place when a foot lifted [m]; None: none did.
+    """
+    if soles_margin is None:
+        return None
+    return "step" if lift_off_margin is not None else "ankle" if soles_margin >= 0.0 else "hip"
