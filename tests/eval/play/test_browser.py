@@ -16,6 +16,7 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
+from push_recovery.envs.scenario.scenario import Command  # noqa: E402
 from push_recovery.eval.play.browser import (  # noqa: E402
     PHONE_CAMERA,
     PHONE_LOOK_AT,
@@ -177,6 +178,22 @@ def test_a_key_pushes(played):
     played.page.keyboard.press("Space")
     wait(played.app, lambda: session.first.scenario.pushes, "the push")
     assert session.first.scenario.pushes[0].impulse == pytest.approx((0.0, 12.0, 0.0))
+
+
+def test_a_box_lets_the_robot_stand_and_its_answer_is_told(played):
+    session, page = played.session, played.page
+    session.switch("two-stage")
+    page.get_by_text("stand at rest").click()
+    wait(played.app, lambda: session.first.command == Command(stand=True), "the command to stand")
+    for _ in range(200):
+        session.step()
+    session.push([10.0, 0.0])
+    for _ in range(50):
+        session.step()
+    played.app.frame(0.0)
+    page.get_by_text("answer to the push: ankles").wait_for()
+    page.get_by_text("stand at rest").click()
+    wait(played.app, lambda: session.first.command == Command(), "the command to step in place")
 
 
 def test_two_windows_see_the_same_robot(played):
