@@ -304,9 +304,9 @@ def nominal_start(
     return NominalStart(com, omega * (dcm - com), np.array([-gait.length, other_width]))
 
 
-def standing_start(pelvis_width: float) -> NominalStart:
-    """A robot at rest on two feet side by side, l_p [m] apart, its CoM between them."""
-    side = np.array([0.0, pelvis_width])
+def standing_start(pelvis_width: float, stride: float = 0.0) -> NominalStart:
+    """A robot at rest on two feet, l_p [m] apart, the other one `stride` [m] ahead; its CoM between them."""
+    side = np.array([stride, pelvis_width])
     return NominalStart(0.5 * side, np.zeros(2), side)
 
 

@@ -174,14 +174,29 @@ def clipped_cop_in_world(wrench: Array, axis: Heading, settings: BoundSettings) 
 
 
 @njit(cache=True, forceinline=True)
+def yaw_grip(x: float, y: float, bounds: Bounds) -> float:
+    """Bound of |M_z| / f_z about a CoP (x, y) of the sole [m].
+
+    A sole of half sizes X, Y gives mu (X + Y - |x| - |y|) without a tangential force (Caron, Pham and
+    Nakamura 2015): nothing at a corner. On two feet, where the CoP stays at corners for long, the bound is no
+    larger; on one foot it is `yaw_friction` everywhere.
+    """
+    s = bounds.settings
+    if bounds.matrix.shape[0] == ROWS:
+        return s.yaw_friction
+    return min(s.yaw_friction, bounds.grip[0] * max(s.cop_x_max + s.cop_y_max - abs(x) - abs(y), 0.0))
+
+
+@njit(cache=True, forceinline=True)
 def sole_bears(wrench: Array, axis: Heading, bounds: Bounds) -> bool:
     """Whether CoP, yaw moment and friction of a wrench (6,) that presses are what a sole can give."""
     s = bounds.settings
     x, y = centre_of_pressure(wrench, axis)
     if abs(x) > s.cop_x_max or abs(y) > s.cop_y_max:
         return False
+    most = yaw_grip(x, y, bounds)
     x, y = clipped_cop_in_world(wrench, axis, s)
-    if abs(wrench[5] - x * wrench[1] + y * wrench[0]) > s.yaw_friction * wrench[2]:
+    if abs(wrench[5] - x * wrench[1] + y * wrench[0]) > most * wrench[2]:
         return False
     return not math.hypot(wrench[0], wrench[1]) > bounds.grip[0] * wrench[2]
 
@@ -226,6 +241,12 @@ def write_wrench_rows(wrench: Array, axis: Heading, bounds: Bounds, P: Array) ->
         write_row(P, row, (0.0, 0.0, -s.cop_x_max), (y, -x, 0.0), MOMENT_UNIT)
         write_row(P, row + 1, (0.0, 0.0, -s.cop_y_max), (x, y, 0.0), MOMENT_UNIT)
         write_row(P, row + 2, (sign * cop_y, -sign * cop_x, -s.yaw_friction), (0.0, 0.0, sign), MOMENT_UNIT)
+        along, aside = centre_of_pressure(wrench, axis)
+        if yaw_grip(along, aside, bounds) < s.yaw_friction:  # on the side of the sole that the CoP is on
+            ahead, left = math.copysign(grip, along), math.copysign(grip, aside)
+            P[row + 2, 2] = -grip * (s.cop_x_max + s.cop_y_max) / MOMENT_UNIT
+            P[row + 2, 3] = (ahead * axis[1] + left * axis[0]) / MOMENT_UNIT
+            P[row + 2, 4] = (left * axis[1] - ahead * axis[0]) / MOMENT_UNIT
     asked = math.atan2(wrench[1], wrench[0])
     for face in range(FACES):
         angle = asked + 2.0 * math.pi / FACES * face
@@ -273,7 +294,7 @@ def limits_met(wrench: Array, torque: Array, axis: Heading, cop: tuple[float, fl
     yaw = wrench[5] - cop[0] * wrench[1] + cop[1] * wrench[0]
     grip = bounds.grip[0] * vertical - math.hypot(wrench[0], wrench[1])
     if (
-        s.yaw_friction * vertical - abs(yaw) < AT_BOUND * MOMENT_UNIT
+        yaw_grip(x, y, bounds) * vertical - abs(yaw) < AT_BOUND * MOMENT_UNIT
         or min(grip, vertical - s.force_min) < AT_BOUND * FORCE_UNIT
     ):
         met |= CONTACT

@@ -7,8 +7,10 @@ soles is free. With r from the stance sole to the other, the total CoP p and, as
     lambda = p . r / |r|^2  within [0, most],     R = M - r x lambda F,
     w_other = lambda (F, R),     w_stance = (1 - lambda) (F, R):
 
-the load goes with the CoP from foot to foot, both soles have the same force per load and the same CoP, and no
-foot pulls against the other. A foot that is about to leave the floor has `most` of the load at most.
+the load goes with the CoP from foot to foot, both soles have the same force per load and the same CoP
+p - lambda r, and no foot pulls against the other. The hull of two parallel soles is the sum of one of them
+and the way between both, so that for every p within it some lambda keeps p - lambda r within the sole: the
+nearest one is taken. A foot that is about to leave the floor has `most` of the load at most.
 
 Each wrench has its own bounds of CoP, friction, yaw moment and load. Where one of them or a motor would pass
 its bound, the least deviation is sought as on one foot (`limits.keep_bounds`), and six of its numbers, on one
@@ -41,7 +43,10 @@ from .kinematics import (
     Legs,
     Physics,
 )
-from .limits import FORCE_UNIT, WRENCH_ROWS, Bounds, clipped_cop_in_world, limits_met
+from .limits import FORCE_UNIT, WRENCH_ROWS, Bounds, BoundSettings, clipped_cop_in_world, limits_met
+
+INSIDE = 1.0 - 1e-9  # of a sole, where its edge is not yet passed
+PARALLEL = 1e-6  # a sole that is no farther away along an axis is on the same line [m]
 
 # stack_floats is an intrinsic: its arguments are those of its signature, less the typing context.
 # pyright: reportCallIssue=false
@@ -56,13 +61,35 @@ def foot_bears(wrench: Array, axis: Heading, bounds: Bounds) -> bool:
 
 
 @njit(cache=True)
-def share_wrench(wrench: Array, r: Vector, most: float, other: Array) -> None:
+def share_of_other(cop: Heading, r: Vector, axis: Heading, s: BoundSettings) -> float:
+    """The share of the load, for a total CoP and `r` [m], that keeps the CoP of both soles within them.
+
+    `axis` points along the stance sole, which the other one is taken to be parallel to.
+    """
+    share = (cop[0] * r[0] + cop[1] * r[1]) / (r[0] * r[0] + r[1] * r[1])
+    low, high = 0.0, 1.0
+    for i in range(2):
+        x, y = (axis[0], axis[1]) if i == 0 else (-axis[1], axis[0])
+        half = (s.cop_x_max if i == 0 else s.cop_y_max) * INSIDE
+        here, away = cop[0] * x + cop[1] * y, r[0] * x + r[1] * y
+        if abs(away) > PARALLEL:
+            ends = (here - half) / away, (here + half) / away
+            low, high = max(low, min(ends)), min(high, max(ends))
+    if low <= high:
+        share = min(max(share, low), high)
+    return min(max(share, 0.0), 1.0)
+
+
+@njit(cache=True)
+def share_wrench(
+    wrench: Array, r: Vector, axis: Heading, s: BoundSettings, most: float, other: Array
+) -> None:
     """Divide the total wrench (6,) about the stance sole, `r` [m] from the other one; both are written."""
     force, moment = vector_of(wrench, 0), vector_of(wrench, 3)
     share = 0.0
     if force[2] > 0.0:
-        share = (-moment[1] * r[0] + moment[0] * r[1]) / force[2] / (r[0] * r[0] + r[1] * r[1])
-    share = min(max(share, 0.0), most)
+        share = share_of_other((-moment[1] / force[2], moment[0] / force[2]), r, axis, s)
+    share = min(share, most)
     rest = subtract(moment, scaled(cross(r, force), share))
     for i in range(3):
         other[i], other[3 + i] = share * force[i], share * rest[i]
@@ -129,14 +156,14 @@ def standing_torque(
     dynamics.accelerate_pelvis(math3.rows_times(rows, missing), inverses, qdd)
     kinematics.write_generalised_force(phys, k, qdd, total)
     dynamics.write_wrench(phys, k, sole, total, wrench)
-    share_wrench(wrench, subtract(far, sole), most, other)
+    near, away = FOOT_BODY[task.stance], FOOT_BODY[1 - task.stance]
+    axes = dynamics.forward_axis(phys, k, near), dynamics.forward_axis(phys, k, away)
+    share_wrench(wrench, subtract(far, sole), axes[0], bounds.settings, most, other)
     for i in range(NU):
         torque[i] = total[BASE + i]
     kinematics.subtract_leg_torques(phys, k, task.stance, sole, wrench, torque)
     kinematics.subtract_leg_torques(phys, k, 1 - task.stance, far, other, torque)
     limits.write_torque_range(phys, k, bounds.motors, bounds.torque_range)
-    near, away = FOOT_BODY[task.stance], FOOT_BODY[1 - task.stance]
-    axes = dynamics.forward_axis(phys, k, near), dynamics.forward_axis(phys, k, away)
     fine = foot_bears(wrench, axes[0], bounds) and foot_bears(other, axes[1], bounds)
     if fine and limits.motors_give(torque, bounds):
         return 0

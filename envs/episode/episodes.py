@@ -129,7 +129,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
         self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
-        self._both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
+        self.both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
         self._episodes = period_end.Episodes(
@@ -219,7 +219,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
     def gaits(self, actions: NDArray[Any]) -> Array:
         """Gait variables (n, 7) that actions (n, 7) mean now; on both feet the CoP may be between them."""
-        if not self._both_feet:
+        if not self.both_feet:
             return self.limits.from_action(actions)
         return gaits_of_actions(self.limits, self.core.observation, actions, self.double_support)
 
@@ -245,7 +245,8 @@ class GaitEpisodes(ABC, Generic[C]):
         )
         values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
         if scenario.command.stand:
-            start, values[DURATION] = standing_start(self.robot.pelvis_width), self.limits.duration_max
+            start = standing_start(self.robot.pelvis_width, scenario.stride)
+            values[DURATION] = self.limits.duration_max
         self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
         self._bind_if_new()
         self.monitor.reset(k)
@@ -271,7 +272,7 @@ class GaitEpisodes(ABC, Generic[C]):
                 f"{self.name} does not stand, only environments of a gait do: Command.stand must be False in "
                 f"scenario {scenario.id!r}"
             )
-        self._both_feet = self._both_feet or any(command.stand for command in commands)
+        self.both_feet = self.both_feet or any(command.stand for command in commands)
         self._scenarios[k] = scenario
         self._episodes.pushes[k] = len(scenario.forces)
         self._episodes.changed[k] = scenario.last_sudden_change

@@ -90,6 +90,7 @@ class CommandChange(JsonRecord):
 
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
+STRIDE_MAX = 0.5  # [m]
 SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
 # What control acts on: the true state, or the estimate by an `Estimator`, with the place where that is
 SENSING: dict[str, str | None] = {
@@ -104,13 +105,14 @@ __all__ = ["SETTLE_TIME", "Command", "CommandChange", "Kick", "Scenario"]
 class Scenario(JsonRecord):
     """One episode, complete: the same scenario and policy give the same outcome bit for bit.
 
-    The robot starts at the beginning of a nominal step (for the command) on `stance_side`. The episode ends
+    The robot starts at the beginning of a nominal step (for the command) on `stance_side`, or stands, with
+    the other foot beside that one or `stride` ahead of it. The episode ends
     at `duration` where that is given, otherwise `settle_time` after the last push has ended, the last kick
     has come and the command has changed for the last time (after reset where there is none of them).
     """
 
     json_name = "scenario"
-    left_out = ("errors", "changes", "physics", "sensing", "kicks", "disturbances")
+    left_out = ("errors", "changes", "physics", "sensing", "kicks", "disturbances", "stride")
 
     id: str
     pushes: tuple[Push, ...] = ()
@@ -125,6 +127,7 @@ class Scenario(JsonRecord):
     sensing: str = EXACT_SENSING  # what control acts on: the true state, or what "onboard" sensors measure
     kicks: tuple[Kick, ...] = ()  # jumps of the velocity
     disturbances: tuple[Disturbance, ...] = ()  # of kinds made of pushes and kicks
+    stride: float = 0.0  # how far ahead of the stance foot the other one stands at first, of a stander [m]
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -143,6 +146,12 @@ class Scenario(JsonRecord):
             raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
         require_choice("sensing", self.sensing, list(SENSING))
+        self._set(stride=require_number("Scenario.stride [m]", self.stride, -STRIDE_MAX, STRIDE_MAX))
+        if self.stride and not self.command.stand:
+            raise InvalidValueError(
+                f"only a robot that stands begins astride: Scenario.stride must be 0 m without "
+                f"Command(stand=True), got {self.stride:g}"
+            )
         for before, change in pairwise(self.changes):
             if change.time <= before.time:
                 raise InvalidValueError(
@@ -198,6 +207,7 @@ class Scenario(JsonRecord):
             settle_time=self.settle_time * scale.time,
             duration=None if self.duration is None else self.duration * scale.time,
             errors=self.errors.scaled(scale),
+            stride=self.stride * scale.length,
             **{name: tuple(part.scaled(scale) for part in getattr(self, name)) for name in _LISTS},
         )
 

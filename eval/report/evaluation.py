@@ -84,6 +84,7 @@ def _part(profile: str, found: Evaluation, env: gym.Env, command: Command) -> Ma
             (name, pushes.curve_figure(group, furthest)) for name, group in curves.items() if group
         ],
         "mapped": len(mapped),
+        "stands": any(push.stands for push in mapped),
         "direction_figures": [
             (name, pushes.direction_figure(name, mapped, rows)) for name, rows in by_id.items() if mapped
         ],

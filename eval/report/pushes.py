@@ -23,6 +23,7 @@ from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_
 Row = Mapping[str, Any]
 FAINT = "#b4b4b4"
 SIDES = ("forward", "stance\nside", "backward", "swing\nside")  # counter-clockwise from the top
+STANDER_SIDES = ("forward", "left", "backward", "right")  # of a robot that stands on both feet
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,20 @@ class MappedPush:
 
     scenario_id: str
     psi: float  # counter-clockwise from forward, right is the swing side [rad]
-    share: float  # of F* at its moment
+    share: float  # of F* at its moment, or of F*_stand
+    stands: bool = False  # the robot, on both feet
 
 
 def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPush]:
-    """The single pushes of a suite that come at a moment of the gait and have a limit."""
+    """The single pushes of a suite that come at a moment of the gait, or to a stander, and have a limit."""
     found = []
     for scenario in scenarios:
         if len(scenario.pushes) == 1:
             (push,) = scenario.pushes
+            if scenario.command.stand:
+                share = frontier.standing_share(env, scenario)
+                found.append(MappedPush(scenario.id, push.direction, share, True))
+                continue
             share = frontier.limit_share(env, push, scenario.command)
             if share is not None:
                 found.append(MappedPush(scenario.id, stance_direction(push), share))
@@ -54,21 +60,22 @@ def stance_direction(push: Push) -> float:
 
 def direction_figure(policy: str, pushes: Sequence[MappedPush], rows: Mapping[str, Row]) -> str:
     """The map of one policy: every push, and at the rim how many of each sector were recovered from."""
-    furthest = max(1.0, *(push.share for push in pushes))
+    furthest, stand = max(1.0, *(push.share for push in pushes)), all(push.stands for push in pushes)
+    sides, limit = (STANDER_SIDES, "F*$_{stand}$") if stand else (SIDES, "F*")
     with panel(3.5, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
         _draw_pushes(axes, pushes, rows)
         around = np.linspace(0.0, 2.0 * math.pi, 181)
         axes.plot(around, np.ones_like(around), color=INK, linewidth=1.0)
         axes.text(
-            math.radians(202.5), 1.0, "F*", fontsize=9.0, ha="center", va="center", backgroundcolor="white"
+            math.radians(202.5), 1.0, limit, fontsize=9.0, ha="center", va="center", backgroundcolor="white"
         )
         recovered: list[list[bool]] = [[] for _ in DIRECTIONS]
         for push in pushes:
             recovered[sector_of(math.degrees(push.psi))].append(rows[push.scenario_id]["recovered"])
         for sector, inside in enumerate(recovered):
             angle = sector * 2.0 * math.pi / len(DIRECTIONS)
-            text = f"{sum(inside)}/{len(inside)}" + (f"\n{SIDES[sector // 2]}" if sector % 2 == 0 else "")
+            text = f"{sum(inside)}/{len(inside)}" + (f"\n{sides[sector // 2]}" if sector % 2 == 0 else "")
             axes.text(angle, 1.2 * furthest, text, ha="center", va="center", fontsize=8.0)
         edges = (np.arange(len(DIRECTIONS)) + 0.5) * 2.0 * math.pi / len(DIRECTIONS)
         axes.vlines(edges, 0.0, furthest, color=FAINT, linewidth=0.5)

@@ -15,6 +15,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import Array, wilson_interval
+from .strategy import StrategyMeter
 
 Row = Mapping[str, Any]  # an outcome as its file holds it
 NO_LIMITS = limits_record.LimitsReport({}, {})
@@ -159,6 +160,7 @@ class EffortMeter:
         self.episodes, n = episodes, episodes.n
         self.core: Any = episodes.core
         self.motors = _motors(episodes)
+        self.strategy = StrategyMeter(episodes)
         self.periods = np.zeros(n, np.int64)  # so far
         self.margin = np.zeros(n)  # smallest capture margin [m]
         self.lean = np.zeros(n)  # largest trunk angle [rad]
@@ -169,6 +171,7 @@ class EffortMeter:
     def begin(self, k: int) -> None:
         """Forget robot k, which begins an episode."""
         self.periods[k], self.margin[k] = 0, np.inf
+        self.strategy.begin(k)
         for sums in (self.lean, self.peak, self.torque, self.power):
             sums[k] = 0.0
 
@@ -176,6 +179,8 @@ class EffortMeter:
         """Take in the period that has ended, for all robots."""
         core, largest, added = self.core, np.maximum.reduce, np.add.reduce
         self.periods += 1
+        if self.episodes.both_feet:
+            self.strategy.look()
         np.fmin(self.margin, core.margin, out=self.margin)
         np.fmax(self.lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self.lean)
         if self.motors:
@@ -199,9 +204,11 @@ class EffortMeter:
     def of(self, k: int) -> dict[str, float | int | None]:
         """Measures of robot k in its episode by name; None where one is not known."""
         touchdowns = self.episodes.monitor.state.touchdowns.item(k)
+        stood = self.strategy.strategy(k) is not None
         found = {}
         for name, measure in MEASURES.items():
-            if measure.of is not None and (self.motors or not measure.motors):
+            has = (self.motors or not measure.motors) and (stood or not measure.stood)
+            if measure.of is not None and has:
                 value = measure.of(self, k)
                 known = math.isfinite(value) and touchdowns >= measure.touchdowns
                 found[name] = round(value, DIGITS) if known else None
@@ -221,6 +228,7 @@ class Measure:
     brief: str = ""  # the number in a line about one episode, as a format; none: it has no place there
     touchdowns: int = 0  # before which it is not known
     motors: bool = False  # only of robots that have some
+    stood: bool = False  # only of robots that have stood on both feet when told to
     value: Callable[[Row, Scenario], float | None] | None = None  # of the column; by default that of the row
 
     def text(self, value: float | None) -> str:
@@ -269,6 +277,8 @@ MEASURES: dict[str, Measure] = {
         "the sum of |torque times joint speed| over motors and time, braking included", "{:.1f} kJ",
         motors=True,
     ),
+    "soles_margin": Measure(lambda seen, k: seen.strategy.stance.soles.item(k), stood=True),  # [m]
+    "lift_off_margin": Measure(lambda seen, k: seen.strategy.stance.lift_off.item(k), stood=True),  # [m]
 }  # fmt: skip
 
 

@@ -4,6 +4,9 @@ Points fill a unit cube evenly: every pair of factors has every pair of levels o
 of push has a coordinate for each field of `Point`; its ranges were chosen on a draw of another seed, with two
 policies, so that strong ones lose some pushes and weak ones not all.
 
+A scenario of standing has a coordinate for each field of `Standing`. Its pushes are shares of F*_stand of the
+robot that suites are made for, from what ankles catch up to twice what can be caught without a step.
+
 A shift changes one thing of a push like those of `hard`, 80-200 N s for 0.1 s through the pelvis' CoM of the
 nominal robot on a level floor, by further coordinates of its point. The ranges were looked at once, with
 two-stage on 64 pushes of another seed.
@@ -17,10 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...controllers.model.gait_box import GaitLimits
+from ...controllers.model.robot import REFERENCE
+from ...controllers.model.standing import Feet, max_standing_force
 from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, Push, Side, other_side
-from ...envs.scenario.scenario import FASTEST_TURN, Command, Scenario
+from ...envs.scenario.scenario import AT_REST, FASTEST_TURN, Command, Scenario
 
 LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
@@ -258,6 +264,62 @@ def _moments(u: Point, count: str, event: GaitEvent, stance: Side) -> list[tuple
 def step_side(stance: Side, index: int) -> Side:
     """Stance side of the step with this index, where step 0 stands on `stance`."""
     return stance if index % 2 == 0 else other_side(stance)
+
+
+class Standing(NamedTuple):
+    """Coordinates of a scenario of a robot that stands, each in [0, 1)."""
+
+    direction: float
+    share: float  # of F*_stand
+    time: float
+    duration: float
+    sides: float  # 16 levels: body, stance foot, feet side by side or astride, direction of later pushes
+    pushes: float  # 16 levels: COUNTS
+    stride: float
+    pause: float
+    second_direction: float
+    offset_x: float
+    offset_y: float
+    offset_z: float
+
+
+STANDING_SHARES = (0.4, 2.0)  # of F*_stand, of the first push or of the only one
+STANDING_TIMES, PAUSES = (0.5, 1.5), (0.5, 2.0)  # of the first push, and from one to the next [s]
+STRIDES = (-0.25, 0.25)  # of feet astride [m]
+
+
+def standing_scenarios(name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
+    """256 scenarios of robots that stand a block, every pair of factors stratified in each."""
+    points = stratified_uniforms(blocks, len(Standing._fields), seed).tolist()
+    return tuple(standing_scenario(f"{name}-{i:04d}", Standing(*u), i) for i, u in enumerate(points))
+
+
+def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenario:
+    """Scenario of one point; values are rounded far below what matters, as in `stratified_scenario`.
+
+    A push at the trunk has TRUNK_SHARE of the force, each of several pushes SHARE of it.
+    """
+    bits, count = int(u.sides * LEVELS), COUNTS[int(u.pushes * LEVELS)]
+    body: Body = "trunk" if bits & 1 else "pelvis"
+    stance: Side = "left" if bits & 2 else "right"
+    stride = between(STRIDES, u.stride) if bits & 4 else 0.0
+    shortest, longest = DURATIONS
+    duration = round(shortest * (longest / shortest) ** u.duration, 4)
+    feet = Feet((stride, -REFERENCE.pelvis_width if stance == "left" else REFERENCE.pelvis_width))
+    low, high = STANDING_SHARES
+    share = SHARE[count] * (low + u.share * (high - low)) * (TRUNK_SHARE if body == "trunk" else 1.0)
+    ranges = zip(u[-3:], TARGETS[body].offset_low, TARGETS[body].offset_high, strict=True)
+    x, y, z = (between((least, most), along) for along, least, most in ranges)
+    first, pause = between(STANDING_TIMES, u.time), between(PAUSES, u.pause)
+    later = u.second_direction if count == "double" else u.direction
+    pushes = []
+    for i in range({"single": 1, "double": 2, "repeated": REPEATS}[count]):
+        psi = (2.0 * (later if i else u.direction) - 1.0) * math.pi
+        limits = GaitLimits.of(REFERENCE)
+        force = share * max_standing_force(REFERENCE, psi, duration, limits=limits, feet=feet)
+        vector = (round(force * math.cos(psi), 3) + 0.0, round(force * math.sin(psi), 3) + 0.0, 0.0)
+        pushes.append(Push(vector, duration, round(first + i * pause, 4), body, (x, y, z), "heading"))
+    return Scenario(scenario_id, tuple(pushes), AT_REST, stance, noise_seed=noise_seed, stride=stride)
 
 
 HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)

@@ -28,7 +28,7 @@ from ...controllers.model.capturability import max_recoverable_force, recoverabl
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from ...controllers.model.robot import RobotModel
-from ...controllers.model.standing import max_standing_force
+from ...controllers.model.standing import Feet, max_standing_force
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -230,6 +230,17 @@ def limit_share(env: gym.Env, push: Push, command: Command) -> float | None:
     if (room <= 0.0).any():
         return None
     return float(np.max(np.abs(start.shift) / room))
+
+
+def standing_share(env: gym.Env, scenario: Scenario) -> float:
+    """The first push of a scenario in which the robot stands at rest, as a share of its own F*_stand."""
+    unwrapped: Any = env.unwrapped
+    robot, push = unwrapped.robot, scenario.pushes[0]
+    side = -robot.pelvis_width if scenario.stance_side == "left" else robot.pelvis_width
+    limit = max_standing_force(
+        robot, push.direction, push.duration, limits=unwrapped.limits, feet=Feet((scenario.stride, side))
+    )
+    return math.hypot(*push.force[:2]) / limit
 
 
 FORMAT = 2  # of the rows

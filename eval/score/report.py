@@ -11,6 +11,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.outcome import MEASURES, Measure, Row, Score
+from ..rollout.strategy import STRATEGIES, strategy_of
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
 
@@ -23,6 +24,11 @@ PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and c
 LIMITS_NOTE = (
     "Limits count from the start of the first push on; docs/evaluation.md says what each is. First: falls "
     "that met it first. Met: share of the episodes that met it. Time: mean share of the time until the end."
+)
+STRATEGIES_NOTE = (
+    "Recovered of how many, by what answered the pushes of a robot that stood. Ankle: the centre of pressure "
+    "alone could have caught it. Hip: the swing of the trunk was needed, too. Step: a foot stepped. "
+    "Needless: it lifted while the robot could still have been caught in place."
 )
 SMALLEST_P = 0.0001  # that is written out
 MINUS = "\N{MINUS SIGN}"
@@ -132,6 +138,33 @@ def kinds_table(evaluation: Evaluation) -> Table:
     groups = groups_of(evaluation.suite.scenarios)
     lines = [(name, *(cell(rows, ids) for rows in evaluation.rows.values())) for name, ids in groups.items()]
     return Table("Kinds of push", ("kind of push", *evaluation.rows), lines, "Recovered / survived.")
+
+
+def strategies_table(evaluation: Evaluation) -> Table:
+    """Recoveries by the strategy that answered, steps, and steps not needed; no rows where no robot stood."""
+    lines = []
+    for policy, rows in evaluation.rows.items():
+        answered: dict[str | None, list[Row]] = {}
+        for row in rows:
+            measures = row.get("measures", {})
+            strategy = strategy_of(measures.get("soles_margin"), measures.get("lift_off_margin"))
+            answered.setdefault(strategy, []).append(row)
+        answered.pop(None, None)
+        stepped = [row["measures"] for row in answered.get("step", ())]
+        needless = sum(measures["lift_off_margin"] > 0.0 for measures in stepped)
+        cells = (answered.get(strategy, []) for strategy in STRATEGIES)
+        lines.append(
+            (
+                policy,
+                *(f"{sum(row['recovered'] for row in cell)} of {len(cell)}" for cell in cells),
+                f"{statistics.median(measures['steps'] for measures in stepped):g}" if stepped else "-",
+                f"{needless} of {len(stepped)}",
+            )
+        )
+        if not answered:
+            return Table("Strategies", (), ())
+    columns = ("policy", *STRATEGIES, "median steps", "needless")
+    return Table("Strategies", columns, lines, STRATEGIES_NOTE)
 
 
 def rate_cells(score: Score) -> tuple[str, str]:
@@ -258,6 +291,7 @@ def evaluation_tables(evaluation: Evaluation) -> dict[str, Table]:
         "rates": rates_table(evaluation),
         "pairs": pairs_table(evaluation),
         "kinds": kinds_table(evaluation),
+        "strategies": strategies_table(evaluation),
         "effort": effort_table(evaluation),
         "reasons": reasons_table(evaluation),
         "limits": limits_table(evaluation),

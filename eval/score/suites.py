@@ -24,9 +24,19 @@ from ..protocols.kick import every_kick
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
 from ..rollout.names import DEFAULT_ENV
-from .draw import BLOCK, HARD, SHIFTS, harder, pelvis_scenarios, shifted_scenarios, varied_scenarios
+from .draw import (
+    BLOCK,
+    HARD,
+    SHIFTS,
+    harder,
+    pelvis_scenarios,
+    shifted_scenarios,
+    standing_scenarios,
+    varied_scenarios,
+)
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
+STANDING_SEED = 20261125
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 OF_ROBOT = "@"  # between the name of a suite and that of the robot that it was scaled for
@@ -191,6 +201,11 @@ SUITES: dict[str, Callable[[], Suite]] = {
         ),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
         "hard-sealed": lambda: _stratified_suite("hard-sealed", HARD, sealed_seed()),
+        # 1024 of every kind on robots that stand, see `standing_scenario`
+        "standing": lambda: Suite("standing", VERSION, standing_scenarios("standing", BLOCKS, STANDING_SEED)),
+        "standing-sealed": lambda: Suite(
+            "standing-sealed", VERSION, standing_scenarios("standing-sealed", BLOCKS, sealed_seed())
+        ),
         # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
         "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
         # 256 pushes like those of `hard`, one thing changed of each
@@ -240,7 +255,10 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
 
 
 RANGES: Mapping[str, PushDistribution] = {"standard": PushDistribution(), "hard": HARD}
-KINDS = (*RANGES, "varied", *SHIFTS)
+DRAWN: Mapping[str, Callable[[str, int, int], tuple[Scenario, ...]]] = {
+    "varied": varied_scenarios, "standing": standing_scenarios
+}  # fmt: skip
+KINDS = (*RANGES, *DRAWN, *SHIFTS)
 LARGEST = 65536  # scenarios
 # Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
 UNUSED = {
@@ -282,7 +300,7 @@ def new_suite(
     elif like in SHIFTS:
         drawn = shifted_scenarios(like, label, blocks, seed)
     else:
-        drawn = varied_scenarios(label, blocks, seed)
+        drawn = DRAWN[like](label, blocks, seed)
     return Suite(label, "1", drawn[:scenarios])
 
 

@@ -9,6 +9,7 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.standing import max_standing_force
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
 
@@ -184,3 +185,21 @@ def test_joint_environments_refuse_to_stand():
     with pytest.raises(InvalidValueError, match=r"BipedJoint-v0 does not stand, .* in scenario 'pushed'"):
         env.reset(options={"scenario": pushed(100.0, 0.0)})
     env.close()
+
+
+def test_soles_do_not_stay_turned_by_a_push_beside_the_com(stage):
+    """They stay turned by 25 degrees if a sole at its corner is trusted to resist yaw; the robot stoops."""
+    env, policy = stage(BIPED)
+    push = Push((268.4, 209.4, 0.0), 0.0994, 0.5924, "pelvis", (0.0075, 0.0994, 0.0368))
+    scenario = Scenario("beside", (push,), STAND, "left", stride=0.1886)
+    seen, _ = env.reset(options={"scenario": scenario})
+    yaws, over = [], False
+    while not over:
+        seen, _, fell, late, info = env.step(policy.predict(seen)[0])
+        if seen[0] < 0.0:
+            axes = env.core.physics.xmat[0, FOOT_BODY].reshape(2, 9)
+            yaws.append(np.arctan2(axes[:, 3], axes[:, 0]))
+        over = fell or late
+    assert not fell
+    assert info["recovered_at"] is not None
+    assert np.abs(yaws[-1]).max() < math.radians(5.0)

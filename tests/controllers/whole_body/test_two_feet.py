@@ -21,12 +21,13 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_motion,
     sole_position,
 )
-from push_recovery.controllers.whole_body.limits import SHARE_PRICE, make_bounds
+from push_recovery.controllers.whole_body.limits import SHARE_PRICE, make_bounds, yaw_grip
 from push_recovery.controllers.whole_body.two_feet import share_wrench, standing_torque
 from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.simulation import advance
+from scipy.optimize import linprog
 
 MODEL = biped_model()
 GAINS = BIPED_GAINS._replace(damping=0.0)  # exact leg inverse
@@ -37,6 +38,7 @@ LOOSE, _LOOSE_MEMORY = make_bounds(
     np.full((2, NU), 1e9),
     two_feet=True,
 )
+AHEAD, WIDE = (1.0, 0.0), LOOSE.settings
 ZERO, PLANNED = (0.0, 0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))
 
 
@@ -120,7 +122,7 @@ def test_the_load_goes_with_the_cop_from_foot_to_foot(place, share):
     at = place * np.array([*r[:2], 0.0]) + off - off @ r / (r[:2] @ r[:2]) * np.array([*r[:2], 0.0])
     total = np.concatenate([force, np.cross(at, force) + [0.0, 0.0, 4.0]])
     wrench, other = total.copy(), np.empty(6)
-    share_wrench(wrench, tuple(r), 1.0, other)
+    share_wrench(wrench, tuple(r), AHEAD, WIDE, 1.0, other)
     np.testing.assert_allclose(wrench[:3] + other[:3], force)
     np.testing.assert_allclose(wrench[3:] + other[3:] + np.cross(r, other[:3]), total[3:])
     assert other[2] == pytest.approx(share * 600.0)
@@ -134,20 +136,77 @@ def test_a_foot_that_is_about_to_leave_has_no_more_than_its_share():
     other = np.empty(6)
     for most in (0.75, 0.3, 0.0):
         wrench = total.copy()
-        share_wrench(wrench, (0.0, 0.2, 0.0), most, other)
+        share_wrench(wrench, (0.0, 0.2, 0.0), AHEAD, WIDE, most, other)
         assert other[2] == pytest.approx(most * 600.0)
         assert wrench[3] + other[3] + 0.2 * other[2] == pytest.approx(total[3])
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.4, -2.0])
+def test_no_sole_passes_its_edge_while_the_cop_is_in_the_hull_of_both(turn):
+    """Any mixture of a point of either sole is a CoP that both together can have, of equal CoPs in each."""
+    rng, edges = np.random.default_rng(5), np.array([0.09, 0.04])
+    R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    soles = WIDE._replace(cop_x_max=edges[0], cop_y_max=edges[1])
+    for _ in range(200):
+        r, mixture = R @ rng.uniform([-0.3, 0.1], [0.3, 0.3]), rng.uniform()
+        here, there = R @ (edges * rng.uniform(-1, 1, 2)), r + R @ (edges * rng.uniform(-1, 1, 2))
+        at = (1.0 - mixture) * here + mixture * there
+        wrench, other = np.array([0.0, 0.0, 500.0, 500.0 * at[1], -500.0 * at[0], 0.0]), np.empty(6)
+        share_wrench(wrench, (*r, 0.0), (math.cos(turn), math.sin(turn)), soles, 1.0, other)
+        for one in (wrench, other):
+            if one[2] > 1e-6:
+                assert (np.abs(R.T @ cop(one)) <= edges * (1.0 + 1e-9)).all()
+        assert min(wrench[2], other[2]) >= 0.0
+
+
+@pytest.mark.parametrize("cop", [(0.0, 0.0), (0.09, 0.0), (0.03, -0.04), (-0.09, 0.045), (0.1, 0.05)])
+def test_a_sole_resists_no_more_yaw_than_its_corners_can(cop):
+    """The largest moment of four corner forces within friction pyramids, by a linear program."""
+    X, Y, mu = FULL.cop_x_max, FULL.cop_y_max, 0.3
+    corners = np.array([(X, Y), (X, -Y), (-X, Y), (-X, -Y)])
+    moment = np.column_stack([-corners[:, 1], corners[:, 0], np.zeros(4)]).ravel()
+    grid, one = np.eye(4), np.ones(4)
+    equal = [np.kron(one, axis) for axis in np.eye(3)] + [np.kron(c, [0, 0, 1.0]) for c in corners.T]
+    cone = [np.kron(corner, [*(sign * np.eye(2)[axis]), -mu]) for corner in grid for axis in (0, 1)
+            for sign in (1.0, -1.0)]  # fmt: skip
+    found = linprog(
+        -moment, cone, np.zeros(16), equal, [0.0, 0.0, 1.0, *cop], bounds=[(None, None)] * 12, method="highs"
+    )
+    bounds, _memory = make_bounds(FULL._replace(yaw_friction=1e3), MOTORS, two_feet=True)
+    bounds.grip[0] = mu
+    assert yaw_grip(*cop, bounds) == pytest.approx(-found.fun)
+    small, _memory_of_small = make_bounds(FULL._replace(yaw_friction=1e-3), MOTORS, two_feet=True)
+    assert yaw_grip(0.0, 0.0, small) == 1e-3
+    one_foot, _memory_of_one = make_bounds(FULL, MOTORS)
+    assert yaw_grip(*cop, one_foot) == FULL.yaw_friction
+
+
+def forward(core, leg):
+    """Where a sole points, world axes (2,)."""
+    R = core.physics.xmat[0, MODEL.body(("left_foot", "right_foot")[leg]).id].reshape(3, 3)
+    return tuple(R[:2, 0] / np.linalg.norm(R[:2, 0]))
+
+
 def excess(core, leg, wrench):
     """What a sole's wrench passes its bounds by: CoP [m] and friction, times its load, and pull; [300 N]."""
-    R = core.physics.xmat[0, MODEL.body(("left_foot", "right_foot")[leg]).id].reshape(3, 3)
-    x = R[:2, 0] / np.linalg.norm(R[:2, 0])
+    x = forward(core, leg)
     if wrench[2] < 1.0:
         return -wrench[2] / 300.0
     ahead, aside = cop(wrench) @ x, cop(wrench) @ [-x[1], x[0]]
     slip = math.hypot(*wrench[:2]) / wrench[2] - FULL.friction / math.cos(math.pi / 8)
     return max(abs(ahead) - 0.1, abs(aside) - 0.05, slip) * wrench[2] / 300.0
+
+
+def yaw_excess(core, leg, wrench, asked):
+    """What |M_z| passes its bound by, about the CoP that was asked for and with its signs; [20 N m]."""
+    x = forward(core, leg)
+    axes, edges = np.array([x, [-x[1], x[0]]]), np.array([0.1, 0.05])
+    old, new = axes @ cop(asked), axes @ cop(wrench)
+    at = axes.T @ np.clip(old, -edges, edges)
+    grip = FULL.friction * (0.15 - np.abs(old).sum())
+    bound = FULL.yaw_friction if grip >= FULL.yaw_friction else FULL.friction * (0.15 - np.sign(old) @ new)
+    yaw = wrench[5] - at[0] * wrench[1] + at[1] * wrench[0]
+    return (abs(yaw) - bound * wrench[2]) / 20.0
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -161,6 +220,8 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(rand
         wrench, other, torque, _ = torques(core, task, bounds)
         if np.isnan(bounds.solution).any():
             assert max(excess(core, stance, wrench), excess(core, 1 - stance, other)) <= 1e-9
+            for leg, one in ((stance, wrench), (1 - stance, other)):
+                assert one[2] < 1.0 or yaw_excess(core, leg, one, one) <= 1e-9
             continue
         bound += 1
         v, M = bounds.solution, bounds.matrix
@@ -175,7 +236,13 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(rand
         forces = near.T @ wrench + far.T @ other
         np.testing.assert_allclose(forces[:6], total[:6], rtol=1e-7, atol=1e-5)
         np.testing.assert_allclose(torque, (total - forces)[6:], rtol=1e-7, atol=1e-5)
-        _, before, _, _ = torques(core, task, LOOSE)
+        asked, before, _, _ = torques(core, task, LOOSE)
+        r = np.subtract(*(sole_position(core.physics, 0, leg) for leg in (1 - stance, stance)))
+        asked[:3], asked[3:] = asked[:3] + before[:3], asked[3:] + before[3:] + np.cross(r, before[:3])
+        share_wrench(asked, tuple(r), forward(core, stance), FULL, 1.0, before)
+        for leg, one, was in ((stance, wrench, asked), (1 - stance, other, before)):
+            if np.abs(passed).max() < 1e-3 and min(was[2], one[2]) > 1.0:
+                assert yaw_excess(core, leg, one, was) < 2e-3
         np.testing.assert_allclose(other - before, d[6:12], rtol=1e-7, atol=1e-5)
         s = FULL
         prices = [s.com_price, s.com_price, s.height_price, s.pelvis_price, s.pelvis_price, s.heading_price]

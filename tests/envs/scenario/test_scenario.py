@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.controllers.model.observation import DCM, SWING_POSITION
 from push_recovery.controllers.model.robot import SAME, Similarity
 from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
 from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
@@ -317,3 +318,26 @@ def test_drawing_and_scaling_change_places():
         parts = [(s.command.vx, s.command.vy, s.command.turn, s.settle_time) for s in (drawn, later)]
         assert parts[0] == pytest.approx(parts[1])
         assert drawn.errors.payload == pytest.approx(later.errors.payload)
+
+
+def test_a_stander_may_begin_astride():
+    """Kept in JSON where it is not 0, scaled like a length, the same mirrored; of no robot that walks."""
+    astride = Scenario("astride", command=Command(stand=True), stride=-0.2)
+    assert Scenario.from_json(astride.to_json()) == astride
+    assert "stride" not in replace(astride, stride=0.0).to_dict()
+    assert astride.scaled(Similarity(mass=2.0, length=0.5)).stride == -0.1
+    assert astride.mirrored().stride == -0.2
+    with pytest.raises(InvalidValueError, match=r"must be 0 m without Command\(stand=True\), got 0.1"):
+        Scenario("walks", stride=0.1)
+    with pytest.raises(InvalidValueError, match=r"Scenario.stride \[m\] must be"):
+        replace(astride, stride=0.6)
+
+
+@pytest.mark.parametrize(("name", "side"), [("Pendulum-v0", "left"), ("Biped-v0", "right")])
+def test_feet_stand_astride_at_the_start(name, side):
+    scenario = Scenario("astride", (), Command(stand=True), side, duration=1.0, stride=0.15)
+    with gym.make(f"PushRecovery/{name}") as env:
+        seen, _ = env.reset(options={"scenario": scenario})
+        width = env.unwrapped.episodes.robot.pelvis_width
+    assert seen[SWING_POSITION][:2] == pytest.approx([0.15, width], abs=1e-6)
+    assert seen[DCM] == pytest.approx([0.075, 0.5 * width], abs=1e-3)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
 from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.report import pushes as parts
@@ -35,6 +35,18 @@ def test_only_single_pushes_with_a_limit_are_mapped():
     share = limit_share(env, push, scenarios[0].command)
     env.close()
     assert found == parts.MappedPush("one", pytest.approx(-1.0), share)
+
+
+def test_pushes_on_a_stander_are_mapped_as_they_are_by_their_share_of_what_it_catches_in_place():
+    """450 N forward is F*_stand of the paper's robot (docs/limits.md)."""
+    push = polar_push(225.0, 0.0, 0.1, 0.5)
+    scenarios = [Scenario("one", (push,), Command(stand=True), "right"), Scenario("two", (push,))]
+    with make_env("PushRecovery/Pendulum-v0@paper") as env:
+        (found,) = parts.mapped_pushes(env, scenarios)
+    assert found == parts.MappedPush("one", 0.0, pytest.approx(0.5, abs=1e-3), True)
+    drawn = parts.direction_figure("p", [found], {"one": {"recovered": True, "survived": True}})
+    assert ">left</text>" in drawn
+    assert "stance" not in drawn
 
 
 def test_the_rim_counts_what_each_sector_recovers():

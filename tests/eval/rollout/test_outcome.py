@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.limits_record import LimitsReport
@@ -94,11 +96,20 @@ class Episodes(SimpleNamespace):
         physics, judged = (SimpleNamespace(qvel=np.zeros((2, NV))) for _ in range(2))
         physics.ctrl = np.zeros((2, NU))
         senses = SimpleNamespace(last=SimpleNamespace(judged=judged), onboard=np.array([False, True]))
-        core = SimpleNamespace(physics=physics, senses=senses, margin=np.zeros(2), truth=np.zeros((2, 36)))
+        core = SimpleNamespace(
+            physics=physics,
+            senses=senses,
+            margin=np.zeros(2),
+            truth=np.zeros((2, 36)),
+            command=np.zeros((2, 4)),
+        )  # fmt: skip
         errors = {"error": np.array([[0.01, 9, 9], [0.02, 9, 9]]), "speed_error": np.array([0.1, 0.2])}
         monitor = SimpleNamespace(state=SimpleNamespace(touchdowns=np.array([3, 2]), **errors))
         motion = SimpleNamespace(steps=np.array([7, 1]))
-        super().__init__(n=2, control_hz=100.0, core=core, monitor=monitor, motion=lambda: motion)
+        super().__init__(
+            n=2, control_hz=100.0, core=core, monitor=monitor, motion=lambda: motion, both_feet=False,
+            robot=REFERENCE, limits=GaitLimits.of(REFERENCE),
+        )  # fmt: skip
 
 
 @pytest.fixture

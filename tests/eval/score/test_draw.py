@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -107,6 +108,55 @@ def test_every_kind_is_there_as_often_as_stated():
         assert least <= min(impulse) < least + 10 < most - 10 < max(impulse) <= most
     logs = np.log([s.pushes[0].duration for s in scenarios])
     assert np.ptp(np.histogram(logs, bins=16, range=(math.log(0.02), math.log(0.5)))[0]) <= 2
+
+
+def stander(**changes: float) -> Scenario:
+    middle = draw.Standing(*[0.5] * len(draw.Standing._fields))
+    return draw.standing_scenario("mine", middle._replace(**changes), 7)
+
+
+def standing_limit(reach: float) -> float:
+    """F*_stand of 0.1 s of the paper's robot along an axis, whose hull reaches so far [m]."""
+    omega = math.sqrt(9.81 / REFERENCE.com_height)
+    time = math.sqrt(REFERENCE.trunk_angle_max * REFERENCE.trunk_inertia / REFERENCE.trunk_torque_max)
+    trunk = REFERENCE.trunk_torque_max / (REFERENCE.mass * 9.81) * (1.0 - math.exp(-omega * time)) ** 2
+    return REFERENCE.mass * omega**2 * (reach + trunk) / (1.0 - math.exp(-0.1 * omega))
+
+
+def test_a_push_on_a_stander_is_a_share_of_what_it_can_catch_in_place():
+    """Half of the range of shares is 1.2; the sole reaches 0.1 m ahead, and 0.05 + l_p / 2 aside."""
+    found = stander(sides=0.0, pushes=0.0)
+    (push,) = found.pushes
+    assert push.force == pytest.approx((1.2 * standing_limit(0.1), 0.0, 0.0), abs=1e-3)
+    assert (push.duration, push.start, push.body, push.offset) == (0.1, 1.0, "pelvis", (0.0, 0.0, 0.0))
+    assert (found.command, found.stride, found.stance_side) == (Command(stand=True), 0.0, "right")
+    (aside,) = stander(sides=0.0, pushes=0.0, direction=0.75, share=0.0).pushes
+    limit = standing_limit(0.05 + 0.5 * REFERENCE.pelvis_width)
+    assert aside.force == pytest.approx((0.0, 0.4 * limit, 0.0), abs=1e-3)
+    (trunk,) = stander(sides=1 / 16, pushes=0.0).pushes
+    assert trunk.force[0] == pytest.approx(0.6 * push.force[0])
+
+
+def test_feet_astride_change_what_a_stander_can_catch():
+    """Forward, either foot ahead is alike; aslant it is not."""
+    found = stander(sides=4 / 16, pushes=0.0, stride=MOST)
+    assert found.stride == 0.25
+    left = stander(sides=6 / 16, pushes=0.0, stride=MOST)
+    assert (left.stance_side, left.pushes[0].force) == ("left", pytest.approx(found.pushes[0].force))
+    sheer = [stander(sides=side / 16, pushes=0.0, stride=MOST, direction=0.6) for side in (4, 6)]
+    assert math.hypot(*sheer[0].pushes[0].force) != pytest.approx(math.hypot(*sheer[1].pushes[0].force))
+
+
+def test_later_pushes_on_a_stander():
+    double = stander(sides=0.0, pushes=8 / 16, second_direction=0.25, pause=0.0).pushes
+    assert [push.start for push in double] == [1.0, 1.5]
+    assert double[0].force == pytest.approx((0.9 * standing_limit(0.1), 0.0, 0.0), abs=1e-3)
+    aside = standing_limit(0.05 + 0.5 * REFERENCE.pelvis_width)
+    assert double[1].force == pytest.approx((0.0, -0.9 * aside, 0.0), abs=1e-3)
+    repeated = stander(sides=0.0, pushes=12 / 16, pause=0.5).pushes
+    assert [push.start for push in repeated] == [1.0, 2.25, 3.5, 4.75]
+    assert {push.force for push in repeated} == {repeated[0].force}
+    assert repeated[0].force[0] == pytest.approx(0.66 * standing_limit(0.1), abs=1e-3)
 
 
 PUSH = Push((600.0, -800.0, 0.0), 0.1, GaitEvent(4, "right", 0.25))  # 100 N s

@@ -115,6 +115,23 @@ def test_a_kind_of_one_group_only_tells_nothing():
     assert report.groups_of(EVERY_KIND[:1]) == {}
 
 
+def stander(recovered, soles, lift_off, steps=0):
+    measures = {"soles_margin": soles, "lift_off_margin": lift_off, "steps": steps}
+    return {"recovered": recovered, "measures": measures}
+
+
+def test_strategies_of_robots_that_stood():
+    """Ankles where the soles were enough, hips where not, a step where a foot lifted, needless above 0."""
+    ankles, hips = [stander(True, 0.02, None), stander(True, 0.0, None)], [stander(False, -0.01, None)]
+    steps = [stander(True, -0.2, -0.01, 2), stander(False, 0.05, 0.02, 7), stander(True, -0.1, -0.03, 4)]
+    table = report.strategies_table(three(p=[*ankles, *hips, *steps], q=ankles))
+    assert table.columns == ("policy", "ankle", "hip", "step", "median steps", "needless")
+    assert table.rows == [
+        ("p", "2 of 2", "0 of 1", "2 of 3", "4", "1 of 3"), ("q", "2 of 2", "0 of 0", "0 of 0", "-", "0 of 0")
+    ]  # fmt: skip
+    assert not report.strategies_table(three(p=[row(4.0, 1.0)]))
+
+
 def test_recovered_survived_and_why_not(evaluation):
     found = evaluation({"p": "srrff"})
     found.rows["p"][4]["failure_reason"] = "of_its_own"
@@ -171,7 +188,8 @@ def test_limits_are_told_of_falls_and_of_recoveries(evaluation):
 
 def test_a_report_has_the_tables_that_have_rows(evaluation):
     found = evaluation({"p": "srrff"})
-    assert list(report.evaluation_tables(found)) == ["rates", "pairs", "kinds", "effort", "reasons", "limits"]
+    names = ["rates", "pairs", "kinds", "strategies", "effort", "reasons", "limits"]
+    assert list(report.evaluation_tables(found)) == names
     text = markdown_page("Evaluation", report.evaluation_tables(found).values())
     assert text.startswith(f"# Evaluation\n\n## {found.env_id}: suite head v1, 5 pushes, sha256 ")
     assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text

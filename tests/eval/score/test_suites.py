@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
+from push_recovery.controllers.model.robot import REFERENCE
+from push_recovery.controllers.model.standing import max_standing_force
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.scenario import EXACT, HARDWARE
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import draw, suites
 from push_recovery.eval.score.suites import Suite, get_suite
@@ -23,6 +25,7 @@ HASHES = {
     "hard": "cdd2b5f0e7baec44f5df1fdc96da7b6a40507fb5584f449e17b36901d1b3bbb6",
     "varied": "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507",
     "hardware": "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c",
+    "standing": "6027ef5f93e141ad1b8ef673cdd5b33244a2c325f63a4f81e0b5bb5195e90bed",
 }
 
 
@@ -46,6 +49,23 @@ def test_quick_has_pushes_of_every_kind_up_to_harder_ones_and_was_the_head_of_st
         assert most - 10.0 < max(impulse) <= most
     others = {s.pushes for s in get_suite("varied").scenarios}
     assert not others & {s.pushes for s in scenarios}
+
+
+def test_standing_reaches_from_the_no_step_region_to_twice_its_limit():
+    """On the pendulum that suites are made for; half of the robots stand astride."""
+    scenarios = get_suite("standing").scenarios
+    assert len(scenarios) == 1024
+    assert {s.command for s in scenarios} == {Command(stand=True)}
+    assert Counter(s.stride != 0.0 for s in scenarios) == {True: 512, False: 512}
+    single = [s for s in scenarios if len(s.pushes) == 1 and s.pushes[0].body == "pelvis" and not s.stride]
+    shares = []
+    for s in single:
+        push = s.pushes[0]
+        limit = max_standing_force(REFERENCE, push.direction, push.duration)
+        shares.append(math.hypot(*push.force) / limit)
+    assert 0.4 <= min(shares) < 0.45
+    assert 1.95 < max(shares) <= 2.0 + 1e-4
+    assert np.mean(np.array(shares) < 1.0) == pytest.approx(0.6 / 1.6, abs=0.05)
 
 
 def test_a_registered_suite_is_found_by_its_name(monkeypatch, tmp_path):
@@ -86,7 +106,7 @@ def test_hardware_has_the_pushes_of_varied_on_other_robots():
     assert {s.sensing for s in get_suite("hardware").scenarios} == {"onboard"}
 
 
-@pytest.mark.parametrize("kind", ["varied", "hard"])
+@pytest.mark.parametrize("kind", ["varied", "hard", "standing"])
 def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, kind):
     """And of the shipped policies: no push of one state of these two is met by another."""
     drawn, name, like = [], f"{kind}-sealed", suites.get_suite(kind)
