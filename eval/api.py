@@ -108,6 +108,9 @@ def frontier(
 ) -> scanning.Frontier:
     """Scan the force of a push by direction, at the start of a left stance after four nominal steps.
 
+    Under `Command(stand=True)` the robot is pushed at rest on both feet, and what it catches without a step
+    is found, too.
+
     Args:
         policies: as those of `evaluate`.
         directions: how many, counter-clockwise from forward.
@@ -115,7 +118,7 @@ def frontier(
         grid: step of the force [N]; by default 10 on the pendulum, 20 elsewhere.
         duration: of the push [s].
         body: that is pushed.
-        command: velocity that is walked at.
+        command: velocity that is walked at, or to stand.
         errors: what robot and floor are off from the planner's model.
         profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
         workers: processes, see `evaluate`.

@@ -1,12 +1,17 @@
 """What the pages and scripts say holds: the README's code and the quick examples."""
 
 import json
+import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from push_recovery.controllers.model.capturability import capture_constants
+from push_recovery.controllers.model.standing import Feet, margin_on_both_feet, standing_margin
+from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 
 ROOT = Path(__file__).parents[1]
 
@@ -110,6 +115,28 @@ def test_the_notebook_runs_from_top_to_bottom(monkeypatch):
     farthest = [float(re.findall(r"at most (\d\.\d\d) m", line)[0]) for line in others]
     assert len(farthest) == 3
     assert farthest == sorted(farthest)
+
+
+def test_the_regions_of_standing_end_where_nothing_is_left(tmp_path):
+    """The kernels of the robot at rest have no margin at the borders; those of the soles follow by hand."""
+    lines = run(str(ROOT / "examples" / "explain_standing.py"), str(tmp_path)).splitlines()
+    assert (tmp_path / "standing.png").read_bytes()[:4] == b"\x89PNG"
+    both = Feet.side_by_side(BIPED)
+    constants, rest = capture_constants(BIPED, BIPED_LIMITS), np.zeros(2)
+    left_over = {
+        "ankle": lambda dcm: standing_margin(BIPED, BIPED_LIMITS, both, dcm, flywheel=False),
+        "hip": lambda dcm: standing_margin(BIPED, BIPED_LIMITS, both, dcm),
+        "step": lambda dcm: margin_on_both_feet(np.array(both.other), dcm, rest, rest, constants),
+    }
+    shift = 1.0 / (60.0 * math.sqrt(9.81 / 0.8))  # of the DCM by an impulse of 1 N s [m]
+    for line in lines[:3]:
+        name, *reach = re.findall(r"[a-z]*(?=:)|\d+\.\d", line)
+        reach = [float(number) for number in reach if number]
+        if name == "ankle":
+            assert reach == pytest.approx([0.1 / shift, 0.1 / shift, 0.15 / shift, 0.15 / shift], abs=0.05)
+        for way, impulse in zip(((1, 0), (-1, 0), (0, 1), (0, -1)), reach, strict=True):
+            dcm = np.array(both.middle) + shift * impulse * np.array(way)
+            assert left_over[name](dcm) == pytest.approx(0.0, abs=0.06 * shift), line
 
 
 def test_the_picture_of_the_architecture_has_every_part_that_is_there():

@@ -203,6 +203,8 @@ class PushOptions(RobotOptions):
     """Commanded forward velocity [m/s]."""
     vy: Real = field(default=0.0, metadata=within(-2, 2))
     """Commanded velocity to the left [m/s]."""
+    stand: Flag = False
+    """The robot stands on both feet when it is pushed, and need not step (docs/standing.md)."""
     duration: Real = field(default=0.1, metadata=within(1e-3, 2))
     """Duration of the push [s]."""
     body: Body = "pelvis"
@@ -213,6 +215,7 @@ class PushOptions(RobotOptions):
         from ..score.frontier import FrontierSettings
 
         return FrontierSettings(
-            env_id, duration=self.duration, body=self.body, command=Command(self.vx, self.vy),
-            errors=self.model_errors, profile=self.profile, **grid,
+            env_id, duration=self.duration, body=self.body,
+            command=Command(self.vx, self.vy, stand=self.stand), errors=self.model_errors,
+            profile=self.profile, **grid,
         )  # fmt: skip

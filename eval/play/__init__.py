@@ -1,1 +1,1 @@
-"""Play with a walking robot in a browser or in MuJoCo's window: command, push, replay and compare it."""
+"""Play with a robot that walks or stands, in a browser or in MuJoCo's window: command, push, replay."""

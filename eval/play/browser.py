@@ -10,11 +10,20 @@ from typing import Any
 import numpy as np
 
 from ...controllers.errors import MissingExtraError, PushRecoveryError
-from ...envs.scenario.scenario import FASTEST_TURN, Command
+from ...envs.scenario.scenario import FASTEST_TURN
 from ..record.record import Array
 from .gate import Gate, open_server
-from .scene import COLOURS, GROUND, SEEN, Ground, PushArrow, RobotView, StripCharts
-from .session import CLICK, IMPULSE_MAX, Session, dragged_impulse, limits_words, polar_impulse, status_words
+from .scene import CAMERA, COLOURS, GROUND, LOOK_AT, SEEN, Ground, PushArrow, RobotView, StripCharts
+from .session import (
+    CLICK,
+    IMPULSE_MAX,
+    Session,
+    answer_words,
+    dragged_impulse,
+    limits_words,
+    polar_impulse,
+    status_words,
+)
 
 NOBODY = "nobody"
 TIED = "\N{NO-BREAK SPACE}"
@@ -63,6 +72,11 @@ class Panel:
             ]
             for slider in self._command:
                 slider.on_update(lambda _: self._do(self._set_command))
+            self._stand = gui.add_checkbox(
+                "stand at rest", session.stands,
+                hint="Without a velocity the robot stands on both feet instead of stepping in place.",
+            )  # fmt: skip
+            self._stand.on_update(lambda _: self._do(lambda: session.stand_at_rest(self._stand.value)))
         with gui.add_folder("Who acts"):
             self._policy = gui.add_dropdown("policy", tuple(policies), initial_value=session.first.name)
             self._beside = gui.add_dropdown(
@@ -89,7 +103,8 @@ class Panel:
         lines = []
         for lane in self._session.lanes:
             met = ", ".join(limits_words(lane)) or "none"
-            lines.append(f"**{lane.name}** {status_words(lane)}  \nlimits met: {met}")
+            said = [f"**{lane.name}** {status_words(lane)}", answer_words(lane), f"limits met: {met}"]
+            lines.append("  \n".join(filter(None, said)))
         text = "\n\n".join([*lines, *(["*paused*"] if self._session.paused else [])])
         text = text.replace(" N s", f"{TIED}N{TIED}s")  # no line ends within a unit
         if text != self._status.content:
@@ -98,6 +113,7 @@ class Panel:
     def agree(self) -> None:
         """Let the fields show policies and command in force, where a choice has been refused or undone."""
         session, command = self._session, self._session.first.command
+        self._stand.value = session.stands
         for slider, value in zip(self._command, (command.vx, command.vy, command.turn), strict=True):
             slider.value = value
         self._policy.value = session.first.name
@@ -120,7 +136,7 @@ class Panel:
 
     def _set_command(self) -> None:
         vx, vy, turn = (float(slider.value) for slider in self._command)
-        self._session.set_command(Command(vx, vy, turn))
+        self._session.drive(vx, vy, turn)
 
     def _put_beside(self) -> None:
         chosen = None if self._beside.value == NOBODY else self._beside.value
@@ -230,11 +246,20 @@ class App:
             self._robots.append(RobotView(self.server, f"robot {i}", body, i * APART, self.grab))
 
 
-def look_above_the_panel(client: Any) -> None:
-    """Move the camera of a phone so that the panel covers nothing of the robot."""
-    if client.camera.aspect < PHONE:
-        with client.atomic():
-            client.camera.position, client.camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
+async def look_above_the_panel(client: Any) -> None:
+    """Keep the camera of a phone where the panel covers nothing of the robot, until somebody moves it.
+
+    A page tells its first camera before it knows its size, and takes the scene's initial camera again after
+    that; so whatever it tells is looked at, in the order in which it comes.
+    """
+
+    async def seen(camera: Any) -> None:
+        untouched = np.allclose([camera.position, camera.look_at], [CAMERA, LOOK_AT], atol=1e-3)
+        if untouched and camera.aspect < PHONE:
+            with client.atomic():
+                camera.position, camera.look_at = PHONE_CAMERA, PHONE_LOOK_AT
+
+    client.camera.on_update(seen)
 
 
 def camera_axes(wxyz: Any) -> Array:

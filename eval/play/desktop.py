@@ -57,7 +57,7 @@ class Desktop:
     def report(self) -> None:
         """Print a line where the robot has recovered or fallen."""
         words = status_words(self.session.first)
-        if not words.startswith(("walks", "pushed")) and words != self._last_words:
+        if not words.startswith(("walks", "stands", "pushed")) and words != self._last_words:
             print(words, flush=True)
         self._last_words = words
 

@@ -1,6 +1,6 @@
 """Browser scene of a robot: meshes, marks on the floor, arrows of pushes, and strip charts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -33,7 +33,8 @@ REGIONS = {  # name -> colour, height over the floor [m]
 FOOTHOLD, FOOTHOLD_COLOUR, FOOTHOLD_HEIGHT = "planned step", (13, 153, 115), 0.007
 COLOURS = {name: about[0] for name, about in {**POINTS, **REGIONS}.items()} | {FOOTHOLD: FOOTHOLD_COLOUR}
 THICKNESS = 0.008  # of a line [m]
-SEGMENTS = 8  # of every region: the hull of two soles has no more corners
+SEGMENTS = 12  # of every region: the hull of two soles has up to 8 corners, and that with the trunk's box 12
+LEGS, NOWHERE = (0, 1), np.empty((0, 2))
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
@@ -44,15 +45,32 @@ def overlays_of(episodes: BipedEpisodes) -> dict[str, Array]:
     where it will be set down, the "box of steps" limits the centre of that sole, and in the "capture region"
     of the DCM the planner's limits still allow recovery. The "support polygon" (k, 2) is the hull of the
     soles that carry load; k is 0 in the air.
+
+    While the robot stands, no step is planned, so that both are (0, 2), and the "capture region" (k, 2) is
+    where the DCM can be caught without one: the hull of both soles, widened by what the trunk's swing gives.
     """
     core, limits, truth = episodes.core, episodes.limits, episodes.core.truth[0]
     lean, rate = truth[observation.TRUNK_ANGLE], truth[observation.TRUNK_RATE]
-    offset = recoverable_offset(episodes.robot, limits, float(truth[observation.ELAPSED]), lean, rate)
+    elapsed = float(truth[observation.ELAPSED])
+    offset = recoverable_offset(episodes.robot, limits, max(elapsed, 0.0), lean, rate)
     low = np.array([limits.length_min, limits.width_min])
     high = np.array([limits.length_max, limits.width_max])
     planned, half = core.gait.plan[0, STEP : STEP + 2], np.array(core.body.half_sole)
+    points = {name: core.world[0, place : place + 2].copy() for name, (_, _, place) in POINTS.items()}
+    if elapsed < 0.0:
+        alone = recoverable_offset(episodes.robot, limits, 0.0, lean, rate, flywheel=False)
+        trunk = _rectangle(episodes, offset.low - alone.low, offset.high - alone.high)
+        trunk -= _rectangle(episodes, np.zeros(2), np.zeros(2))  # from the stance sole
+        corners = (_hull_of_soles(episodes, LEGS)[:, None] + trunk).reshape(-1, 2)
+        return {
+            **points,
+            FOOTHOLD: NOWHERE,
+            "box of steps": NOWHERE,
+            "capture region": corners[ConvexHull(corners).vertices],
+            "support polygon": support_polygon(episodes),
+        }
     return {
-        **{name: core.world[0, place : place + 2].copy() for name, (_, _, place) in POINTS.items()},
+        **points,
         FOOTHOLD: _rectangle(episodes, planned - half, planned + half),
         "box of steps": _rectangle(episodes, low, high),
         "capture region": _rectangle(episodes, offset.low, offset.high),
@@ -73,14 +91,17 @@ def _rectangle(episodes: BipedEpisodes, low: Array, high: Array) -> Array:
 
 def support_polygon(episodes: BipedEpisodes) -> Array:
     """Hull (k, 2) of the corners of the soles that carry load, as they lie."""
+    return _hull_of_soles(episodes, np.flatnonzero(episodes.info_rows()[0][LOADED] > 0.0).tolist())
+
+
+def _hull_of_soles(episodes: BipedEpisodes, legs: Sequence[int]) -> Array:
     core, points = episodes.core, []
     state, half = core.true_state(0), np.array(core.body.half_sole)
-    for leg, loaded in enumerate(episodes.info_rows()[0][LOADED] > 0.0):
-        if loaded:
-            axes = state.xmat[0, FOOT_BODY[leg]].reshape(3, 3)[:2, :2]
-            points.append(np.array(sole_position(state, 0, leg)[:2]) + (CORNERS * half) @ axes.T)
+    for leg in legs:
+        axes = state.xmat[0, FOOT_BODY[leg]].reshape(3, 3)[:2, :2]
+        points.append(np.array(sole_position(state, 0, leg)[:2]) + (CORNERS * half) @ axes.T)
     if not points:
-        return np.empty((0, 2))
+        return NOWHERE
     corners = np.concatenate(points)
     return corners[ConvexHull(corners).vertices]
 
@@ -113,8 +134,9 @@ class FloorMarks:
             handle.visible = visible[name] and len(overlays[name]) > 0
             if handle.visible:
                 handle.points = closed_line(overlays[name], REGIONS[name][1])
-        self._foothold.visible = visible[FOOTHOLD]
-        self._foothold.vertices = at_height(overlays[FOOTHOLD], FOOTHOLD_HEIGHT)
+        self._foothold.visible = visible[FOOTHOLD] and len(overlays[FOOTHOLD]) > 0
+        if self._foothold.visible:
+            self._foothold.vertices = at_height(overlays[FOOTHOLD], FOOTHOLD_HEIGHT)
 
 
 def at_height(points: Array, height: float) -> np.ndarray:

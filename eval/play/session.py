@@ -1,4 +1,4 @@
-"""Robots to play with: they walk in step with a clock and are commanded, pushed, put back and compared.
+"""Robots to play with: they walk or stand in step with a clock, are commanded, pushed, put back and compared.
 
 An event is written into a robot's scenario first: a push or a command given now makes a longer scenario, to
 which the robot is put back at the same moment (`restore`). So the walk is at any time that of its scenario
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.model.observation import ELAPSED
 from ...controllers.validation import require_number
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.push import Body, Push
@@ -24,6 +25,7 @@ from ..record.words import fall_words, impulse_words
 from ..rollout.environments import make_env_for
 from ..rollout.episodes import begin_policy
 from ..rollout.policy_source import policy_sources
+from ..rollout.strategy import StrategyMeter
 
 IMPULSE_PER_METRE = 100.0  # K, of a drag [N s/m]
 IMPULSE_MAX = 400.0  # [N s]
@@ -86,10 +88,19 @@ class LaneState:
     memory: Any
 
 
-class Lane:
-    """One biped that walks under a policy, and whose scenario grows while it walks.
+@dataclass(frozen=True)
+class Answer:
+    """What a robot that stood has done about the last push so far, until it was told to walk."""
 
-    It has robot and command of `start`, but neither its pushes nor its end.
+    strategy: str  # of `rollout/strategy.py`
+    steps: int  # completed since the push
+
+
+class Lane:
+    """One biped that walks or stands under a policy, and whose scenario grows while it does.
+
+    It has robot and command of `start`, but neither its pushes nor its end. Told to stand, a robot that
+    cannot steps in place.
     """
 
     def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
@@ -109,13 +120,15 @@ class Lane:
         self.recorder = Recorder(episodes, KEPT)
         self.rows = self.recorder.rows
         self.mass = episodes.robot.mass  # [kg]
+        self._strategy, self._steps_before = StrategyMeter(episodes), 0
         self.restart(start.command)
 
     def restart(self, command: Command) -> None:
         """Begin a new walk."""
-        scenario = replace(self._start, command=command)
+        scenario = replace(self._start, command=self._possible(command))
         self._seen, self.info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
+        self.answer: Answer | None = None
         begin_policy(self.policy, scenario)
         self.rows.clear()
         self.recorder()
@@ -131,15 +144,21 @@ class Lane:
         self._seen, _, fell, late, self.info = self.env.step(action)
         self.over = bool(fell or late)
         self.recorder()
+        if self.answer is not None and self.command.stand:
+            self._strategy.look()
+            self._note_answer()
 
     def push(self, push: Push) -> None:
         """Push from the present time on, or later; a robot that has fallen is not pushed."""
         scenario = self.scenario
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
+        self._strategy.begin(0)
+        self._steps_before = self._steps
+        self._note_answer()
 
     def set_command(self, command: Command) -> None:
         """Another command, in force from the next planning period on."""
-        scenario, at = self.scenario, self.time + self.period
+        scenario, at, command = self.scenario, self.time + self.period, self._possible(command)
         if command == self.command:
             return
         kept = tuple(change for change in scenario.changes if change.time < at - 0.5 * self.period)
@@ -155,7 +174,7 @@ class Lane:
         self._seen, self.info = self.env.restore(state.snapshot)
         same = state.policy == self.name
         self._memory = state.memory if same else None
-        self._first, self.over = not same, False
+        self._first, self.over, self.answer = not same, False, None
         self.rows.clear()
         self.recorder()
 
@@ -175,9 +194,25 @@ class Lane:
         """Since the start of its walk [s]."""
         return float(self.info["time"])
 
+    @property
+    def stands(self) -> bool:
+        """Whether both feet stay where they are."""
+        return bool(self.episodes.core.truth[0, ELAPSED] < 0.0)
+
     def close(self) -> None:
         """Let the environment go."""
         self.env.close()
+
+    @property
+    def _steps(self) -> int:
+        return int(self.episodes.motion().steps[0])
+
+    def _note_answer(self) -> None:
+        strategy = self._strategy.strategy(0)
+        self.answer = None if strategy is None else Answer(strategy, self._steps - self._steps_before)
+
+    def _possible(self, command: Command) -> Command:
+        return command if self.episodes.stands else replace(command, stand=False)
 
     def _go_on(self, scenario: Scenario) -> None:
         self._refuse_fallen()
@@ -192,20 +227,37 @@ RECENT = 30  # samples in which a limit counts as being met
 
 
 def status_words(lane: Lane) -> str:
-    """Whether a robot walks, was pushed, has recovered or fallen: one sentence."""
+    """Whether a robot walks, stands, was pushed, has recovered or fallen, and then which keys help."""
     pushes = lane.scenario.pushes
     push = pushes[-1] if pushes else None
     start = push.start if push is not None and isinstance(push.start, float) else 0.0  # by hand: at a time
     since = lane.time - start
     if lane.over:
-        after = "" if push is None else f" {since:.2f} s after the push"
-        return f"fell{after} ({fall_words(lane.info['failure_reason'])})"
+        after, again = (
+            ("", "") if push is None else (f" {since:.2f} s after the push", ", R to replay the last push")
+        )
+        return f"fell{after} ({fall_words(lane.info['failure_reason'])}): press N to start anew{again}"
     if push is None:
-        return f"walks, {lane.time:.1f} s"
+        return f"{'stands' if lane.stands else 'walks'}, {lane.time:.1f} s"
     settled = lane.info["recovered_at"]
     if settled is not None and settled >= start:
         return f"recovered {settled - start:.2f} s after {impulse_words(push, lane.mass)}"
     return f"pushed {since:.2f} s ago with {impulse_words(push, lane.mass)}"
+
+
+ANSWERS = {  # to a push, by strategy
+    "ankle": "ankles (no step, the DCM stayed over the soles)",
+    "hip": "hips (no step, the trunk's swing brings the DCM back over the soles)",
+}
+
+
+def answer_words(lane: Lane) -> str:
+    """How a robot that stood has answered the last push so far; nothing where there is no such push."""
+    if lane.answer is None:
+        return ""
+    steps = max(lane.answer.steps, 1)  # the first one may be under way
+    stepped = f"{steps} step{'s' if steps > 1 else ''}"
+    return f"answer to the push: {ANSWERS.get(lane.answer.strategy, stepped)}"
 
 
 def limits_words(lane: Lane) -> list[str]:
@@ -240,6 +292,7 @@ class Session:
     def __init__(self, env_id: str, policy: str, beside: str | None = None, start: Scenario = ON_THE_SPOT):
         self.env_id, self.start = env_id, start
         self.paused, self.speed = False, 1.0
+        self.stands = start.command.stand  # at rest; otherwise it steps in place there
         self.last: LastPush | None = None
         self.lanes = [Lane(env_id, policy, start)]
         self._owed = 0.0  # simulated time to catch up with [s]
@@ -306,8 +359,17 @@ class Session:
         self.last = LastPush(pushes[0], before)
         return pushes[0]
 
+    def drive(self, vx: float, vy: float, turn: float) -> None:
+        """Command velocities [m/s] and a turn [rad/s]; at rest the robots stand, or step in place."""
+        self.set_command(self._told(Command(vx, vy, turn)))
+
+    def stand_at_rest(self, stands: bool) -> None:
+        """Whether robots without a velocity stand on both feet from now on."""
+        self.stands = stands
+        self.set_command(self._told(self.first.command))
+
     def set_command(self, command: Command) -> None:
-        """Command all robots that walk."""
+        """Command all robots that have not fallen."""
         for lane in self.lanes:
             if not lane.over:
                 lane.set_command(command)
@@ -324,7 +386,7 @@ class Session:
         self.lanes[index] = new
         walks = not old.over and _tried(lambda: new.put(old.state()))
         if not walks:
-            new.restart(old.command)
+            new.restart(self._told(old.command))
         old.close()
         return walks
 
@@ -344,7 +406,7 @@ class Session:
         if self.first.over:
             self.restart()
         elif not _tried(lambda: new.put(self.first.state())):
-            new.restart(self.first.command)
+            new.restart(self._told(self.first.command))
 
     def replay(self) -> Push:
         """Put every robot back to when the last push was given, and push it again, under its policy of now.
@@ -358,12 +420,14 @@ class Session:
         for lane, state in zip(self.lanes, self.last.before, strict=True):
             lane.put(state)
             lane.push(push_now(push.impulse[:2], state.snapshot.time, push.body))
+        if _at_rest(self.first.command):
+            self.stands = any(lane.command.stand for lane in self.lanes)
         self._owed = 0.0
         return push
 
     def restart(self) -> None:
         """All robots begin a new walk under the command of now."""
-        command = self.first.command
+        command = self._told(self.first.command)
         for lane in self.lanes:
             lane.restart(command)
         self._owed = 0.0
@@ -378,8 +442,16 @@ class Session:
         first = self.first.state()
         for lane in self.lanes[1:]:
             if not _tried(lambda lane=lane: lane.put(first)) and lane.over:
-                lane.restart(self.first.command)
+                lane.restart(self._told(self.first.command))
         return (first, *(lane.state() for lane in self.lanes[1:]))
+
+    def _told(self, command: Command) -> Command:
+        """A command as robots are told it: at rest to stand, where that has been chosen."""
+        return replace(command, stand=self.stands and _at_rest(command))
+
+
+def _at_rest(command: Command) -> bool:
+    return not (command.vx or command.vy or command.turn)
 
 
 def _tried(call: Callable[[], None]) -> bool:

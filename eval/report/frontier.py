@@ -1,4 +1,4 @@
-"""The page of `frontier`: the hardest push that each policy withstands, by direction, beside F*.
+"""The page of `frontier`: the hardest push that each policy withstands, by direction, beside F* and F*_stand.
 
 Frontiers here have the labels of policies as their names; rows keep the names that commands take.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
-from ..score.frontier import OWN, PAPER, Frontier, fall_cell, frontier_table, limit_curves
+from ..score.frontier import OWN, PAPER, STAND, Frontier, fall_cell, frontier_table, limit_curves
 from . import page
 from .page import Command
 
@@ -51,18 +51,28 @@ def mean_share(found: Frontier, policy: str) -> float:
     return sum(known) / len(known) if known else math.nan
 
 
+def mean_share_in_place(found: Frontier, policy: str) -> float:
+    """Largest force that a standing robot catches without a step, of F*_stand, mean over the directions."""
+    entries = found.to_dict(policy)["directions"]
+    return sum(entry["stand_N"] / entry["own_stand_limit_N"] for entry in entries) / len(entries)
+
+
 def verdict(found: Frontier) -> str:
-    """Who withstands most in the mean, and in how many directions it is ahead of the next."""
+    """Who withstands most in the mean, where it is ahead of the next, and what is caught without a step."""
     best, *others = sorted(found.rows, key=lambda name: -mean_share(found, name))
     text = f"{best} withstands {100.0 * mean_share(found, best):.0f} % of F* in the mean"
+    in_place = ""
+    if found.settings.command.stand:
+        shares = [f"{name} {100.0 * mean_share_in_place(found, name):.0f} %" for name in (best, *others)]
+        in_place = f" Of F*_stand, caught without a step: {', '.join(shares)}."
     if not others:
-        return f"{text} of {len(found.limits)} directions."
+        return f"{text} of {len(found.limits)} directions.{in_place}"
     rows = zip(found.rows[best], found.rows[others[0]], strict=True)
     leads = [a["survived_N"] - b["survived_N"] for a, b in rows]
     return (
         f"{text}, {others[0]} {100.0 * mean_share(found, others[0]):.0f} %: the first takes the harder push "
         f"in {sum(lead > 0 for lead in leads)} of {len(leads)} directions, the second in "
-        f"{sum(lead < 0 for lead in leads)}."
+        f"{sum(lead < 0 for lead in leads)}.{in_place}"
     )
 
 
@@ -92,27 +102,30 @@ def _figures(found: Frontier) -> list[tuple[str, str]]:
     with closing(make_env(settings.env_id)) as env:
         curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
     forces = [row["survived_N"] for rows in found.rows.values() for row in rows]
-    furthest = 1.05 * max(*forces, *curves[OWN])
+    furthest = 1.05 * max(*forces, *curves[OWN], *curves[STAND])
     return [(label, _figure(label, rows, angles, curves, furthest)) for label, rows in found.rows.items()]
 
 
 def _figure(
     label: str, rows: Rows, angles: np.ndarray, curves: Mapping[str, Sequence[float]], furthest: float
 ) -> str:
-    """Forces of one policy around the robot, between both limits; forward is up."""
+    """Forces of one policy around the robot, between the limits; forward is up."""
     from matplotlib.ticker import MaxNLocator
 
     with page.panel(3.6, polar=True) as (figure, axes):
         axes.set_theta_zero_location("N")
-        for name, color, line in ((OWN, page.INK, "-"), (PAPER, page.GREY, (0, (4, 2)))):
+        drawn = (OWN, page.INK, "-"), (PAPER, page.GREY, (0, (4, 2))), (STAND, page.ORANGE, "-.")
+        for name, color, line in drawn:
             look = {"color": color, "linewidth": 1.1, "linestyle": line}
             axes.plot(np.radians(angles), curves[name], label=name, **look)
         psi = [math.radians(row["psi_deg"]) for row in rows]
-        force = [row["survived_N"] for row in rows]
-        axes.plot(
-            [*psi, psi[0]], [*force, force[0]], color=page.BLUE, marker="o", markersize=3.5, linewidth=1.4,
-            label=label,
-        )  # fmt: skip
+        for key, name, line in (("survived_N", label, "-"), ("stand_N", f"{label} without a step", ":")):
+            if key in rows[0]:
+                force = [row[key] for row in rows]
+                axes.plot(
+                    [*psi, psi[0]], [*force, force[0]], color=page.BLUE, marker="o", markersize=3.5,
+                    linewidth=1.4, linestyle=line, label=name,
+                )  # fmt: skip
         axes.set_thetagrids(range(0, 360, 45), ("forward", "", "left", "", "backward", "", "right", ""))
         axes.set_ylim(0.0, furthest)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, furthest) if 0.0 < tick < furthest])

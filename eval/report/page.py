@@ -25,7 +25,7 @@ PROGRAM = "push-recovery"
 WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
 OF_ROBOT = {"--env", "--preset", "--errors"}  # options of `play` that decide what a scenario is, too
 OF_SUITE = OF_ROBOT | {"--suite"}
-OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy"}
+OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy", "--stand"}
 
 
 @dataclass(frozen=True)

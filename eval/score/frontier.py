@@ -1,5 +1,8 @@
 """The largest recoverable push by direction, beside the closed-form limit F* of two boxes of steps.
 
+A robot that stands is pushed at rest, and the largest push that it catches without a step is found, too,
+beside F*_stand, the limit of every controller that takes none.
+
 Forces of a grid are tried, weakest first, until `BEYOND` past the first failure: survival is not monotone in
 the force, and beyond the first failure there may be islands that are survived.
 
@@ -41,6 +44,7 @@ from ..rollout.workers import Runner, parallel
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
 FORCE_CAP = 4000.0  # no scan goes further [N]
 NOMINAL_STEPS = 4  # before the push
+AT_REST_FOR = 0.5  # a robot that stands, before the push [s]
 TOLERANCE = 1e-9  # of strengths that are multiples of a grid
 T = TypeVar("T")
 
@@ -111,14 +115,16 @@ def directions_deg(count: int) -> list[float]:
 
 
 OWN, PAPER, POINT_FOOT = "F* of the robot's own box", "F* of the paper's box", "own box, point foot"
+STAND = "F*_stand of the robot's own soles and trunk"
 
 
 @dataclass(frozen=True)
 class DirectionLimits:
-    """F* in one direction [N]."""
+    """F* and F*_stand in one direction [N]."""
 
     own: float  # of the robot's own gait limits
     paper: float  # of the paper's robot and gait limits
+    stand: float  # of the robot's own soles and trunk, at rest on both feet, without a step
 
 
 def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
@@ -156,21 +162,29 @@ def limit_force(env: gym.Env, psi: float, duration: float, command: Command) -> 
     return float(max_recoverable_force(RobotModel(), psi, duration, gait=gait))
 
 
+def standing_limit_force(env: gym.Env, psi: float, duration: float) -> float:
+    """F*_stand [N] of the environment's own soles and trunk; arguments as for `limit_force`."""
+    unwrapped: Any = env.unwrapped
+    return max_standing_force(unwrapped.robot, psi, duration, limits=unwrapped.limits)
+
+
 def direction_limits(env: gym.Env, psi_deg: float, duration: float, command: Command) -> DirectionLimits:
-    """Both limits towards psi [deg]; the other arguments as for `limit_force`."""
+    """All limits towards psi [deg]; the other arguments as for `limit_force`."""
     push = math.radians(psi_deg), duration, command
-    return DirectionLimits(own_limit_force(env, *push), limit_force(env, *push))
+    stand = standing_limit_force(env, *push[:2])
+    return DirectionLimits(own_limit_force(env, *push), limit_force(env, *push), stand)
 
 
 def limit_curves(
     env: gym.Env, psi_deg: Sequence[float], duration: float, command: Command
 ) -> dict[str, list[float]]:
-    """Limits [N] over directions [deg]: both yardsticks, and the own box with a point foot."""
+    """Limits [N] over directions [deg]: both yardsticks, the own box with a point foot, and F*_stand."""
     pushes = [(math.radians(psi), duration, command) for psi in psi_deg]
     return {
         OWN: [own_limit_force(env, *push) for push in pushes],
         PAPER: [limit_force(env, *push) for push in pushes],
         POINT_FOOT: [own_limit_force(env, *push, point_foot=True) for push in pushes],
+        STAND: [standing_limit_force(env, *push[:2]) for push in pushes],
     }
 
 
@@ -238,7 +252,10 @@ SIMULATED = 500.0  # seconds of a robot that one direction of a policy takes, ab
 
 @dataclass(frozen=True)
 class FrontierSettings:
-    """The push whose force is scanned: at the start of a left stance after four nominal steps."""
+    """The push whose force is scanned: at the start of a left stance after four nominal steps.
+
+    A robot whose command is to stand is pushed after AT_REST_FOR.
+    """
 
     env_id: str
     grid: float = 20.0  # [N]
@@ -255,8 +272,8 @@ class FrontierSettings:
 
     def scenario(self, psi_deg: float, force: float) -> Scenario:
         """The push of `force` [N] towards psi."""
-        event = GaitEvent(NOMINAL_STEPS, "left", 0.0)
-        push = polar_push(force, math.radians(psi_deg), self.duration, event, self.body)
+        start = AT_REST_FOR if self.command.stand else GaitEvent(NOMINAL_STEPS, "left", 0.0)
+        push = polar_push(force, math.radians(psi_deg), self.duration, start, self.body)
         name = f"frontier-{psi_deg:g}deg-{force:g}N"
         scenario = Scenario(name, (push,), self.command, "left", errors=self.errors)
         return profile_on(self.env_id, self.profile).applied(scenario)
@@ -283,7 +300,7 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
         lambda outcome: outcome.survived,
     )
     found = Scanned.of({force: outcome.survived for force, outcome in outcomes.items()})
-    return {
+    row = {
         "policy": job.policy,
         "psi_deg": job.psi_deg,
         "survived_N": found.survived,
@@ -294,6 +311,10 @@ def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
             for force, fell in ((force, outcomes[force].to_dict()) for force in found.failed)
         ],
     }
+    if job.settings.command.stand:
+        stayed = {force: seen.survived and not seen.measures["steps"] for force, seen in outcomes.items()}
+        row["stand_N"] = Scanned.of(stayed).survived
+    return row
 
 
 def _outcomes(runner: Runner, job: ScanJob, forces: Iterator[float]) -> Iterator[tuple[float, Outcome]]:
@@ -316,7 +337,7 @@ class Frontier:
 
     settings: FrontierSettings
     rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
-    limits: Mapping[float, DirectionLimits]  # F* by direction [deg]
+    limits: Mapping[float, DirectionLimits]  # by direction [deg]
     directory: Path
 
     def to_dict(self, policy: str) -> dict[str, Any]:
@@ -333,6 +354,8 @@ class Frontier:
                     "fraction": force / limit.paper if limit.paper > 0 else None,
                     "own_limit_N": limit.own,
                     "own_fraction": force / limit.own if limit.own > 0 else None,
+                    "own_stand_limit_N": limit.stand,
+                    **{name: row[name] for name in ("stand_N",) if name in row},
                 }
             )
         push = {"duration": self.settings.duration, "body": self.settings.body}
@@ -403,24 +426,42 @@ def _force_cell(entry: Mapping[str, Any]) -> str:
     return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
 
 
+def _stand_cell(entry: Mapping[str, Any]) -> str:
+    """Largest force caught without a step, and its share of F*_stand."""
+    return f"{entry['stand_N']:.0f} ({entry['stand_N'] / entry['own_stand_limit_N']:.2f})"
+
+
 def frontier_table(
     frontier: Frontier, name_of: Callable[[float], str] = "{:g}".format, falls: bool = True
 ) -> Table:
-    """Both F*, the force of each policy, and what fells it (`falls`), by direction, named by `name_of`."""
+    """Limits, forces of each policy, and what fells it (`falls`), by direction, named by `name_of`."""
     entries = [frontier.to_dict(name)["directions"] for name in frontier.rows]
-    lines = []
+    stands, lines = frontier.settings.command.stand, []
     for index, (psi, limit) in enumerate(frontier.limits.items()):
-        forces = (_force_cell(directions[index]) for directions in entries)
+        forces = [_force_cell(directions[index]) for directions in entries]
+        forces += [_stand_cell(directions[index]) for directions in entries if stands]
         cells = (fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()) if falls else ()
-        lines.append((name_of(psi), f"{limit.own:.0f}", f"{limit.paper:.0f}", *forces, *cells))
+        limits = (f"{force:.0f}" for force in (limit.own, limit.paper, limit.stand))
+        lines.append((name_of(psi), *limits, *forces, *cells))
     names = list(frontier.rows)
+    in_place = [f"{name} without a step" for name in names if stands]
     falls_by = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
     return Table(
         f"{frontier.settings.env_id}: largest force before the first failure [N]",
-        ("psi [deg]", "own F* [N]", "paper's F* [N]", *names, *(falls_by if falls else ())),
+        (
+            "psi [deg]",
+            "own F* [N]",
+            "paper's F* [N]",
+            "own F*_stand [N]",
+            *names,
+            *in_place,
+            *(falls_by if falls else ()),
+        ),
         lines,
         "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
-        "the largest force survived at all where that is more."
+        "the largest force survived at all where that is more. F*_stand is what a robot at rest on both feet "
+        "can at most be pushed with so that it need not step."
+        + (" Without a step: in brackets the share of it." if stands else "")
         + (
             " Falls by: the limit that the first failure met first, then the three that it met for the "
             "longest share of the time."
@@ -441,13 +482,14 @@ def write_frontier_reports(frontier: Frontier) -> Path:
     return write_reports(frontier.directory, {"policies": policies}, markdown)
 
 
-STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:"}
+STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:", STAND: "k-."}
 
 
 def save_pictures(frontier: Frontier) -> list[Path]:
     """Write frontier.png and frontier.svg into the frontier's directory.
 
-    Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side.
+    Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side. Where the robot
+    stands, the dashed lines are what it caught without a step.
     """
     from matplotlib.figure import Figure
 
@@ -463,12 +505,17 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     for policy, rows in frontier.rows.items():
         psi = [math.radians(row["psi_deg"]) for row in rows]
         force = [row["survived_N"] for row in rows]
-        axes.plot([*psi, psi[0]], [*force, force[0]], marker="o", markersize=3, label=policy)
+        (line,) = axes.plot([*psi, psi[0]], [*force, force[0]], marker="o", markersize=3, label=policy)
+        if settings.command.stand:
+            force, color = [row["stand_N"] for row in rows], line.get_color()
+            label = f"{policy} without a step"
+            axes.plot([*psi, psi[0]], [*force, force[0]], "o--", color=color, markersize=3, label=label)
+    moment = "at rest on both feet" if settings.command.stand else "start of a left stance"
     axes.set_title(
         f"{settings.env_id}: largest force before the first failure [N]\n"
-        f"{settings.body}, {settings.duration:g} s, start of a left stance; forward is up"
+        f"{settings.body}, {settings.duration:g} s, {moment}; forward is up"
     )
-    figure.legend(loc="outside lower center", fontsize="small", ncols=3)
+    figure.legend(loc="outside lower center", fontsize="small", ncols=2)
     paths = [frontier.directory / f"frontier.{suffix}" for suffix in ("png", "svg")]
     for path in paths:
         buffer = io.BytesIO()

@@ -6,6 +6,7 @@ the machine; what is waited for is waited for with a long limit.
 
 import shutil
 import time
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,14 @@ pytest.importorskip("viser", reason="needs the extra play")
 pytest.importorskip("mjviser", reason="needs the extra play")
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
 
-from push_recovery.eval.play.browser import PHONE_CAMERA, PHONE_LOOK_AT, camera_axes, open_app  # noqa: E402
+from push_recovery.envs.scenario.scenario import Command  # noqa: E402
+from push_recovery.eval.play.browser import (  # noqa: E402
+    PHONE_CAMERA,
+    PHONE_LOOK_AT,
+    camera_axes,
+    look_above_the_panel,
+    open_app,
+)
 from push_recovery.eval.play.gate import Gate  # noqa: E402
 from push_recovery.eval.play.scene import CAMERA, LOOK_AT  # noqa: E402
 from push_recovery.eval.play.session import IMPULSE_PER_METRE, Session  # noqa: E402
@@ -172,6 +180,22 @@ def test_a_key_pushes(played):
     assert session.first.scenario.pushes[0].impulse == pytest.approx((0.0, 12.0, 0.0))
 
 
+def test_a_box_lets_the_robot_stand_and_its_answer_is_told(played):
+    session, page = played.session, played.page
+    session.switch("two-stage")
+    page.get_by_text("stand at rest").click()
+    wait(played.app, lambda: session.first.command == Command(stand=True), "the command to stand")
+    for _ in range(200):
+        session.step()
+    session.push([10.0, 0.0])
+    for _ in range(50):
+        session.step()
+    played.app.frame(0.0)
+    page.get_by_text("answer to the push: ankles").wait_for()
+    page.get_by_text("stand at rest").click()
+    wait(played.app, lambda: session.first.command == Command(), "the command to step in place")
+
+
 def test_two_windows_see_the_same_robot(played):
     other = played.page.context.new_page()
     other.goto(f"http://{played.address}/")
@@ -202,6 +226,39 @@ def test_on_a_phone_the_robot_is_above_the_panel(played):
     assert page.get_by_text("push-recovery play").bounding_box()["y"] > floor[1] + 20
     page.close()
     wait(played.app, lambda: set(server.get_clients()) == others, "the phone's end")
+
+
+def done(coroutine):
+    """Let a coroutine that waits for nothing run to its end."""
+    with pytest.raises(StopIteration):
+        coroutine.send(None)
+
+
+class Camera:
+    """What a page tells of its camera, and who is told of it."""
+
+    def __init__(self):
+        self.callbacks, self.atomic = [], nullcontext
+        self.camera, self.on_update = self, self.callbacks.append
+
+    def tells(self, position, look_at, aspect):
+        """The camera after the answers to what the page has told."""
+        self.position, self.look_at, self.aspect = position, look_at, aspect
+        for callback in self.callbacks:
+            done(callback(self))
+        return self.position, self.look_at
+
+
+def test_a_phone_is_put_above_the_panel_whenever_it_takes_the_initial_camera():
+    """In the order of a page that loads: it knows its size late, and takes the initial camera twice."""
+    camera = Camera()
+    done(look_above_the_panel(camera))
+    phone, initial, own = (PHONE_CAMERA, PHONE_LOOK_AT), (CAMERA, LOOK_AT), ((1.0, 2.0, 3.0), LOOK_AT)
+    assert camera.tells(*initial, 2.0) == initial  # a canvas without a size, or a desktop
+    assert camera.tells(*initial, 0.46) == phone
+    assert camera.tells(*phone, 0.46) == phone
+    assert camera.tells(*initial, 0.46) == phone
+    assert camera.tells(*own, 0.46) == own  # somebody has turned the view
 
 
 def connected(address, **head):

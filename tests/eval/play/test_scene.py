@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import capture_margin
-from push_recovery.controllers.model.observation import DCM, ELAPSED, TRUNK_ANGLE, TRUNK_RATE
+from push_recovery.controllers.model.observation import DCM, ELAPSED, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
+from push_recovery.controllers.model.standing import Feet, standing_margin
 from push_recovery.controllers.whole_body.kinematics import sole_position
-from push_recovery.envs.scenario.scenario import Command
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.play.scene import overlays_of
-from push_recovery.eval.play.session import Lane
+from push_recovery.eval.play.session import Lane, push_now
 
 
 def area(polygon):
@@ -59,6 +60,24 @@ def test_overlays_of_a_turning_robot(lane):
         sides.add(stance)
     assert sides == {0, 1}
     assert core.gait.heading[0] > 0.4
+
+
+@pytest.mark.parametrize("impulse", [(30.0, 0.0), (0.0, -40.0)])  # soles turn under oblique ones
+def test_a_standing_robot_has_the_region_that_it_can_be_caught_in_and_no_step(impulse):
+    lane = Lane("PushRecovery/Biped-v0", "two-stage", Scenario("stand", (), Command(stand=True)))
+    lane.push(push_now(impulse, lane.time))
+    leant = 0.0
+    for _ in range(40):
+        lane.step()
+        robot, limits, truth = lane.episodes.robot, lane.episodes.limits, lane.episodes.core.truth[0]
+        overlays, trunk = overlays_of(lane.episodes), (truth[TRUNK_ANGLE], truth[TRUNK_RATE])
+        margin = standing_margin(robot, limits, Feet(tuple(truth[SWING_POSITION][:2])), truth[DCM], *trunk)
+        assert inside(overlays["capture region"], overlays["DCM"]) == pytest.approx(margin, abs=2e-3)
+        assert len(overlays["planned step"]) == len(overlays["box of steps"]) == 0
+        leant = max(leant, np.abs(trunk[0]).max())
+    assert leant > 0.15
+    assert lane.stands
+    lane.close()
 
 
 def test_the_support_is_the_hull_of_the_loaded_soles(lane):

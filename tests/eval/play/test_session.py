@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.envs.scenario.scenario import Command
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.play import session as play
 from push_recovery.eval.play.session import IMPULSE_MAX, Session, dragged_impulse, floor_impulse, status_words
 from push_recovery.eval.record.record import record
@@ -173,6 +173,7 @@ def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
     assert lane.over
     assert status_words(lane).startswith("fell ")
     assert FALLS[lane.info["failure_reason"]] in status_words(lane)
+    assert status_words(lane).endswith(": press N to start anew, R to replay the last push")
     time = lane.time
     go(session, 5)
     assert lane.time == time
@@ -183,6 +184,68 @@ def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
     assert not lane.over
     session.restart()
     assert (lane.time, lane.command) == (0.0, Command(0.1))
+
+
+@pytest.fixture
+def standing():
+    session = Session(BIPED, "two-stage", start=Scenario("stand", (), Command(stand=True)))
+    go(session, 50)
+    yield session
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("impulse", "answer"),
+    # forward the soles alone catch 25 N s, with the trunk 45 N s, of 0.1 s (docs/standing.md)
+    [
+        (18.0, "ankles (no step, the DCM stayed over the soles)"),
+        (-33.0, "hips (no step, the trunk's swing brings the DCM back over the soles)"),
+        (60.0, "2 steps"),
+    ],
+)
+def test_the_words_for_a_standing_robots_answer_follow_from_where_its_limits_are(standing, impulse, answer):
+    assert (status_words(standing.first), play.answer_words(standing.first)) == ("stands, 0.5 s", "")
+    standing.push([impulse, 0.0])
+    assert play.answer_words(standing.first) == f"answer to the push: {play.ANSWERS['ankle']}"  # as yet
+    go(standing, 250)
+    assert status_words(standing.first).startswith("recovered ")
+    assert play.answer_words(standing.first) == f"answer to the push: {answer}"
+    standing.drive(0.2, 0.0, 0.0)
+    go(standing, 150)
+    assert play.answer_words(standing.first) == f"answer to the push: {answer}"  # its walk is no answer
+    standing.push([5.0, 0.0])
+    assert play.answer_words(standing.first) == ""
+
+
+def test_a_robot_that_stands_at_rest_walks_when_driven_and_stands_again(standing):
+    standing.drive(0.3, 0.0, 0.0)
+    assert standing.first.command == Command(0.3)
+    go(standing, 150)
+    assert not standing.first.stands
+    standing.stand_at_rest(False)
+    standing.stand_at_rest(True)
+    assert standing.first.command == Command(0.3)
+    standing.drive(0.0, 0.0, 0.0)
+    go(standing, 200)
+    assert standing.first.stands
+    standing.push([10.0, 0.0])
+    standing.stand_at_rest(False)
+    go(standing, 30)
+    assert standing.first.command == Command()
+    assert not standing.first.stands
+    standing.replay()
+    assert standing.stands
+    assert standing.first.command == Command(stand=True)
+
+
+def test_a_robot_on_joints_steps_in_place_beside_one_that_stands(standing):
+    standing.put_beside("joint-residual")
+    go(standing, 20)
+    standing.push([5.0, 0.0])
+    go(standing, 20)
+    first, second = standing.lanes
+    assert (first.command.stand, second.command.stand) == (True, False)
+    assert (first.stands, second.stands, play.answer_words(second)) == (True, False, "")
 
 
 def test_the_clock_is_followed_at_its_speed(session):

@@ -1,8 +1,10 @@
 """The page of a frontier on rows written by hand."""
 
 import shlex
+from dataclasses import replace
 
 import pytest
+from push_recovery.envs.scenario.scenario import AT_REST
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.studies import Frontier as FrontierOptions
 from push_recovery.eval.report import frontier
@@ -28,8 +30,8 @@ def found(tmp_path):
         "p": [row(0.0, 140.0, [FALL]), row(90.0, 100.0), row(180.0, 100.0)],
         "q": [row(0.0, 120.0), row(90.0, 120.0), row(180.0, 100.0)],
     }
-    limits = {0.0: (400.0, 200.0), 90.0: (200.0, 90.0), 180.0: (0.0, 50.0)}
-    limits = {psi: DirectionLimits(*pair) for psi, pair in limits.items()}
+    limits = {0.0: (400.0, 200.0, 160.0), 90.0: (200.0, 90.0, 125.0), 180.0: (0.0, 50.0, 80.0)}
+    limits = {psi: DirectionLimits(*forces) for psi, forces in limits.items()}
     return Frontier(FrontierSettings("PushRecovery/Pendulum-v0"), rows, limits, tmp_path)
 
 
@@ -40,8 +42,33 @@ def test_shares_are_of_the_own_box_where_it_has_a_limit(found):
         "the second in 1."
     )
     first, _, last = frontier_table(found, frontier.direction_text, falls=False).rows
-    assert first == ("0°, forward", "400", "200", "140 (0.35, 0.70)", "120 (0.30, 0.60)")
-    assert last == ("180°, backward", "0", "50", "100 (-, 2.00)", "100 (-, 2.00)")
+    assert first == ("0°, forward", "400", "200", "160", "140 (0.35, 0.70)", "120 (0.30, 0.60)")
+    assert last == ("180°, backward", "0", "50", "80", "100 (-, 2.00)", "100 (-, 2.00)")
+
+
+def standing(found):
+    """The same of robots that stand: p takes no step up to 80, 100 and 60 N, q up to 120, 100 and 60 N."""
+    caught = {"p": (80.0, 100.0, 60.0), "q": (120.0, 100.0, 60.0)}
+    rows = {
+        name: [{**row, "stand_N": force} for row, force in zip(found.rows[name], forces, strict=True)]
+        for name, forces in caught.items()
+    }
+    return replace(found, settings=replace(found.settings, command=AT_REST), rows=rows)
+
+
+def test_a_standing_robot_is_measured_by_what_it_catches_without_a_step_too(found):
+    found = standing(found)
+    assert frontier.mean_share_in_place(found, "p") == pytest.approx((80 / 160 + 100 / 125 + 60 / 80) / 3)
+    assert frontier.verdict(found).endswith(
+        "the second in 1. Of F*_stand, caught without a step: q 77 %, p 68 %."
+    )
+    table = frontier_table(found, falls=False)
+    assert table.columns[4:] == ("p", "q", "p without a step", "q without a step")
+    assert table.rows[0][6:] == ("80 (0.50)", "120 (0.75)")
+    assert found.to_dict("q")["directions"][0]["stand_N"] == 120.0
+    text = frontier.write_frontier_page(found, Command(("frontier",))).read_text()
+    assert "stands on both feet. After half a second at rest, a force" in text
+    assert "walks" not in text.split("</section>")[0]
 
 
 def test_a_fall_is_replayed_by_the_push_that_it_was(found):
@@ -49,6 +76,9 @@ def test_a_fall_is_replayed_by_the_push_that_it_was(found):
     (line,) = frontier.falls_table(found, command_of("frontier", options)).rows
     assert line[:4] == ("p", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
     play = parse("play", shlex.split(line[4])[2:])
+    assert not play.stand
+    stands = command_of("frontier", FrontierOptions(policies=("p",), stand=True))
+    assert parse("play", shlex.split(stands.replay_push(0.0, 160.0, "p"))[2:]).stand
     assert (play.psi, play.force, play.policy, play.vx, play.body, play.profile) == (
         0.0, 160.0, "p", 0.2, "trunk", "hardware"
     )  # fmt: skip

@@ -17,7 +17,7 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.scenario import HARDWARE, Command
+from push_recovery.envs.scenario.scenario import AT_REST, HARDWARE, IN_PLACE, Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.names import DEFAULT_ENV
@@ -142,7 +142,10 @@ def test_a_mirrored_push_has_the_same_share_and_one_at_a_time_has_none(env):
 
 
 class Holes:
-    """A runner whose robot survives the forces that a predicate accepts; remembers what it was asked."""
+    """A runner whose robot survives the forces that a predicate accepts, with a step from 130 N on.
+
+    It remembers what it was asked.
+    """
 
     def __init__(self, survives):
         self.survives = survives
@@ -159,12 +162,14 @@ class Holes:
         recovered = ok and force < 100.0  # the largest force survived counts, settled or not
         end = None, None if ok else "low", 1.0, 1, 0.0
         push = force / 10, 0.0, 1, (0.0, 0.0)
-        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *limits)
+        steps = {"steps": int(force > 130.0)}
+        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *limits, measures=steps)
 
 
-def scan_with(survives, grid=20.0):
+def scan_with(survives, grid=20.0, command=IN_PLACE):
     runner = Holes(survives)
-    return scans.scan(runner, scans.ScanJob(FrontierSettings("env", grid), "p", 30.0)), runner.forces  # type: ignore[arg-type]
+    job = scans.ScanJob(FrontierSettings("env", grid, command=command), "p", 30.0)
+    return scans.scan(runner, job), runner.forces  # type: ignore[arg-type]
 
 
 def test_scan_goes_100_newtons_past_the_first_failure():
@@ -176,6 +181,42 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     row, forces = scan_with(lambda force: False, grid=10.0)  # always falls
     assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
     assert forces == [10.0 * k for k in range(1, 12)]
+
+
+def test_a_standing_robots_scan_tells_the_largest_force_without_a_step_or_a_fall():
+    walking, forces = scan_with(lambda force: force < 210)
+    row, same = scan_with(lambda force: force < 210, command=AT_REST)
+    assert (row["stand_N"], row["survived_N"], same) == (120.0, 200.0, forces)
+    assert {**walking, "stand_N": 120.0} == row
+    row, _ = scan_with(lambda force: force < 90, command=AT_REST)  # falls before it steps
+    assert row["stand_N"] == 80.0
+
+
+def test_a_standing_robot_is_pushed_at_rest():
+    (push,) = FrontierSettings("env", command=AT_REST).scenario(90.0, 140.0).pushes
+    assert (push.start, push.force) == (0.5, pytest.approx((0.0, 140.0, 0.0), abs=1e-12))
+
+
+@pytest.mark.parametrize(("psi", "reach"), [(0.0, 0.1), (math.pi / 2, 0.15)])
+def test_the_standing_limit_is_how_far_both_soles_reach_and_what_the_trunk_gives(env, psi, reach):
+    """0.2 x 0.1 m soles whose centres are 0.2 m apart; B by the closed form of a bang-bang swing."""
+    torque, inertia, lean = PAPER.trunk_torque_max, PAPER.trunk_inertia, PAPER.trunk_angle_max
+    swing = math.sqrt(lean * inertia / torque)
+    reserve = torque / (PAPER.mass * 9.81) * (1.0 - math.exp(-PAPER.omega * swing)) ** 2
+    expected = force_for(PAPER, reach + reserve)
+    assert scans.standing_limit_force(env, psi, DURATION) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_pendulum_catches_in_place_what_its_own_limit_leaves_it(tmp_path):
+    """A period of 10 ms late it loses 3.4 % of F*_stand: 450 N forward, 575 N aside."""
+    settings = FrontierSettings("PushRecovery/Pendulum-v0", 100.0, command=AT_REST)
+    found = scans.frontier(settings, ["two-stage"], 4, 1, tmp_path).to_dict("two-stage")["directions"]
+    assert [entry["stand_N"] for entry in found] == [400.0, 500.0, 400.0, 500.0]
+    assert all(entry["survived_N"] > entry["own_stand_limit_N"] for entry in found[::2])
+    scans.save_pictures(scans.frontier(settings, ["two-stage"], 4, 1, tmp_path))
+    text = (tmp_path / "frontier.svg").read_text()
+    assert "two-stage without a step" in text
+    assert scans.STAND in text
 
 
 def test_scan_keeps_the_limits_of_every_failed_force():
@@ -256,7 +297,7 @@ def test_json_and_pictures(tmp_path, capsys):
     assert content["push"] == {"duration": 0.1, "body": "pelvis"}
     assert [entry["psi_deg"] for entry in content["directions"]] == [0.0, 120.0, 240.0]
     for entry in content["directions"]:
-        forces = {"survived_N", "largest_survived_N", "limit_N", "own_limit_N"}
+        forces = {"survived_N", "largest_survived_N", "limit_N", "own_limit_N", "own_stand_limit_N"}
         assert set(entry) == {"psi_deg", "fraction", "own_fraction", *forces}
         assert 0 < entry["survived_N"] <= entry["largest_survived_N"]
         assert entry["fraction"] == pytest.approx(entry["survived_N"] / entry["limit_N"])
@@ -299,9 +340,9 @@ def test_own_limit_is_that_of_the_environments_own_box():
     found = scans.direction_limits(env, 0.0, 0.1, Command())
     assert expected < found.own < found.paper == scans.limit_force(env, 0.0, 0.1, Command())
     curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
-    assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT]
-    for psi, own, paper, point in zip((0.0, -90.0), *curves.values(), strict=True):
-        assert scans.DirectionLimits(own, paper) == scans.direction_limits(env, psi, 0.1, Command())
+    assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT, scans.STAND]
+    for psi, own, paper, point, stand in zip((0.0, -90.0), *curves.values(), strict=True):
+        assert scans.DirectionLimits(own, paper, stand) == scans.direction_limits(env, psi, 0.1, Command())
         assert point < own
 
 
@@ -312,19 +353,26 @@ def row(psi, survived, largest):
 FRONTIER = scans.Frontier(
     FrontierSettings("env"),
     {"p": [row(0.0, 100.0, 100.0), row(180.0, 150.0, 240.0)]},
-    {0.0: scans.DirectionLimits(own=400.0, paper=200.0), 180.0: scans.DirectionLimits(own=300.0, paper=0.0)},
+    {0.0: scans.DirectionLimits(400.0, 200.0, 125.0), 180.0: scans.DirectionLimits(300.0, 0.0, 75.0)},
     Path("out"),
 )
 
 
 def test_shares_are_of_the_own_box_then_of_the_papers_in_the_table_and_in_the_contracts_object():
     first, second = scans.frontier_table(FRONTIER).rows
-    assert first == ("0", "400", "200", "100 (0.25, 0.50)", "-")
-    assert second == ("180", "300", "0", "150 (0.50, -; 240)", "-")  # more survived beyond the first failure
-    columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "p", "falls by"
+    assert first == ("0", "400", "200", "125", "100 (0.25, 0.50)", "-")
+    assert second == (
+        "180",
+        "300",
+        "0",
+        "75",
+        "150 (0.50, -; 240)",
+        "-",
+    )  # more survived beyond the first failure
+    columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "own F*_stand [N]", "p", "falls by"
     assert scans.frontier_table(FRONTIER).columns == columns
     entry, _ = FRONTIER.to_dict("p")["directions"]
     assert entry == {
         "psi_deg": 0.0, "survived_N": 100.0, "largest_survived_N": 100.0, "limit_N": 200.0, "fraction": 0.5,
-        "own_limit_N": 400.0, "own_fraction": 0.25,
+        "own_limit_N": 400.0, "own_fraction": 0.25, "own_stand_limit_N": 125.0,
     }  # fmt: skip
