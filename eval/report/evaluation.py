@@ -30,7 +30,7 @@ def labelled(evaluations: Evaluations) -> dict[str, Evaluation]:
 def write_evaluation_page(
     evaluations: Evaluations, command: Command, directory: Path, pictures: PicturePart = NONE
 ) -> Path:
-    """Write report.html into a directory, for evaluations of the same policies by profile; returns its path.
+    """Write the page of a command into a directory, for evaluations of the same policies; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -57,7 +57,7 @@ def write_evaluation_page(
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),
     }
     env.close()
-    return write_page(directory, "evaluation.html", content)
+    return write_page(directory, "evaluation.html", content, command.page)
 
 
 def with_pictures(evaluations: Evaluations, command: Command, directory: Path) -> Path:

@@ -36,6 +36,11 @@ class Command:
     options: tuple[tuple[str, tuple[str, ...]], ...] = ()  # as ("--suite", ("quick",))
 
     @property
+    def page(self) -> str:
+        """Name of the page that answers it; a question about policies by name has a page of its own."""
+        return f"{file_stem('-'.join(self.words))}.html" if len(self.words) > 1 else PAGE
+
+    @property
     def text(self) -> str:
         """The line for a shell."""
         words = [word for option, values in self.options for word in (option, *values)]
@@ -54,10 +59,15 @@ class Command:
 
     def _play(self, kept: set[str], more: Mapping[str, str], stem: str, policy: str) -> str:
         """`play` with some of this command's options, others besides, and a picture's name."""
-        picture = re.sub(r"[^\w+.-]+", "-", f"{stem}-{policy}").strip("-.") + ".png"
+        picture = file_stem(f"{stem}-{policy}") + ".png"
         options = {name: values for name, values in self.options if name in kept}
         added = {name: (value,) for name, value in {**more, "--policy": policy, "--out": picture}.items()}
         return Command(("play",), (*options.items(), *added.items())).text
+
+
+def file_stem(text: str) -> str:
+    """The text as the name of a file without its ending."""
+    return re.sub(r"[^\w+.-]+", "-", text).strip("-.")
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
@@ -172,7 +182,7 @@ def outcome_words(row: Row) -> str:
     return f"falls at {row['end_time']:.1f} s ({row['failure_reason']}{f', first {first}' if first else ''})"
 
 
-PAGE = "report.html"
+PAGE, INDEX = "report.html", "index.html"
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -182,8 +192,10 @@ def require_report() -> None:
         raise MissingExtraError("jinja2", "report")
 
 
-def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Path:
-    """Write report.html from a template, which escapes every text but the SVG of figures; returns its path.
+def write_page(directory: Path, template: str, content: Mapping[str, Any], name: str = PAGE) -> Path:
+    """Write a page from a template, which escapes every text but the SVG of figures; returns its path.
+
+    Where the directory has other pages, index.html names all of them.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -197,8 +209,11 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any]) -> Pa
         lstrip_blocks=True,
     )  # fmt: skip
     env.filters["figure"] = Markup  # of to_svg, which escapes its text
-    path = directory / PAGE
+    path = directory / name
     write_text(path, env.get_template(template).render(content))
+    pages = sorted(one.name for one in directory.glob("*.html") if one.name != INDEX)
+    if len(pages) > 1:
+        write_text(directory / INDEX, env.get_template("index.html").render(pages=pages))
     return path
 
 

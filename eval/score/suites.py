@@ -195,14 +195,14 @@ SUITES: dict[str, Callable[[], Suite]] = {
         "varied": lambda: Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED)),
         # these, by the same ids, on robots of the profile `hardware`
         "hardware": lambda: with_profile(SUITES["varied"](), HARDWARE),
+        # 1024 of every kind on robots that stand, see `standing_scenario`
+        "standing": lambda: Suite("standing", VERSION, standing_scenarios("standing", BLOCKS, STANDING_SEED)),
         # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
         "varied-sealed": lambda: Suite(
             "varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed())
         ),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
         "hard-sealed": lambda: _stratified_suite("hard-sealed", HARD, sealed_seed()),
-        # 1024 of every kind on robots that stand, see `standing_scenario`
-        "standing": lambda: Suite("standing", VERSION, standing_scenarios("standing", BLOCKS, STANDING_SEED)),
         "standing-sealed": lambda: Suite(
             "standing-sealed", VERSION, standing_scenarios("standing-sealed", BLOCKS, sealed_seed())
         ),

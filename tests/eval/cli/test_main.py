@@ -133,10 +133,30 @@ def test_compare_json(suite, tmp_path, capsys):
     assert main([*argv, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert (content["a"], content["b"], content["suite"], content["pairs"]) == (a, b, "head", 6)
-    (tmp_path / "c" / "report.html").unlink()  # --json has written it, too
+    (page,) = (tmp_path / "c").glob("*.html")  # --json has written it, too
+    assert page.name.startswith("compare-")
+    page.unlink()
     assert main(argv) == 0
     assert "McNemar" in capsys.readouterr().out
-    assert f"push-recovery compare {a} {b} --env" in (tmp_path / "c" / "report.html").read_text()
+    assert f"push-recovery compare {a} {b} --env" in page.read_text()
+
+
+def test_a_comparison_leaves_the_files_of_an_evaluation_as_they_are(suite, tmp_path, capsys):
+    """Both keep their rows in the same directory, and an index names the pages of both."""
+    policies = [toy.save_policy(tmp_path / f"{gain}.safetensors", gain) for gain in (9, 1, 2)]
+    shared = ["--env", toy.ENV_ID, "--suite", suite, "--workers", "1", "--out", str(tmp_path / "c")]
+    assert main(["evaluate", "--policies", *policies, *shared]) == 0
+    assert not (tmp_path / "c" / "index.html").exists()
+    written = {path.name: path.read_bytes() for path in (tmp_path / "c").iterdir() if path.is_file()}
+    assert main(["compare", *policies[:2], *shared]) == 0
+    after = {path.name: path.read_bytes() for path in (tmp_path / "c").iterdir() if path.is_file()}
+    assert {name: after[name] for name in written} == written
+    (page,) = (name for name in after if name.startswith("compare-"))
+    assert set(after) - set(written) == {page, "index.html"}
+    for name in ("report.html", page):
+        assert f'<a href="{name}">' in after["index.html"].decode()
+    assert main(["evaluate", "--policies", *policies, *shared]) == 0
+    assert (tmp_path / "c" / page).read_bytes() == after[page]
 
 
 def test_list(capsys):
