@@ -10,6 +10,7 @@ import numpy as np
 
 from ...controllers.model.observation import TRUNK_ANGLE
 from ...controllers.whole_body.kinematics import NU, NV
+from ...controllers.whole_body.swing import TURN
 from ...envs.biped import env, limits_record
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
@@ -19,6 +20,7 @@ from .strategy import StrategyMeter
 
 Row = Mapping[str, Any]  # an outcome as its file holds it
 NO_LIMITS = limits_record.LimitsReport({}, {})
+TURNED, BENT = math.radians(30.0), math.radians(90.0)  # what is reported beside recovered [rad]
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
 
 
@@ -108,16 +110,26 @@ class Score:
     survived: int
     episodes: int
     failures: dict[str, int]  # reason -> episodes that did not recover
+    turned: int | None = None  # of those recovered, how many end over TURNED off their heading
+    bent: int | None = None  # and how many had a trunk that leaned over BENT; None: not measured
 
     @classmethod
     def of(cls, rows: Iterable[Row]) -> Self:
         """Count rows as written to the outcome file."""
         rows = list(rows)
         failures = Counter(failure_label(row) for row in rows if not row["recovered"])
+        measures = [row["measures"] for row in rows if row["recovered"] and "measures" in row]
+
+        def over(name: str, most: float) -> int | None:
+            values = [one[name] for one in measures if one.get(name) is not None]
+            return sum(value > most for value in values) if values else None
+
         return cls(
             recovered=sum(row["recovered"] for row in rows),
             survived=sum(row["survived"] for row in rows),
             episodes=len(rows),
+            turned=over("heading_error", TURNED),
+            bent=over("trunk_excursion", BENT),
             failures=dict(sorted(failures.items(), key=lambda item: (-item[1], item[0]))),
         )
 
@@ -161,6 +173,7 @@ class EffortMeter:
         self.core: Any = episodes.core
         self.motors = _motors(episodes)
         self.strategy = StrategyMeter(episodes)
+        self.heading = np.zeros(n)  # that the commands so far ask for [rad]
         self.periods = np.zeros(n, np.int64)  # so far
         self.margin = np.zeros(n)  # smallest capture margin [m]
         self.lean = np.zeros(n)  # largest trunk angle [rad]
@@ -172,6 +185,7 @@ class EffortMeter:
         """Forget robot k, which begins an episode."""
         self.periods[k], self.margin[k] = 0, np.inf
         self.strategy.begin(k)
+        self.heading[k] = self.episodes.motion().heading[k]
         for sums in (self.lean, self.peak, self.torque, self.power):
             sums[k] = 0.0
 
@@ -184,6 +198,7 @@ class EffortMeter:
         np.fmin(self.margin, core.margin, out=self.margin)
         np.fmax(self.lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self.lean)
         if self.motors:
+            self.heading += core.command[:, TURN] * (1.0 / self.episodes.control_hz)
             torque = np.abs(self._of_motors(core.physics.ctrl))
             np.fmax(self.peak, largest(torque, axis=1), out=self.peak)
             self.torque += added(torque, axis=1)
@@ -200,6 +215,11 @@ class EffortMeter:
         if senses.last.judged is not self.core.physics:
             exact = np.where(senses.onboard[:, None], senses.last.judged.qvel, exact)
         return exact[:, NV - NU : NV]
+
+    def turned(self, k: int) -> float:
+        """How far robot k is off the heading that its commands ask for [rad], up to pi."""
+        off = self.episodes.motion().heading.item(k) - self.heading.item(k)
+        return abs(math.remainder(off, math.tau))
 
     def of(self, k: int) -> dict[str, float | int | None]:
         """Measures of robot k in its episode by name; None where one is not known."""
@@ -264,6 +284,10 @@ MEASURES: dict[str, Measure] = {
     "trunk_excursion": Measure(  # [rad]
         lambda seen, k: seen.lean.item(k), "largest lean", "deg", 1, math.degrees(1.0),
         "of the trunk, in pitch or roll", "lean {:.0f} deg",
+    ),
+    "heading_error": Measure(  # [rad]
+        lambda seen, k: seen.turned(k), "off heading", "deg", 1, math.degrees(1.0),
+        "at the end of the episode, against the commanded turn", motors=True,
     ),
     "peak_torque": Measure(
         lambda seen, k: seen.peak.item(k), "peak torque", "N m", about="of a single motor", motors=True

@@ -20,6 +20,10 @@ RECOVERED_NOTE = (
     "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
     "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %."
 )
+TURNED_NOTE = (
+    "Turned: of those recovered, how many end over 30 degrees off the commanded heading. Bent: how many had "
+    "a trunk that leaned over 90 degrees."
+)
 PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and corrected for several pairs."
 LIMITS_NOTE = (
     "Limits count from the start of the first push on; docs/evaluation.md says what each is. First: falls "
@@ -173,6 +177,11 @@ def rate_cells(score: Score) -> tuple[str, str]:
     return f"{score.rate:.3f}", f"{low:.3f}-{high:.3f}"
 
 
+def count_cells(*counts: int | None) -> tuple[str, ...]:
+    """Counts as text; what was not measured is a dash."""
+    return tuple("-" if count is None else str(count) for count in counts)
+
+
 def evaluation_title(evaluation: Evaluation) -> str:
     """Suite, version, hash and environment in one line."""
     suite = evaluation.suite
@@ -187,9 +196,10 @@ def rates_table(evaluation: Evaluation) -> Table:
     lines = []
     for name in evaluation.rows:
         score = evaluation.score(name)
-        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), f"{score.survived}"))
-    columns = ("policy", "recovered", "rate", "95 % interval", "survived")
-    return Table(evaluation_title(evaluation), columns, lines, RECOVERED_NOTE)
+        told = count_cells(score.survived, score.turned, score.bent)
+        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *told))
+    columns = ("policy", "recovered", "rate", "95 % interval", "survived", "turned", "bent")
+    return Table(evaluation_title(evaluation), columns, lines, f"{RECOVERED_NOTE} {TURNED_NOTE}")
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:

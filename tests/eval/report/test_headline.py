@@ -41,7 +41,7 @@ def test_one_policy_and_equal_policies(evaluation):
 def test_recovered_and_survived_have_their_own_cells(evaluation):
     (cells,) = headline.rates_table(evaluation({"p": "rssf"})).rows
     # Wilson of 1 of 4, and of 3 of 4, its mirror image
-    assert cells == ("p", "25.0 % (1)", "4.6 to 69.9 %", "75.0 % (3)", "30.1 to 95.4 %")
+    assert cells == ("p", "25.0 % (1)", "4.6 to 69.9 %", "75.0 % (3)", "30.1 to 95.4 %", "-", "0")
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ class Episodes(SimpleNamespace):
         )  # fmt: skip
         errors = {"error": np.array([[0.01, 9, 9], [0.02, 9, 9]]), "speed_error": np.array([0.1, 0.2])}
         monitor = SimpleNamespace(state=SimpleNamespace(touchdowns=np.array([3, 2]), **errors))
-        motion = SimpleNamespace(steps=np.array([7, 1]))
+        motion = SimpleNamespace(steps=np.array([7, 1]), heading=np.zeros(2))
         super().__init__(
             n=2, control_hz=100.0, core=core, monitor=monitor, motion=lambda: motion, both_feet=False,
             robot=REFERENCE, limits=GaitLimits.of(REFERENCE),
@@ -131,17 +131,41 @@ def test_sums_over_periods_are_those_by_hand(episodes):
     core.margin[0], core.truth[0, 15:17], core.physics.ctrl[0, 0] = 0.4, (0.15, 0.0), -30.0
     meter.look()
     names = ("steps", "smallest_margin", "dcm_error", "velocity_error", "trunk_excursion", "peak_torque")
-    assert list(meter.of(0)) == [*names, "mean_torque", "energy"]
+    assert [name for name in meter.of(0) if name != "heading_error"] == [*names, "mean_torque", "energy"]
     mean, energy = (10 + 20 + 30 + 20) / 4, 0.01 * (10 * 2 + 20 * 3 + 30 * 2 + 20 * 3)
-    assert list(meter.of(0).values()) == [7, 0.3, 0.01, 0.1, 0.2, 30.0, mean, pytest.approx(energy)]
+    assert list(meter.of(0).values()) == [7, 0.3, 0.01, 0.1, 0.2, 0.0, 30.0, mean, pytest.approx(energy)]
     # Its margin was never known, its velocity is judged from the third touchdown on; the true rate counts
     energy = pytest.approx(0.01 * 2 * 4.0)
-    assert list(meter.of(1).values()) == [1, None, 0.02, None, 0.0, 1.0, 0.5, energy]
+    assert list(meter.of(1).values()) == [1, None, 0.02, None, 0.0, 0.0, 1.0, 0.5, energy]
     meter.begin(0)
     core.margin[0], core.truth[0], core.physics.ctrl[0] = 0.6, 0.0, 0.0
     meter.look()
     assert (meter.of(0)["smallest_margin"], meter.of(0)["peak_torque"], meter.of(0)["energy"]) == (0.6, 0, 0)
     assert meter.of(1)["peak_torque"] == 1.0
+
+
+def test_the_heading_is_held_against_the_commanded_turns(episodes):
+    """Two periods of 10 ms: 0.5 rad/s to the left, then 0.3 to the right; at most half a turn."""
+    meter, core, motion = EffortMeter(episodes), episodes.core, episodes.motion()
+    motion.heading[:] = 0.1, 3.0
+    for k in range(2):
+        meter.begin(k)
+    for turn in (0.5, -0.3):
+        core.command[0, 2] = turn
+        meter.look()
+    motion.heading[:] = 0.352, -3.0
+    assert meter.of(0)["heading_error"] == pytest.approx(0.25, abs=1e-6)
+    assert meter.of(1)["heading_error"] == pytest.approx(2.0 * math.pi - 6.0, abs=1e-6)
+
+
+def test_recoveries_that_turned_or_bent_are_counted():
+    def measured_row(recovered, heading, lean):
+        return {**row(recovered, True), "measures": {"heading_error": heading, "trunk_excursion": lean}}
+
+    rows = [measured_row(True, 0.6, 0.1), measured_row(True, 0.5, 1.6), measured_row(False, 3.0, 2.0)]
+    score = Score.of([*rows, measured_row(True, 3.0, 1.5)])
+    assert (score.turned, score.bent) == (2, 1)  # over 0.524 and 1.571 rad
+    assert (Score.of(ROWS).turned, Score.of(ROWS).bent) == (None, None)
 
 
 @pytest.fixture(scope="module")

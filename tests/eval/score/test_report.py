@@ -22,7 +22,8 @@ SCENARIOS = get_suite("standard").scenarios[:3]
 def row(recovered_at, energy, **more):
     measures = {
         "steps": 10, "smallest_margin": 0.125, "dcm_error": 0.01, "velocity_error": 0.1,
-        "trunk_excursion": math.radians(20.0), "peak_torque": 150.0, "mean_torque": 12.34, "energy": energy,
+        "trunk_excursion": math.radians(20.0), "heading_error": 0.1,
+        "peak_torque": 150.0, "mean_torque": 12.34, "energy": energy,
     }  # fmt: skip
     kept = {"recovered": recovered_at is not None, "recovered_at": recovered_at, "end_time": 7.0}
     return {**kept, "measures": {**measures, **more}}
@@ -46,11 +47,11 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
     table = report.effort_table(found)
     assert table.columns == (
         "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
-        "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
+        "off heading [deg]", "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
     )  # fmt: skip
     assert table.rows == [
-        ("p", "1.25", "10", "12.5", "20.0", "150", "12.3", "2.00"),
-        ("q", "3.00", "12", "12.5", "20.0", "150", "12.3", "2.25"),
+        ("p", "1.25", "10", "12.5", "20.0", "5.7", "150", "12.3", "2.00"),
+        ("q", "3.00", "12", "12.5", "20.0", "5.7", "150", "12.3", "2.25"),
     ]
     assert "2 of 3 pushes" in table.note
 
@@ -138,7 +139,8 @@ def test_recovered_survived_and_why_not(evaluation):
     found.rows["q"] = found.rows["p"][3:]
     # Wilson (1927) of 2 of 5 and of 0 of 2, z = 1.959964
     assert report.rates_table(found).rows == [
-        ("p", "2/5", "0.400", "0.118-0.769", "3"), ("q", "0/2", "0.000", "0.000-0.658", "0")
+        ("p", "2/5", "0.400", "0.118-0.769", "3", "-", "0"),
+        ("q", "0/2", "0.000", "0.000-0.658", "0", "-", "-")
     ]  # fmt: skip
     assert report.reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
     assert report.reasons_table(found).rows == [
@@ -192,7 +194,7 @@ def test_a_report_has_the_tables_that_have_rows(evaluation):
     assert list(report.evaluation_tables(found)) == names
     text = markdown_page("Evaluation", report.evaluation_tables(found).values())
     assert text.startswith(f"# Evaluation\n\n## {found.env_id}: suite head v1, 5 pushes, sha256 ")
-    assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 |\n\nRecovered: " in text
+    assert "| p | 2/5 | 0.400 | 0.118-0.769 | 3 | - | 0 |\n\nRecovered: " in text
     assert "## Pairs" not in text
     assert "## Why pushes are lost" in text
 
