@@ -21,6 +21,7 @@ from ..model.observation import (
     in_world,
     point_in_world,
 )
+from ..model.nominal_gait import both_stand
 from ..model.standing import may_settle, stays_on_other_foot
 from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
@@ -81,6 +82,7 @@ class GaitSettings(NamedTuple):
     height_lead: float  # the CoM is at the height of the step this long before T [s]
     height_time: float  # shortest horizon of the height reference [s]
     twist_max: float = math.pi  # a pelvis that is twisted off its yaw by more turns the next sole, too [rad]
+    double_support: float = 0.0  # both feet bear load for this long from touchdown on [s]
 
 
 def resting_gait(n: int) -> Gait:
@@ -107,9 +109,20 @@ def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, pre
         previous[i] = action[i]
 
 
+@njit(cache=True)
+def other_sole(phys: Physics, gait: Gait, k: int) -> Point:
+    """Centre of the other sole from that of the stance sole, canonical frame [m]."""
+    stance = gait.stance[k]
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    return canonical(canonical_frame(gait.heading[k], stance), foot[0] - sole[0], foot[1] - sole[1])
+
+
 @njit(cache=True, forceinline=True)
-def touch_down(phys: Physics, gait: Gait, k: int) -> None:
-    """Exchange the feet; what is held of the plan is mirrored into the new frame, its CoP centred."""
+def touch_down(phys: Physics, gait: Gait, k: int, double_support: float = 0.0) -> None:
+    """Exchange the feet; what is held of the plan is mirrored into the new frame.
+
+    Its CoP is the centre of the new stance sole, in double support [s] that of the old one.
+    """
     old = gait.stance[k]
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
@@ -119,6 +132,8 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
     gait.plan[k, COP : COP + 2] = 0.0
+    if double_support > 0.0:
+        gait.plan[k, COP], gait.plan[k, COP + 1] = other_sole(phys, gait, k)
     gait.plan[k, TRUNK + 1] = -gait.plan[k, TRUNK + 1]
 
 
@@ -202,7 +217,8 @@ def move_references(
         lift[FLOOR] = sole[2]
     gait.swing[k, 2] -= lift[FLOOR]
     landing = gait.plan[k, DURATION] + s.landing_delay
-    swing.swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
+    aloft, flight = gait.elapsed[k] - s.double_support, landing - s.double_support
+    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, s.apex, s.descent)
     gait.swing[k, 2] += lift[FLOOR]
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
     given = swing.given_yaw(twist, s.twist_max)
@@ -265,10 +281,8 @@ def may_stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, both: Bounds) 
 def lift_off(phys: Physics, gait: Gait, k: int) -> None:
     """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
     old = gait.stance[k]
-    frame = canonical_frame(gait.heading[k], old)
     sole, foot = sole_position(phys, k, old), sole_position(phys, k, 1 - old)
-    other_x, other_y = canonical(frame, foot[0] - sole[0], foot[1] - sole[1])
-    if stays_on_other_foot(gait.plan[k], other_x, other_y):
+    if stays_on_other_foot(gait.plan[k], *other_sole(phys, gait, k)):
         gait.stance[k] = 1 - old
         gait.heading[k] += swing.exchange_soles(gait.yaw[k])
         gait.height[k, 0] -= foot[2] - sole[2]
@@ -280,12 +294,18 @@ def lift_off(phys: Physics, gait: Gait, k: int) -> None:
 
 @njit(cache=True)
 def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both: Bounds, dt: float) -> int:
-    """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met."""
-    stance, plan = gait.stance[k], gait.plan[k]
+    """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met.
+
+    One whose step has begun turns its pelvis on as it does on one foot, and unloads the other foot: its share
+    of the load is at most lambda <= (d - t) / (d / 2), which the undisturbed transfer, 1 - t / d, never meets.
+    """
+    stance, plan, stands = gait.stance[k], gait.plan[k], gait.elapsed[k] < 0.0
+    left = 0.0 if stands else s.double_support - gait.elapsed[k]
     ahead, sign = heading_frame(gait.heading[k]), observation.side_sign(stance)
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
     com, velocity, lift = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k), gait.height[k]
-    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), s)
+    travel = left * velocity[0], left * velocity[1]
+    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), travel, s)
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, s.height_time, dt)
     lift[FLOOR] = sole[2]
     x, y = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
@@ -293,13 +313,21 @@ def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both
     y -= sign * (plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1])
     x, y = in_world(ahead, x, y)
     acceleration, waist = (s.omega**2 * x, s.omega**2 * y), (plan[TRUNK], -sign * plan[TRUNK + 1])
-    pelvis = 0.5 * gait.yaw[k, swing.SWING], 0.0, 0.0
+    pelvis, most = (0.5 * gait.yaw[k, swing.SWING], 0.0, 0.0), 1.0
+    if not stands:
+        most = min(left / (0.5 * s.double_support), 1.0)
+        turned, remaining = gait.yaw[k, swing.SWING], max(plan[DURATION] - gait.elapsed[k], 0.0)
+        landing = plan[DURATION] + s.landing_delay
+        swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, 0.0, dt)
+        gait.yaw[k, swing.SWING : PELVIS_YAW] = turned, 0.0, 0.0
+        pelvis = vector_of(gait.yaw[k], PELVIS_YAW)
+        gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = foot  # from where it will lift
     task = Task(
         stance, acceleration, vector_of(lift, 0), (ahead.cos, ahead.sin), gait.swing[k], waist, ZERO, pelvis,
         (0.0, 0.0), (0.0, 0.0),
     )  # fmt: skip
     wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
-    met = standing_torque(phys, k, task, velocity[2], 1.0, gains, both, wrench, other, phys.ctrl[k])
+    met = standing_torque(phys, k, task, velocity[2], most, gains, both, wrench, other, phys.ctrl[k])
     limits.clip_torque(phys.ctrl[k], both.torque_range)
     moment = cross(subtract(foot, sole), vector_of(other, 0))
     for i in range(3):
@@ -316,13 +344,19 @@ def control(
 
     `landing` (n,) keeps TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan.
     """
-    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, DURATION], s):
+    aloft, flight = gait.elapsed[k] - s.double_support, gait.plan[k, DURATION] - s.double_support
+    if has_landed(phys.load[k, 1 - gait.stance[k]], aloft, flight, s):
         landing[k] = landing_error(phys, gait, k)
-        touch_down(phys, gait, k)
+        touch_down(phys, gait, k, s.double_support)
         if may_stand(phys, gait, k, s, both):
             gait.elapsed[k] = ON_BOTH_FEET
     if gait.elapsed[k] < 0.0:
         return stand(phys, gait, k, s, gains, both, dt)
+    if both_stand(gait.elapsed[k], s.double_support):
+        return stand(phys, gait, k, s, gains, both, dt) | landing[k]
+    if s.double_support > 0.0 and aloft < dt:  # the CoP is within the sole from now on
+        for axis, half in enumerate((both.settings.cop_x_max, both.settings.cop_y_max)):
+            gait.plan[k, COP + axis] = min(max(gait.plan[k, COP + axis], -half), half)
     met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
     if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:
         met |= TOUCHDOWN_ERROR
