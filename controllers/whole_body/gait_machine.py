@@ -13,6 +13,7 @@ from ..jit import njit
 from ..math3 import ZERO, Vector, cross, stack_floats, subtract, vector_at, vector_of
 from ..model import observation
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
+from ..model.nominal_gait import both_stand
 from ..model.observation import (
     ON_BOTH_FEET,
     canonical,
@@ -21,7 +22,6 @@ from ..model.observation import (
     in_world,
     point_in_world,
 )
-from ..model.nominal_gait import both_stand
 from ..model.standing import may_settle, stays_on_other_foot
 from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
@@ -38,6 +38,7 @@ TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
 FLOOR = 3  # column of `Gait.height`: the floor under the stance sole
+SINKING = 5.0  # fastest that the CoM's reference falls in double support, so that the feet keep load [m/s^2]
 MOMENT = 3  # first column of a wrench's moment
 Point = tuple[float, float]  # on the floor, world axes [m]
 
@@ -212,25 +213,50 @@ def move_references(
     height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, s)
     met = limits.LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
+    if both_stand(gait.elapsed[k], s.double_support):  # the quintic's peak is 10 / sqrt(3) distance / time^2
+        horizon = max(horizon, math.sqrt(10.0 / math.sqrt(3.0) * abs(height - lift[0]) / SINKING))
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     if gait.elapsed[k] < s.settled:
         lift[FLOOR] = sole[2]
     gait.swing[k, 2] -= lift[FLOOR]
-    landing = gait.plan[k, DURATION] + s.landing_delay
+    landing, turned = gait.plan[k, DURATION] + s.landing_delay, gait.yaw[k, swing.SWING]
     aloft, flight = gait.elapsed[k] - s.double_support, landing - s.double_support
     swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, s.apex, s.descent)
     gait.swing[k, 2] += lift[FLOOR]
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
     given = swing.given_yaw(twist, s.twist_max)
     swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
+    if both_stand(gait.elapsed[k], s.double_support):  # the other sole stays where it is
+        gait.swing[k] = 0.0
+        gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, 1 - gait.stance[k])
+        gait.yaw[k, swing.SWING : PELVIS_YAW] = turned, 0.0, 0.0
+    return met
+
+
+@njit(cache=True)
+def torque_on_both_feet(
+    phys: Physics, gait: Gait, k: int, task: Task, climb: float, most: float, gains: Gains, both: Bounds
+) -> int:
+    """`standing_torque`, within what the motors give; the wrench kept is that of both feet."""
+    wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
+    met = standing_torque(phys, k, task, climb, most, gains, both, wrench, other, phys.ctrl[k])
+    limits.clip_torque(phys.ctrl[k], both.torque_range)
+    sole, foot = sole_position(phys, k, task.stance), sole_position(phys, k, 1 - task.stance)
+    moment = cross(subtract(foot, sole), vector_of(other, 0))
+    for i in range(3):
+        wrench[i], wrench[3 + i] = wrench[i] + other[i], wrench[3 + i] + other[3 + i] + moment[i]
     return met
 
 
 @njit(cache=True, forceinline=True)
-def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
+def walk(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, both: Bounds, dt: float
+) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
-    Returns the bounds met, as bits of `limits_met`.
+    In double support, t seconds after touchdown, the other foot bears at most the share 2 (1 - t / d) of the
+    load: twice what it has in the undisturbed transfer, and nothing when it lifts. Returns the bounds met, as
+    bits of `limits_met`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = observation.heading_frame(gait.heading[k]), observation.side_sign(stance)
@@ -256,6 +282,9 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     task = Task(
         stance, acceleration, vector_of(gait.height[k], 0), facing, gait.swing[k], waist, *yaws, *planned
     )
+    if both_stand(gait.elapsed[k], s.double_support):
+        most = min(2.0 * (1.0 - gait.elapsed[k] / s.double_support), 1.0)
+        return met | torque_on_both_feet(phys, gait, k, task, velocity[2], most, gains, both)
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     limits.clip_torque(phys.ctrl[k], bounds.torque_range)
     return met
@@ -294,18 +323,12 @@ def lift_off(phys: Physics, gait: Gait, k: int) -> None:
 
 @njit(cache=True)
 def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both: Bounds, dt: float) -> int:
-    """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met.
-
-    One whose step has begun turns its pelvis on as it does on one foot, and unloads the other foot: its share
-    of the load is at most lambda <= (d - t) / (d / 2), which the undisturbed transfer, 1 - t / d, never meets.
-    """
-    stance, plan, stands = gait.stance[k], gait.plan[k], gait.elapsed[k] < 0.0
-    left = 0.0 if stands else s.double_support - gait.elapsed[k]
+    """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met."""
+    stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = heading_frame(gait.heading[k]), observation.side_sign(stance)
     sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
     com, velocity, lift = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k), gait.height[k]
-    travel = left * velocity[0], left * velocity[1]
-    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), travel, s)
+    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), s)
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, s.height_time, dt)
     lift[FLOOR] = sole[2]
     x, y = canonical(ahead, com[0] - sole[0], com[1] - sole[1])
@@ -313,26 +336,12 @@ def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both
     y -= sign * (plan[COP + 1] + s.cmp_gain * plan[TRUNK + 1])
     x, y = in_world(ahead, x, y)
     acceleration, waist = (s.omega**2 * x, s.omega**2 * y), (plan[TRUNK], -sign * plan[TRUNK + 1])
-    pelvis, most = (0.5 * gait.yaw[k, swing.SWING], 0.0, 0.0), 1.0
-    if not stands:
-        most = min(left / (0.5 * s.double_support), 1.0)
-        turned, remaining = gait.yaw[k, swing.SWING], max(plan[DURATION] - gait.elapsed[k], 0.0)
-        landing = plan[DURATION] + s.landing_delay
-        swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, 0.0, dt)
-        gait.yaw[k, swing.SWING : PELVIS_YAW] = turned, 0.0, 0.0
-        pelvis = vector_of(gait.yaw[k], PELVIS_YAW)
-        gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = foot  # from where it will lift
+    pelvis = 0.5 * gait.yaw[k, swing.SWING], 0.0, 0.0
     task = Task(
         stance, acceleration, vector_of(lift, 0), (ahead.cos, ahead.sin), gait.swing[k], waist, ZERO, pelvis,
         (0.0, 0.0), (0.0, 0.0),
     )  # fmt: skip
-    wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
-    met = standing_torque(phys, k, task, velocity[2], most, gains, both, wrench, other, phys.ctrl[k])
-    limits.clip_torque(phys.ctrl[k], both.torque_range)
-    moment = cross(subtract(foot, sole), vector_of(other, 0))
-    for i in range(3):
-        wrench[i], wrench[3 + i] = wrench[i] + other[i], wrench[3 + i] + other[3 + i] + moment[i]
-    return met
+    return torque_on_both_feet(phys, gait, k, task, velocity[2], 1.0, gains, both)
 
 
 @njit(cache=True, forceinline=True)
@@ -352,12 +361,11 @@ def control(
             gait.elapsed[k] = ON_BOTH_FEET
     if gait.elapsed[k] < 0.0:
         return stand(phys, gait, k, s, gains, both, dt)
-    if both_stand(gait.elapsed[k], s.double_support):
-        return stand(phys, gait, k, s, gains, both, dt) | landing[k]
-    if s.double_support > 0.0 and aloft < dt:  # the CoP is within the sole from now on
+    if s.double_support > 0.0 and not both_stand(gait.elapsed[k], s.double_support):
+        # a plan of double support is held until the period ends
         for axis, half in enumerate((both.settings.cop_x_max, both.settings.cop_y_max)):
             gait.plan[k, COP + axis] = min(max(gait.plan[k, COP + axis], -half), half)
-    met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
+    met = walk(phys, gait, k, s, gains, bounds, both, dt) | landing[k]
     if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:
         met |= TOUCHDOWN_ERROR
     return met
