@@ -411,7 +411,7 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     for _ in range(SWING_ROUNDS if c.swing_acceleration > 0.0 else 0):
         x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
         swing = time_to_place(obs, x, y, c.swing_acceleration)
-        needed = math.exp(c.omega * (obs[ELAPSED] + swing))
+        needed = math.exp(c.omega * (max(obs[ELAPSED], c.double_support) + swing))
         if solution[SOLVED_TAU] >= min(needed, tau_high):
             break
         problem[TAU_LOW] = min(needed, tau_high)

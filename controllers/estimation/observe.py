@@ -9,7 +9,7 @@ from ..array_table import Floats1, Floats2
 from ..jit import njit
 from ..math3 import Vector, add, scaled, subtract, vector_at
 from ..model import observation
-from ..model.capturability import capture_margin_kernel
+from ..model.capturability import transfer_margin_kernel
 from ..model.gait_box import COP, DURATION, TRUNK
 from ..model.observation import WORLD_CMP, WORLD_COP, WORLD_DCM, Frame, canonical, canonical_frame, in_world
 from ..model.standing import margin_on_both_feet
@@ -185,6 +185,8 @@ def observe(
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
+    other = o[_SWING : _SWING + 2]
     if gait.elapsed[k] < 0.0:
-        return margin_on_both_feet(o[_SWING : _SWING + 2], dcm, angle, rate, capture)
-    return capture_margin_kernel(gait.elapsed[k], dcm, angle, rate, capture)
+        return margin_on_both_feet(other, dcm, angle, rate, capture)
+    left = max(s.double_support - gait.elapsed[k], 0.0)
+    return transfer_margin_kernel(gait.elapsed[k], left, other, dcm, angle, rate, capture)

@@ -145,6 +145,23 @@ def capture_margin_kernel(elapsed, dcm, angle, rate, constants):  # pragma: no c
     return margin
 
 
+@njit(cache=True)
+def transfer_margin_kernel(elapsed, left, other, dcm, angle, rate, constants):  # pragma: no cover
+    """`capture_margin_kernel` of a robot whose other foot, at `other` (2,) [m], stands for `left` [s] more.
+
+    What is left of double support lets the CoP stand as far as that foot, which moves the bounds by
+    other (1 - exp(-omega left)).
+    """
+    bounds, margin = np.empty(BOUNDS), np.inf
+    offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
+    reach = -math.expm1(-constants_of(constants).omega * left)
+    for axis in range(2):
+        low = bounds[LOW + axis] + reach * min(other[axis], 0.0)
+        high = bounds[HIGH + axis] + reach * max(other[axis], 0.0)
+        margin = min(margin, dcm[axis] - low, high - dcm[axis])
+    return margin
+
+
 def recoverable_offset(
     robot: RobotModel,
     limits: GaitLimits,

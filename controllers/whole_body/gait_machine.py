@@ -13,6 +13,7 @@ from ..jit import njit
 from ..math3 import ZERO, Vector, cross, stack_floats, subtract, vector_at, vector_of
 from ..model import observation
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK
+from ..model.nominal_gait import both_stand
 from ..model.observation import (
     ON_BOTH_FEET,
     canonical,
@@ -37,6 +38,7 @@ TOO_LOW, TILTED, NOT_FINITE = range(1, len(FAILURES))
 LOWEST = 0.6  # of the CoM's height
 STEEPEST = 0.5  # cosine of the pelvis' lean
 FLOOR = 3  # column of `Gait.height`: the floor under the stance sole
+SINKING = 5.0  # fastest that the CoM's reference falls in double support, so that the feet keep load [m/s^2]
 MOMENT = 3  # first column of a wrench's moment
 Point = tuple[float, float]  # on the floor, world axes [m]
 
@@ -81,6 +83,7 @@ class GaitSettings(NamedTuple):
     height_lead: float  # the CoM is at the height of the step this long before T [s]
     height_time: float  # shortest horizon of the height reference [s]
     twist_max: float = math.pi  # a pelvis that is twisted off its yaw by more turns the next sole, too [rad]
+    double_support: float = 0.0  # both feet bear load for this long from touchdown on [s]
 
 
 def resting_gait(n: int) -> Gait:
@@ -107,9 +110,20 @@ def accept(gait: Gait, k: int, s: GaitSettings, asked: Array, action: Array, pre
         previous[i] = action[i]
 
 
+@njit(cache=True)
+def other_sole(phys: Physics, gait: Gait, k: int) -> Point:
+    """Centre of the other sole from that of the stance sole, canonical frame [m]."""
+    stance = gait.stance[k]
+    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
+    return canonical(canonical_frame(gait.heading[k], stance), foot[0] - sole[0], foot[1] - sole[1])
+
+
 @njit(cache=True, forceinline=True)
-def touch_down(phys: Physics, gait: Gait, k: int) -> None:
-    """Exchange the feet; what is held of the plan is mirrored into the new frame, its CoP centred."""
+def touch_down(phys: Physics, gait: Gait, k: int, double_support: float = 0.0) -> None:
+    """Exchange the feet; what is held of the plan is mirrored into the new frame.
+
+    Its CoP is the centre of the new stance sole, in double support [s] that of the old one.
+    """
     old = gait.stance[k]
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
@@ -119,6 +133,8 @@ def touch_down(phys: Physics, gait: Gait, k: int) -> None:
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
     gait.plan[k, COP : COP + 2] = 0.0
+    if double_support > 0.0:
+        gait.plan[k, COP], gait.plan[k, COP + 1] = other_sole(phys, gait, k)
     gait.plan[k, TRUNK + 1] = -gait.plan[k, TRUNK + 1]
 
 
@@ -197,24 +213,50 @@ def move_references(
     height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, s)
     met = limits.LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
+    if both_stand(gait.elapsed[k], s.double_support):  # the quintic's peak is 10 / sqrt(3) distance / time^2
+        horizon = max(horizon, math.sqrt(10.0 / math.sqrt(3.0) * abs(height - lift[0]) / SINKING))
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     if gait.elapsed[k] < s.settled:
         lift[FLOOR] = sole[2]
     gait.swing[k, 2] -= lift[FLOOR]
-    landing = gait.plan[k, DURATION] + s.landing_delay
-    swing.swing_update(gait.swing[k], place[0], place[1], gait.elapsed[k], landing, dt, s.apex, s.descent)
+    landing, turned = gait.plan[k, DURATION] + s.landing_delay, gait.yaw[k, swing.SWING]
+    aloft, flight = gait.elapsed[k] - s.double_support, landing - s.double_support
+    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, s.apex, s.descent)
     gait.swing[k, 2] += lift[FLOOR]
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
     given = swing.given_yaw(twist, s.twist_max)
     swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
+    if both_stand(gait.elapsed[k], s.double_support):  # the other sole stays where it is
+        gait.swing[k] = 0.0
+        gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, 1 - gait.stance[k])
+        gait.yaw[k, swing.SWING : PELVIS_YAW] = turned, 0.0, 0.0
+    return met
+
+
+@njit(cache=True)
+def torque_on_both_feet(
+    phys: Physics, gait: Gait, k: int, task: Task, climb: float, most: float, gains: Gains, both: Bounds
+) -> int:
+    """`standing_torque`, within what the motors give; the wrench kept is that of both feet."""
+    wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
+    met = standing_torque(phys, k, task, climb, most, gains, both, wrench, other, phys.ctrl[k])
+    limits.clip_torque(phys.ctrl[k], both.torque_range)
+    sole, foot = sole_position(phys, k, task.stance), sole_position(phys, k, 1 - task.stance)
+    moment = cross(subtract(foot, sole), vector_of(other, 0))
+    for i in range(3):
+        wrench[i], wrench[3 + i] = wrench[i] + other[i], wrench[3 + i] + other[3 + i] + moment[i]
     return met
 
 
 @njit(cache=True, forceinline=True)
-def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, dt: float) -> int:
+def walk(
+    phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, both: Bounds, dt: float
+) -> int:
     """Swing foot, CoM acceleration of the pendulum and whole-body torque of one robot.
 
-    Returns the bounds met, as bits of `limits_met`.
+    In double support, t seconds after touchdown, the other foot bears at most the share 2 (1 - t / d) of the
+    load: twice what it has in the undisturbed transfer, and nothing when it lifts. Returns the bounds met, as
+    bits of `limits_met`.
     """
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = observation.heading_frame(gait.heading[k]), observation.side_sign(stance)
@@ -240,6 +282,9 @@ def walk(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bound
     task = Task(
         stance, acceleration, vector_of(gait.height[k], 0), facing, gait.swing[k], waist, *yaws, *planned
     )
+    if both_stand(gait.elapsed[k], s.double_support):
+        most = min(2.0 * (1.0 - gait.elapsed[k] / s.double_support), 1.0)
+        return met | torque_on_both_feet(phys, gait, k, task, velocity[2], most, gains, both)
     met |= whole_body_torque(phys, k, task, velocity[2], gains, bounds, gait.wrench[k], phys.ctrl[k])
     limits.clip_torque(phys.ctrl[k], bounds.torque_range)
     return met
@@ -265,10 +310,8 @@ def may_stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, both: Bounds) 
 def lift_off(phys: Physics, gait: Gait, k: int) -> None:
     """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
     old = gait.stance[k]
-    frame = canonical_frame(gait.heading[k], old)
     sole, foot = sole_position(phys, k, old), sole_position(phys, k, 1 - old)
-    other_x, other_y = canonical(frame, foot[0] - sole[0], foot[1] - sole[1])
-    if stays_on_other_foot(gait.plan[k], other_x, other_y):
+    if stays_on_other_foot(gait.plan[k], *other_sole(phys, gait, k)):
         gait.stance[k] = 1 - old
         gait.heading[k] += swing.exchange_soles(gait.yaw[k])
         gait.height[k, 0] -= foot[2] - sole[2]
@@ -298,13 +341,7 @@ def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both
         stance, acceleration, vector_of(lift, 0), (ahead.cos, ahead.sin), gait.swing[k], waist, ZERO, pelvis,
         (0.0, 0.0), (0.0, 0.0),
     )  # fmt: skip
-    wrench, other = gait.wrench[k], carray(stack_floats(6), (6,))
-    met = standing_torque(phys, k, task, velocity[2], 1.0, gains, both, wrench, other, phys.ctrl[k])
-    limits.clip_torque(phys.ctrl[k], both.torque_range)
-    moment = cross(subtract(foot, sole), vector_of(other, 0))
-    for i in range(3):
-        wrench[i], wrench[3 + i] = wrench[i] + other[i], wrench[3 + i] + other[3 + i] + moment[i]
-    return met
+    return torque_on_both_feet(phys, gait, k, task, velocity[2], 1.0, gains, both)
 
 
 @njit(cache=True, forceinline=True)
@@ -316,14 +353,19 @@ def control(
 
     `landing` (n,) keeps TOUCHDOWN_ERROR while the robot stands on a foot that landed off its plan.
     """
-    if has_landed(phys.load[k, 1 - gait.stance[k]], gait.elapsed[k], gait.plan[k, DURATION], s):
+    aloft, flight = gait.elapsed[k] - s.double_support, gait.plan[k, DURATION] - s.double_support
+    if has_landed(phys.load[k, 1 - gait.stance[k]], aloft, flight, s):
         landing[k] = landing_error(phys, gait, k)
-        touch_down(phys, gait, k)
+        touch_down(phys, gait, k, s.double_support)
         if may_stand(phys, gait, k, s, both):
             gait.elapsed[k] = ON_BOTH_FEET
     if gait.elapsed[k] < 0.0:
         return stand(phys, gait, k, s, gains, both, dt)
-    met = walk(phys, gait, k, s, gains, bounds, dt) | landing[k]
+    if s.double_support > 0.0 and not both_stand(gait.elapsed[k], s.double_support):
+        # a plan of double support is held until the period ends
+        for axis, half in enumerate((both.settings.cop_x_max, both.settings.cop_y_max)):
+            gait.plan[k, COP + axis] = min(max(gait.plan[k, COP + axis], -half), half)
+    met = walk(phys, gait, k, s, gains, bounds, both, dt) | landing[k]
     if gait.elapsed[k] > gait.plan[k, DURATION] + LANDED_LATE:
         met |= TOUCHDOWN_ERROR
     return met

@@ -75,7 +75,7 @@ BIPED_GAIT = GaitSettings(
 )
 SECTIONS: dict[str, tuple[str, ...]] = {
     "limits": tuple(entry.name for entry in fields(GaitLimits) if isinstance(entry.default, float)),
-    "gait": tuple(name for name in GaitSettings._fields if name not in OF_ROBOT),
+    "gait": tuple(name for name in GaitSettings._fields if name not in (*OF_ROBOT, "double_support")),
     "gains": Gains._fields,
     "bounds": BoundSettings._fields,
 }
@@ -243,13 +243,13 @@ class BipedCore:
 
     def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
         """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
-        self.settings = settings.gait
+        self.settings = settings.gait._replace(double_support=planner.double_support)
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
         threads, motors = range(self._threads.threads), self.body.motors
         whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
         self._bounds = [make_bounds(settings.bounds, motors) for _ in threads]
         self._both = [make_bounds(whole, motors, two_feet=True) for _ in threads]
-        self.constants = arena_constants(settings.gait, settings.gains, settings.bounds, whole)
+        self.constants = arena_constants(self.settings, settings.gains, settings.bounds, whole)
         self._bind()
 
     def _bind(self) -> None:

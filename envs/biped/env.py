@@ -59,7 +59,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     """Episodes of n robots of a config; `config` with all that its defaults stand for."""
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
-    takes_kicks = walks = stands = True
+    takes_kicks = walks = stands = has_double_support = True
     core_of: ClassVar[type[BipedCore]] = BipedCore
     config_of = BipedConfig  # whose fields the constructor takes, too
 

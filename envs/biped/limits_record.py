@@ -14,6 +14,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from ...controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ...controllers.jit import njit
 from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
+from ...controllers.model.nominal_gait import both_stand
 from ...controllers.model.observation import ELAPSED, SWING_POSITION, TRUNK_ANGLE
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig
@@ -59,6 +60,7 @@ class PlanLimits(NamedTuple):
     lean: float  # from which it counts as met [rad]
     swing_acceleration: float  # bound of the swing foot's; 0: none [m/s^2]
     final: float  # time before T from which a step is final [s]
+    double_support: float  # from touchdown on [s]
 
 
 EDGES = len(PlanLimits._fields)
@@ -105,6 +107,7 @@ def plan_limits(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, fi
             lean=lean,
             swing_acceleration=config.swing_acceleration,
             final=final,
+            double_support=config.double_support,
         )
     )
 
@@ -137,10 +140,11 @@ def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) 
     A step that is final keeps the bits of its last decision, `before`.
     """
     bounds = PlanLimits(*to_fixed_tuple(edges, EDGES))
-    bits, remaining, stands = 0, plan[DURATION] - observation[ELAPSED], observation[ELAPSED] < 0.0
+    elapsed, bits = observation[ELAPSED], 0
+    remaining, both = plan[DURATION] - elapsed, both_stand(elapsed, bounds.double_support)
     if remaining < bounds.final:
         bits = before & OF_STEP
-    elif not stands:
+    elif elapsed >= 0.0:
         length, width = plan[STEP], plan[STEP + 1]
         if length < bounds.length_min + AT_BOUND or length > bounds.length_max - AT_BOUND:
             bits |= STEP_LENGTH
@@ -150,10 +154,11 @@ def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) 
             bits |= STEP_TIME
         elif bounds.swing_acceleration > 0.0:
             swing = time_to_place(observation, length, width, bounds.swing_acceleration)
-            bits |= STEP_TIME if remaining < swing + AT_BOUND_TIME else 0
+            left = plan[DURATION] - max(elapsed, bounds.double_support)
+            bits |= STEP_TIME if left < swing + AT_BOUND_TIME else 0
     cop_max = bounds.cop_x_max, bounds.cop_y_max
     for axis in range(2):
-        other = observation[_SWING + axis] if stands else 0.0
+        other = observation[_SWING + axis] if both else 0.0
         low, high = min(other, 0.0) - cop_max[axis], max(other, 0.0) + cop_max[axis]
         if not low + AT_BOUND <= plan[COP + axis] <= high - AT_BOUND:
             bits |= COP_EDGE

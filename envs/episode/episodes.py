@@ -90,7 +90,7 @@ class GaitEpisodes(ABC, Generic[C]):
     """Episodes of n robots of one kind, whose physics is `core`; none depends on the others."""
 
     failures: ClassVar[tuple[str, ...]]  # reasons of a fall; index 0 is none
-    has_double_support: ClassVar[bool] = False  # whether the physics knows it
+    has_double_support: ClassVar[bool] = False  # whether it walks with it
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned by default [N]
     turns: ClassVar[bool] = True  # whether it follows commands to turn
     takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
@@ -111,7 +111,7 @@ class GaitEpisodes(ABC, Generic[C]):
 
         Raises:
             InvalidValueError: no robot or too many; a robot or limits that are none; a rate outside
-                20-1000 Hz; or a preset with double support, which the robot does not know.
+                20-1000 Hz; or a preset with double support, which the environment does not know.
             UnknownNameError: for an unknown preset.
         """
         n = require_integer("num_envs", n, 1, ROBOTS_MAX)
@@ -122,8 +122,8 @@ class GaitEpisodes(ABC, Generic[C]):
         if config.double_support > 0 and not self.has_double_support:
             valid = [name for name in preset_names() if preset_config(name).double_support == 0]
             raise InvalidValueError(
-                f"preset {preset!r} walks with double support of {config.double_support} s, which this robot "
-                f"does not know; choose from: {', '.join(valid)}"
+                f"preset {preset!r} walks with double support of {config.double_support} s, which "
+                f"{self.name} does not know; choose from: {', '.join(valid)}"
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset

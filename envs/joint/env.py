@@ -155,7 +155,7 @@ class JointEpisodes(OnJointsEpisodes):
     """Episodes of n bipeds under joint targets."""
 
     name = "PushRecovery/BipedJoint-v0"
-    walks = False
+    walks = has_double_support = False
     core_of: ClassVar[type[BipedCore]] = JointCore
     core: JointCore
     observation_size: ClassVar[int] = JointCore.observation_size

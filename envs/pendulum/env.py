@@ -90,22 +90,11 @@ def observe(s, command, previous, p, out, world, first, end):  # pragma: no cove
 
 @njit(cache=True)
 def margin_of(o, elapsed, double_support, constants):  # pragma: no cover
-    """Capture margin of an observation (36,) as if `elapsed` had passed since the step began [m].
-
-    What is left of double support lets the CoP stand as far as the other foot, which moves the bounds by
-    p (1 - exp(-omega (d - t))).
-    """
-    bounds, margin, reach = np.empty(capturability.BOUNDS), np.inf, 0.0
-    angle, rate = o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
-    capturability.offset_bounds_kernel(elapsed, angle, rate, constants, bounds)
-    if both_stand(o[layout.ELAPSED], double_support):
-        left = double_support - o[layout.ELAPSED]
-        reach = -math.expm1(-capturability.constants_of(constants).omega * left)
-    for axis in range(2):
-        low = bounds[capturability.LOW + axis] + reach * min(o[_SWING + axis], 0.0)
-        high = bounds[capturability.HIGH + axis] + reach * max(o[_SWING + axis], 0.0)
-        margin = min(margin, o[_DCM + axis] - low, high - o[_DCM + axis])
-    return margin
+    """Capture margin of an observation (36,) as if `elapsed` had passed since the step began [m]."""
+    dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
+    left = double_support - o[layout.ELAPSED] if both_stand(o[layout.ELAPSED], double_support) else 0.0
+    other = o[_SWING : _SWING + 2]
+    return capturability.transfer_margin_kernel(elapsed, left, other, dcm, angle, rate, constants)
 
 
 @njit(cache=True)

@@ -130,6 +130,20 @@ def test_touchdown_exchanges_the_feet_and_mirrors_the_plan(random_state, robot_i
     assert not core.gait.swing[0, 3:].any()
 
 
+@pytest.mark.parametrize("stance", [0, 1])
+def test_in_double_support_the_cop_waits_on_the_foot_that_stood(random_state, robot_in, stance):
+    core, _ = robot_in(*random_state(np.random.default_rng(0)), stance)
+    core.gait.heading[0] = 0.3
+    gait_machine.touch_down(core.physics, core.gait, 0, 0.1)
+    old, new = (np.array(sole_position(core.physics, 0, leg)[:2]) for leg in (stance, 1 - stance))
+    heading, outward = core.gait.heading[0], -1.0 if stance == 1 else 1.0  # left stance: y to the right
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    aside = outward * np.array([-ahead[1], ahead[0]])
+    cop = core.gait.plan[0, 3:5]
+    np.testing.assert_allclose(new + cop[0] * ahead + cop[1] * aside, old, atol=1e-12)
+    assert cop[1] > 0.0
+
+
 def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
     """At the height found, leg^2 = above^2 + aside^2 <= reach^2 for the foothold as it was moved."""
     s, rng = SETTINGS, np.random.default_rng(1)

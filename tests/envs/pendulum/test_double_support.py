@@ -5,11 +5,9 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.controllers.model.nominal_gait import nominal_start, step_start_dcm, strip, transfer_mean
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -193,11 +191,3 @@ def test_what_the_hull_can_save_is_not_called_lost():
         env.core._look(0, 1)
         assert capture_margin(env.robot, env.limits, 1e3, (0.0, y)) < -0.15  # -0.1 without the hull
         assert bool(env.core.state.failure[0]) == lost
-
-
-def test_the_biped_has_no_double_support():
-    with pytest.raises(
-        InvalidValueError,
-        match=r"preset 'double-support' .* choose from: biped, default, g1, jvrc1, paper, t1",
-    ):
-        BipedEnv(preset="double-support")
