@@ -29,6 +29,7 @@ from ..model.observation import (
     DCM,
     ELAPSED,
     PUSH_ESTIMATE,
+    SWING_CONTACT,
     SWING_POSITION,
     SWING_VELOCITY,
     TRUNK_ANGLE,
@@ -40,6 +41,7 @@ from ..model.standing import (
     HULL_ROWS,
     NORMAL,
     OFFSET,
+    THROWN,
     standing_margin_kernel,
     write_hull,
 )
@@ -70,6 +72,11 @@ def from_other_foot(observation: Floats) -> Floats:
     return seen
 
 
+def was_thrown(observation: Floats) -> bool:
+    """Whether the other foot of a standing robot has been pushed off the floor."""
+    return observation[SWING_CONTACT] == 0.0 and observation[SWING_POSITION][2] > THROWN
+
+
 class Stander:
     """Decides for standing robots, between stage 2 of standing and a first step."""
 
@@ -95,9 +102,9 @@ class Stander:
 
     def plan(self, observation: Floats, row: Floats) -> None:
         """Write the plan of a standing robot's observation (36,) into a row (ROW_SIZE,) of stage 1."""
-        planner = self._in_place
-        if planner is None or observation[COMMAND].any() or self._margin(observation) < 0.0:
-            self._step(observation, row)
+        planner, thrown = self._in_place, was_thrown(observation)
+        if planner is None or thrown or observation[COMMAND].any() or self._margin(observation) < 0.0:
+            self._step(observation, row, thrown)
         else:
             self._stay(observation, row, planner)
 
@@ -128,18 +135,20 @@ class Stander:
     def _ask_for_no_step(self, row: Floats) -> None:
         row[STEP], row[STEP + 1], row[DURATION] = 0.0, self._robot.pelvis_width, self._limits.duration_max
 
-    def _step(self, observation: Floats, row: Floats) -> None:
-        """The best of all candidates: the shift of the load goes on, or a foot lifts now."""
-        best = None
-        for swapped in (False, True):
+    def _step(self, observation: Floats, row: Floats, thrown: bool) -> None:
+        """The best of all candidates: the shift of the load goes on, or a foot lifts now.
+
+        Of a foot that was thrown off the floor there is nothing to choose: it steps.
+        """
+        found = []
+        for swapped in (False,) if thrown else (False, True):
             seen = from_other_foot(observation) if swapped else observation.copy()
             seen[ELAPSED] = 0.0
             cops, costs, rows = self._candidates(seen)
             least, near = costs.min(), self._config.alpha_offset * NEAR**2
-            k = int(np.argmax(costs <= least + LEFT * (costs[0] - least) + near))
-            if best is None or costs[k] < best[0]:
-                best = costs[k], swapped, k, seen, cops[k], rows[k]
-        _, swapped, k, seen, cop, planned = best
+            k = 0 if thrown else int(np.argmax(costs <= least + LEFT * (costs[0] - least) + near))
+            found.append((costs[k], swapped, k, seen, cops[k], rows[k]))
+        _, swapped, k, seen, cop, planned = min(found, key=lambda one: one[0])
         if k == 0:
             batch, rows = seen[None], planned[None].copy()
             self._stage_2.regulate(batch, rows, self._worker)
