@@ -146,6 +146,7 @@ def standing_margin_kernel(dcm_x, dcm_y, angle, rate, hull, constants):  # pragm
 
 NEARLY = 0.05  # feet this near to side by side may stand [m]
 SETTLED = 0.02  # margin of the DCM within the hull of feet that are to stand [m]
+THROWN = 0.02  # a foot without load that is higher than the other by more has been pushed off the floor [m]
 
 
 @njit(cache=True)
@@ -174,7 +175,7 @@ def may_settle(
 
 
 @njit(cache=True)
-def stays_on_other_foot(plan: Any, other_x: float, other_y: float) -> bool:
+def stays_on_other_foot(plan: Any, other_x: float, other_y: float, must: bool = False) -> bool:
     """Whether a standing robot's step begins on the foot that is not its stance foot; the plan is turned.
 
     The foot farther from the CoP asked for becomes the swing foot. Place and time of the plan are those of
@@ -185,9 +186,10 @@ def stays_on_other_foot(plan: Any, other_x: float, other_y: float) -> bool:
         plan: gait variables (7,), canonical frame, written.
         other_x: centre of the other sole, canonical frame [m].
         other_y: likewise [m].
+        must: it does, whatever the CoP is.
     """
     x, y = plan[COP] - other_x, other_y - plan[COP + 1]
-    if not math.hypot(x, y) < math.hypot(plan[COP], plan[COP + 1]):
+    if not (must or math.hypot(x, y) < math.hypot(plan[COP], plan[COP + 1])):
         return False
     plan[COP], plan[COP + 1], plan[TRUNK + 1] = x, y, -plan[TRUNK + 1]
     return True

@@ -31,6 +31,7 @@ from ..model.observation import (
     DCM,
     ELAPSED,
     PUSH_ESTIMATE,
+    SWING_CONTACT,
     SWING_POSITION,
     SWING_VELOCITY,
     TRUNK_ANGLE,
@@ -42,6 +43,7 @@ from ..model.standing import (
     HULL_ROWS,
     NORMAL,
     OFFSET,
+    THROWN,
     standing_margin_kernel,
     write_hull,
 )
@@ -72,6 +74,12 @@ def from_other_foot(observation: Floats) -> Floats:
         seen[pair.start], seen[pair.start + 1] = observation[pair.start] - x, y - observation[pair.start + 1]
     seen[SWING_POSITION.start] = -x
     return seen
+
+
+@njit(cache=True)
+def was_thrown(observation: Any) -> bool:
+    """Whether the other foot of a standing robot has been pushed off the floor."""
+    return observation[SWING_CONTACT] == 0.0 and observation[SWING_POSITION.start + 2] > THROWN
 
 
 class StayConstants(NamedTuple):
@@ -118,7 +126,8 @@ def stay_rows(
     result = np.empty((1, RESULT_SIZE))
     for i in range(robots.shape[0]):
         seen, row = batch[robots[i]], rows[robots[i]]
-        step[i] = seen[COMMAND].any() or margin_in_place(seen, c, capture, hull) < 0.0
+        moves = was_thrown(seen) or seen[COMMAND].any()
+        step[i] = moves or margin_in_place(seen, c, capture, hull) < 0.0
         if step[i]:
             continue
         push = seen[PUSH_ESTIMATE]
@@ -171,20 +180,22 @@ class Stander:
         if self._in_place is not None:
             stay_rows(batch, rows, robots, step, self._constants, self._capture, self._in_place.compiled)
         for k in robots[step] if step.any() else ():
-            self._step(batch[k], rows[k])
+            self._step(batch[k], rows[k], was_thrown(batch[k]))
 
-    def _step(self, observation: Floats, row: Floats) -> None:
-        """The best of all candidates: the shift of the load goes on, or a foot lifts now."""
-        best = None
-        for swapped in (False, True):
+    def _step(self, observation: Floats, row: Floats, thrown: bool) -> None:
+        """The best of all candidates: the shift of the load goes on, or a foot lifts now.
+
+        Of a foot that was thrown off the floor there is nothing to choose: it steps.
+        """
+        found = []
+        for swapped in (False,) if thrown else (False, True):
             seen = from_other_foot(observation) if swapped else observation.copy()
             seen[ELAPSED] = 0.0
             cops, costs, rows = self._candidates(seen)
             least, near = costs.min(), self._config.alpha_offset * NEAR**2
-            k = int(np.argmax(costs <= least + LEFT * (costs[0] - least) + near))
-            if best is None or costs[k] < best[0]:
-                best = costs[k], swapped, k, seen, cops[k], rows[k]
-        _, swapped, k, seen, cop, planned = best
+            k = 0 if thrown else int(np.argmax(costs <= least + LEFT * (costs[0] - least) + near))
+            found.append((costs[k], swapped, k, seen, cops[k], rows[k]))
+        _, swapped, k, seen, cop, planned = min(found, key=lambda one: one[0])
         if k == 0:
             batch, rows = seen[None], planned[None].copy()
             self._stage_2.regulate(batch, rows, self._worker)

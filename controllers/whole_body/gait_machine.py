@@ -22,7 +22,7 @@ from ..model.observation import (
     in_world,
     point_in_world,
 )
-from ..model.standing import may_settle, stays_on_other_foot
+from ..model.standing import THROWN, may_settle, stays_on_other_foot
 from . import kinematics, limits, swing
 from .inverse_dynamics import Gains, Task, whole_body_torque
 from .kinematics import PELVIS, Array, Heading, Ints, Physics, sole_position
@@ -307,15 +307,26 @@ def may_stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, both: Bounds) 
 
 
 @njit(cache=True)
-def lift_off(phys: Physics, gait: Gait, k: int) -> None:
-    """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
+def choose_stance(phys: Physics, gait: Gait, k: int, thrown: bool) -> tuple[Vector, Vector]:
+    """Let a standing robot's stance foot be the one nearer to the CoP asked for, or the other one.
+
+    Returns the positions of stance sole and other sole. A stance foot that was `thrown` off the floor is none
+    any more, whatever was asked.
+    """
     old = gait.stance[k]
     sole, foot = sole_position(phys, k, old), sole_position(phys, k, 1 - old)
-    if stays_on_other_foot(gait.plan[k], *other_sole(phys, gait, k)):
-        gait.stance[k] = 1 - old
-        gait.heading[k] += swing.exchange_soles(gait.yaw[k])
-        gait.height[k, 0] -= foot[2] - sole[2]
-        foot = sole
+    if not stays_on_other_foot(gait.plan[k], *other_sole(phys, gait, k), thrown):
+        return sole, foot
+    gait.stance[k] = 1 - old
+    gait.heading[k] += swing.exchange_soles(gait.yaw[k])
+    gait.height[k, 0] -= foot[2] - sole[2]
+    return foot, sole
+
+
+@njit(cache=True)
+def lift_off(phys: Physics, gait: Gait, k: int) -> None:
+    """Let a standing robot's step begin, on the foot nearer to the CoP asked for (`stays_on_other_foot`)."""
+    _, foot = choose_stance(phys, gait, k, False)
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = foot
     gait.elapsed[k] = 0.0
@@ -324,9 +335,11 @@ def lift_off(phys: Physics, gait: Gait, k: int) -> None:
 @njit(cache=True)
 def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both: Bounds, dt: float) -> int:
     """CoM acceleration of the pendulum and whole-body torque of a robot on both feet; the bounds met."""
+    sole, foot = sole_position(phys, k, gait.stance[k]), sole_position(phys, k, 1 - gait.stance[k])
+    if phys.load[k, gait.stance[k]] == 0.0 and sole[2] > foot[2] + THROWN:
+        sole, foot = choose_stance(phys, gait, k, True)
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = heading_frame(gait.heading[k]), observation.side_sign(stance)
-    sole, foot = sole_position(phys, k, stance), sole_position(phys, k, 1 - stance)
     com, velocity, lift = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k), gait.height[k]
     height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), s)
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, s.height_time, dt)

@@ -32,9 +32,11 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         field(default=None, metadata=within(1))
     )
     """Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."""
-    collisions: bool = False
+    collisions: bool = True
     """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
     shanks alone)."""
+    stand: bool = False
+    """Let robots that are at rest stand on both feet (otherwise they step in place)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,10 +58,11 @@ class ProtocolCommand(EnvOptions, RunningOptions):
             levels = kick.kick_scenarios(form, self.episodes or MOST["kick"], robot.robot.mass).values()
             scenarios = tuple(scenario for level in levels for scenario in level)
         asked = run.PushProtocol(self.protocol, form, robot.robot, scenarios)
+        asked = asked.with_collisions() if self.collisions else asked
+        asked = asked.standing() if self.stand else asked
         found = run.run_protocol(
-            asked.with_collisions() if self.collisions else asked,
-            self.env_id, self.policies, self.processes, self.directory, self.overwrite,
-        )  # fmt: skip
+            asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
+        )
         lines = [f"report: {report.write_protocol_reports(found)}"]
         self.show(report.to_dict(found), report.result_tables(found)[:1], lines)
 

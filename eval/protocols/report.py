@@ -6,11 +6,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from ...controllers.model.robot import GRAVITY, RobotModel, Similarity
+from ...controllers.model.robot import GRAVITY, Similarity
 from ..output.statistics import wilson_interval
 from ..output.tables import Table, markdown_page, write_reports
 from .kick import FORCES, LEVELS, jump_of
-from .run import Results, Row
+from .run import PushProtocol, Results, Row
 from .tour import CEILING, FASTEST_X, FASTEST_Y, LENGTH, PUNCH_DURATION, force_share
 
 # RecoverFormer (Unitree G1), share of episodes without a fall [%] by level, paper's Table I of commit 70eabd2
@@ -29,13 +29,14 @@ KICK_NOTE = (
 )
 
 
-def kick_note(robot: RobotModel) -> str:
+def kick_note(protocol: PushProtocol) -> str:
     """Differences between their robot and ours."""
+    robot, rest = protocol.robot, "stands" if protocol.stands else "steps in place"
     jump = jump_of(FORCES[-1])
     share = jump / math.sqrt(GRAVITY * robot.com_height)
     return (
         f"{KICK_NOTE}This robot weighs {robot.mass:.1f} kg and has its CoM at {robot.com_height:.2f} m; its "
-        "arms, if it has any, are held. It steps in place, knows its model and its true state, and stands on "
+        f"arms, if it has any, are held. It {rest}, knows its model and its true state, and stands on "
         f"friction 0.9. Jump over sqrt(g h): {jump:.3f} m/s is 0.33 on their G1 and {share:.2f} here.\n"
     )
 
@@ -73,14 +74,15 @@ TOUR_NOTE = (
     "A punch of a leg acts at the same joint here, on thigh, shank or foot, one of the waist on the trunk at "
     "the waist, one of an arm on the same link of it; a robot without arms gets those on the trunk, 0.24 m "
     "over the waist and 0.10 m aside. Arms are held; no harness moves them. The robot begins in a nominal "
-    "step without the three seconds in a crane, steps all the time, turns at 0.6 rad/s at most, knows its "
+    "step without the three seconds in a crane, turns at 0.6 rad/s at most, knows its "
     "model and true state, and falls by this project's criterion, which is the stricter one. Errors stand "
     "at the ends of the segments that were begun; energy and vibration are not counted. "
 )
 
 
-def tour_note(robot: RobotModel) -> str:
+def tour_note(protocol: PushProtocol) -> str:
     """Differences between their robot and ours."""
+    robot, rest = protocol.robot, "stands" if protocol.stands else "steps in place"
     share, velocity = force_share(robot), Similarity.of(robot).velocity
     forces = f"up to {CEILING * share:.0f} N for {PUNCH_DURATION} s"
     meets = (
@@ -88,7 +90,7 @@ def tour_note(robot: RobotModel) -> str:
     )
     return (
         f"{TOUR_NOTE}This robot weighs {robot.mass:.1f} kg and meets {meets}; it walks forward at up to "
-        f"{FASTEST_X * velocity:.2f} and aside at {FASTEST_Y * velocity:.2f} m/s.\n"
+        f"{FASTEST_X * velocity:.2f} and aside at {FASTEST_Y * velocity:.2f} m/s, and {rest} at a waypoint.\n"
     )
 
 
@@ -141,7 +143,7 @@ def kick_table(results: Results, key: str, title: str) -> Table:
 def kick_title(results: Results) -> str:
     """Title of a run of `kick`."""
     each = len(results.protocol.scenarios) // len(LEVELS)
-    return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_collisions(results)}"
+    return f"{results.env_id}: kick, {results.protocol.form}, {each} episodes a level{_variant(results)}"
 
 
 def kick_summary(rows: Sequence[Row]) -> dict[str, Any]:
@@ -186,7 +188,7 @@ def tour_table(results: Results) -> Table:
         both = ("{}/{}".format(*pair) for pair in (row.survival, row.position, row.heading))
         completed = "{}/{} %".format(*row.completed)
         cells.append((f"{name} (published)", str(row.runs), completed, "", *both))
-    runs = f"run ids 0-{len(results.protocol.scenarios) - 1}{_collisions(results)}"
+    runs = f"run ids 0-{len(results.protocol.scenarios) - 1}{_variant(results)}"
     columns = (
         "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]"
     )  # fmt: skip
@@ -201,15 +203,17 @@ def result_tables(results: Results) -> list[Table]:
     return [kick_table(results, key, title) for key, title in titles.items()]
 
 
-def _collisions(results: Results) -> str:
-    return ", bodies collide" if results.protocol.collisions else ""
+def _variant(results: Results) -> str:
+    protocol = results.protocol
+    return ", bodies collide" * protocol.collisions + ", robots at rest stand" * protocol.stands
 
 
 def to_dict(results: Results) -> dict[str, Any]:
     """One JSON object of the results."""
     summary = kick_summary if results.protocol.name == "kick" else tour_summary
     return {
-        "protocol": results.protocol.summary() | {"collisions": results.protocol.collisions},
+        "protocol": results.protocol.summary()
+        | {"collisions": results.protocol.collisions, "stand": results.protocol.stands},
         "env": results.env_id,
         "policies": {name: summary(rows) for name, rows in results.rows.items()},
         "out": str(results.directory),
@@ -221,7 +225,7 @@ def write_protocol_reports(results: Results) -> Path:
     protocol = results.protocol
     page = markdown_page(protocol.name.capitalize(), result_tables(results))
     if protocol.name == "kick":
-        note = f"{FORMS[protocol.form].capitalize()}.\n\n{KICK_CRITERION}\n{kick_note(protocol.robot)}"
+        note = f"{FORMS[protocol.form].capitalize()}.\n\n{KICK_CRITERION}\n{kick_note(protocol)}"
     else:
-        note = tour_note(protocol.robot)
+        note = tour_note(protocol)
     return write_reports(results.directory, to_dict(results), f"{page}\n{note}")

@@ -11,7 +11,7 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
 from ...envs.biped.env import BipedEpisodes
 from ...envs.robots.compiled_robot import CompiledRobot
-from ...envs.scenario.scenario import Scenario
+from ...envs.scenario.scenario import AT_REST, Scenario
 from ..output.progress import Work, about, progress_bars
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.episodes import Ints, Observer
@@ -80,6 +80,15 @@ class PushProtocol:
         """The same on robots that do not pass through themselves."""
         scenarios = (replace(one, errors=replace(one.errors, collisions=True)) for one in self.scenarios)
         return replace(self, scenarios=tuple(scenarios))
+
+    def standing(self) -> Self:
+        """The same of robots that stand on both feet where they are at rest (`Command.stand`)."""
+        return replace(self, scenarios=tuple(replace(one, command=AT_REST) for one in self.scenarios))
+
+    @property
+    def stands(self) -> bool:
+        """Whether robots at rest stand; otherwise they step in place."""
+        return any(scenario.command.stand for scenario in self.scenarios)
 
     @property
     def collisions(self) -> bool:

@@ -268,11 +268,11 @@ class TourWatcher:
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k begins a tour where it stands."""
         run_id, velocity = int(scenario.id.rpartition("-")[2]), Similarity.of(core.robot).velocity
-        self._tours[k] = Tour(waypoints(run_id), pose_of(core, k), velocity)
+        self._tours[k] = Tour(waypoints(run_id), pose_of(core, k), velocity, scenario.command.stand)
 
     def look(self, core: BipedCore, k: int) -> None:
         """Write the command of robot k; the planning period after the next one is planned on it."""
-        core.command[k, :3] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
+        core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
 
     def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """Errors at the last look of each segment begun, also the one in which it fell."""
@@ -291,16 +291,21 @@ def pose_of(core: BipedCore, k: int) -> Pose:
 
 
 class Tour:
-    """One robot on its way: `errors` has distance [m] and heading error [rad] of each segment begun."""
+    """One robot on its way: `errors` has distance [m] and heading error [rad] of each segment begun.
 
-    def __init__(self, targets: Sequence[Pose], origin: Pose, velocity: float):
+    One that `stands` does so while the follower lets it rest.
+    """
+
+    def __init__(self, targets: Sequence[Pose], origin: Pose, velocity: float, stands: bool = False):
         self._targets, self._origin, self._follower = targets, origin, Follower(velocity)
+        self._stands = stands
         self.errors: list[tuple[float, float]] = []
 
-    def command(self, time: float, pose: Pose) -> tuple[float, float, float]:
-        """Velocity forward and to the left [m/s] and turn [rad/s] at a time [s] and a pose."""
+    def command(self, time: float, pose: Pose) -> tuple[float, float, float, bool]:
+        """Velocity forward and to the left [m/s], turn [rad/s] and whether to stand, at a time and a pose."""
         index = min(int((time + ROUNDING) / SEGMENT), SEGMENTS - 1)
         here, target = in_frame(pose, self._origin), self._targets[index]
         forward, left, turn = in_frame(target, here)
         self.errors[index:] = [(math.hypot(forward, left), abs(turn))]
-        return self._follower.command(here, target)
+        command = self._follower.command(here, target)
+        return *command, self._stands and not any(command)

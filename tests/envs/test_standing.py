@@ -149,6 +149,22 @@ def test_it_starts_walks_and_stands_again(stage, name):
     assert speed == pytest.approx(0.3, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("side", "body", "stays"), [("left", "left", 1), ("left", "right", 0), ("right", "left", 1)]
+)
+def test_a_foot_that_is_thrown_off_the_floor_steps_whichever_was_the_stance_foot(stage, side, body, stays):
+    env, policy = stage(BIPED)
+    push = Push((0.0, 0.0, 700.0), 0.08, 0.5, f"{body}_foot", (0.0, 0.0, 0.0))
+    scenario = Scenario("thrown", (push,), STAND, duration=4.0, stance_side=side)
+    seen, _ = env.reset(options={"scenario": scenario})
+    while seen[0] < 0.0:
+        seen, *_ = env.step(policy.predict(seen)[0])
+    assert env.episodes.motion().side[0] == stays
+    observations, _, fell = walked(env, policy, scenario)
+    assert not fell
+    assert observations[-1, 0] == ON_BOTH_FEET
+
+
 def test_a_robot_that_is_asked_for_a_step_lifts_the_foot_that_the_cop_is_away_from(stage):
     env, _ = stage(PENDULUM)
     half = env.episodes.limits.cop_y_max

@@ -7,6 +7,7 @@ import pytest
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
+from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.protocols import run as running
@@ -74,16 +75,24 @@ def test_a_command_runs_kick_and_goes_on_where_it_stopped(tmp_path, capsys, monk
     assert main(argv) == 2  # rows of something else are not mixed
 
 
-def test_bodies_collide_where_that_is_asked_for(tmp_path, capsys):
+def test_bodies_collide_unless_they_are_told_not_to_and_robots_stand_where_they_are(tmp_path, capsys):
     """In the scenarios, and said in the report; the kicks stay as they are."""
-    argv = ["protocol", "kick", "--episodes", "1", "--workers", "1", "--collisions", "--out", str(tmp_path)]
-    assert main(argv) == 0
-    assert "1 episodes a level, bodies collide" in (tmp_path / "report.md").read_text()
+    argv = ["protocol", "kick", "--episodes", "1", "--workers", "1", "--out"]
+    assert main([*argv, str(tmp_path / "a"), "--stand"]) == 0
+    report = (tmp_path / "a" / "report.md").read_text()
+    assert "1 episodes a level, bodies collide, robots at rest stand. Share" in report
+    assert "It stands, knows" in report
+    assert main([*argv, str(tmp_path / "b"), "--no-collisions"]) == 0
+    report = (tmp_path / "b" / "report.md").read_text()
+    assert "1 episodes a level. Share" in report
+    assert "It steps in place, knows" in report
     plain = PushProtocol("kick", "stated", ROBOT, tuple(kick_scenarios("stated", 1)[50]))
-    colliding = plain.with_collisions()
-    assert [scenario.errors.collisions for scenario in colliding.scenarios] == [True]
-    assert replace(colliding.scenarios[0], errors=EXACT_MODEL) == plain.scenarios[0]
-    assert colliding.summary()["sha256"] != plain.summary()["sha256"]
+    other = plain.with_collisions().standing()
+    (scenario,) = other.scenarios
+    assert (scenario.errors.collisions, scenario.command) == (True, Command(stand=True))
+    assert (other.collisions, other.stands) == (True, True)
+    assert replace(scenario, errors=EXACT_MODEL, command=Command()) == plain.scenarios[0]
+    assert other.summary()["sha256"] != plain.with_collisions().summary()["sha256"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from push_recovery.controllers.whole_body.kinematics import PELVIS
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.protocols import tour
 from push_recovery.eval.protocols.tour import Follower, Pose, in_frame, punch_points, punches, waypoints
 from push_recovery.eval.rollout.outcome import Ending, Outcome
@@ -158,11 +158,28 @@ def test_the_heading_rests_for_itself():
     assert turn(0.06) == pytest.approx(-0.09)
 
 
+@pytest.mark.parametrize("stands", [False, True])
+def test_a_robot_that_stands_does_so_while_it_has_no_way_to_go(monkeypatch, stands):
+    """Within 0.10 m and 0.05 rad of the waypoint it rests; until then, and for the next one, it walks."""
+    monkeypatch.setattr(tour, "waypoints", lambda run_id: (Pose(0.2, 0.0, 0.06), Pose(0.2, 0.0, 1.0)))
+    core, watcher = Pelvis(), tour.TourWatcher()
+    core.put(0.0, 0.0, 0.0, 0.0)
+    watcher.begin(core, 0, Scenario("tour-0007", command=Command(stand=stands)))
+    rests = []
+    for time, x, yaw in (
+        (0.0, 0.0, 0.0), (1.0, 0.15, 0.0), (2.0, 0.15, 0.02), (3.0, 0.05, 0.16), (5.0, 0.2, 0.06)
+    ):  # fmt: skip
+        core.put(time, x, 0.0, yaw)
+        watcher.look(core, 0)
+        rests.append(core.command[0, 3])
+    assert rests == [0.0, 0.0, stands, stands, 0.0]
+
+
 class Pelvis:
     """A core of one robot whose pelvis is put where a test wants it."""
 
     def __init__(self, **robot):
-        self.robot, self.command = RobotModel(**robot), np.zeros((1, 3))
+        self.robot, self.command = RobotModel(**robot), np.zeros((1, 4))
         self.gait = SimpleNamespace(time=np.zeros(1))
         self._state = SimpleNamespace(qpos=np.zeros((1, 7)), xmat=np.zeros((1, 20, 9)))
 
@@ -183,13 +200,13 @@ def test_a_watcher_writes_the_command_in_the_frame_in_which_the_robot_began(monk
     core.put(0.0, 1.0, 2.0, left)
     watcher.begin(core, 0, Scenario("tour-0007"))
     watcher.look(core, 0)
-    assert core.command[0] == pytest.approx((0.3, 0.15, 0.45))  # 1.5 times the errors
+    assert core.command[0] == pytest.approx((0.3, 0.15, 0.45, 0.0))  # 1.5 times the errors
     core.put(4.99, 0.94, 2.16, left + 0.32)  # 0.04 m short, 0.04 m to the right, 0.02 rad too far
     watcher.look(core, 0)
-    assert core.command[0] == pytest.approx((0.0, 0.0, 0.0))  # there, in both
+    assert core.command[0] == pytest.approx((0.0, 0.0, 0.0, 0.0))  # there, in both
     core.put(5.0 - 1e-12, 0.94, 2.16, left + 0.32)  # the second segment, in spite of rounding
     watcher.look(core, 0)
-    assert core.command[0] == pytest.approx((-0.25, 0.2, -0.48))  # at the limits of a robot of 0.8 m
+    assert core.command[0] == pytest.approx((-0.25, 0.2, -0.48, 0.0))  # at the limits of a robot of 0.8 m
     outcome = Outcome.of(Scenario("tour-0007"), "p", Ending(True, 5.0, None, "too_low", 0.0), 500)
     assert watcher.end(core, 0, outcome) == {
         "position_errors_cm": [pytest.approx(100.0 * math.hypot(0.04, 0.04), abs=1e-3),
@@ -207,4 +224,4 @@ def test_a_watcher_scales_limits_by_the_robot_and_ends_with_the_last_waypoint(mo
     watcher.begin(core, 0, Scenario("tour-0001"))
     core.put(90.0, 16.0, 0.0, 0.0)
     watcher.look(core, 0)
-    assert core.command[0] == pytest.approx((0.25, 0.0, 0.0))
+    assert core.command[0] == pytest.approx((0.25, 0.0, 0.0, 0.0))
