@@ -213,7 +213,8 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any], name:
     write_text(path, env.get_template(template).render(content))
     pages = sorted(one.name for one in directory.glob("*.html") if one.name != INDEX)
     if len(pages) > 1:
-        write_text(directory / INDEX, env.get_template("index.html").render(pages=pages))
+        titled = {"title": "Pages of these results", "pages": pages}
+        write_text(directory / INDEX, env.get_template("index.html").render(titled))
     return path
 
 
