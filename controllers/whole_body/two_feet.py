@@ -45,6 +45,7 @@ from .kinematics import (
 )
 from .limits import FORCE_UNIT, WRENCH_ROWS, Bounds, BoundSettings, clipped_cop_in_world, limits_met
 
+SEARCH = 0.1  # speed at which a sole without load sinks [m/s]
 INSIDE = 1.0 - 1e-9  # of a sole, where its edge is not yet passed
 PARALLEL = 1e-6  # a sole that is no farther away along an axis is on the same line [m]
 
@@ -102,8 +103,9 @@ def write_standing_tasks(
 ) -> tuple[Vector, Vector]:
     """`inverse_dynamics.write_tasks` with both soles still; returns the positions of the soles.
 
-    The trunk has the acceleration asked for in the world, whatever the pelvis does: a pelvis that is turned
-    upright again would otherwise take the trunk along, and that takes the CoP.
+    A sole without load looks for the floor: it is to sink at SEARCH. The trunk has the acceleration asked for
+    in the world, whatever the pelvis does: a pelvis that is turned upright again would otherwise take the
+    trunk along, and that takes the CoP.
     """
     omega, base = kinematics.base_angular_velocity(phys, k), vector_at(phys.xpos, k, PELVIS)
     alpha = dynamics.base_angular_acceleration(phys, k, omega, task, gains)
@@ -117,6 +119,8 @@ def write_standing_tasks(
         foot = kinematics.sole_motion(phys, k, leg, omega)
         left, right = right, foot.position
         linear, angular = dynamics.stance_acceleration(phys, k, leg, foot, task.facing, gains)
+        if phys.load[k, leg] == 0.0:
+            linear = linear[0], linear[1], linear[2] - gains.stance_kd * SEARCH
         linear = subtract(linear, add(foot.drift, cross(alpha, subtract(foot.position, base))))
         angular = subtract(angular, add(foot.turn_drift, alpha))
         dynamics.write_leg_task(phys, k, leg, foot.position, linear, angular, gains, inverses, qdd)
