@@ -106,9 +106,9 @@ class Scenario(JsonRecord):
     """One episode, complete: the same scenario and policy give the same outcome bit for bit.
 
     The robot starts at the beginning of a nominal step (for the command) on `stance_side`, or stands, with
-    the other foot beside that one or `stride` ahead of it. The episode ends
-    at `duration` where that is given, otherwise `settle_time` after the last push has ended, the last kick
-    has come and the command has changed for the last time (after reset where there is none of them).
+    the other foot beside that one or `stride` ahead of it. The episode ends at `duration` where that is
+    given, otherwise `settle_time` after the last push has ended, the last kick has come and the command has
+    changed for the last time (after reset where there is none of them).
     """
 
     json_name = "scenario"

@@ -15,7 +15,7 @@ from ..output.statistics import Array, PairedCounts, wilson_interval
 from ..output.tables import Table
 from ..record.words import sector_of
 from ..score.evaluate import Evaluation
-from ..score.report import Evaluations, count_cells, p_words, points, ranked
+from ..score.report import TURNED_NOTE, Evaluations, count_cells, p_words, points, ranked
 from . import page
 from .page import Command
 
@@ -64,7 +64,7 @@ def rates_table(evaluation: Evaluation) -> Table:
                       f"{100.0 * low:.1f} to {100.0 * high:.1f} %"]  # fmt: skip
         lines.append((name, *cells, *count_cells(score.turned, score.bent)))
     columns = ("policy", "recovered", "95 % interval", "survived", "95 % interval", "turned", "bent")
-    return Table("Recovered and survived", columns, lines)
+    return Table("Recovered and survived", columns, lines, TURNED_NOTE)
 
 
 def rate_figure(evaluations: Evaluations) -> str:
