@@ -246,8 +246,8 @@ def status_words(lane: Lane) -> str:
 
 
 ANSWERS = {  # to a push, by strategy
-    "ankle": "ankles (no step, the DCM stayed over the soles)",
-    "hip": "hips (no step, the trunk's swing brings the DCM back over the soles)",
+    "ankle": "ankles (no step, the soles alone were enough)",
+    "hip": "hips (no step, the trunk's swing was needed)",
 }
 
 

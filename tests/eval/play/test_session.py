@@ -198,8 +198,8 @@ def standing():
     ("impulse", "answer"),
     # forward the soles alone catch 25 N s, with the trunk 45 N s, of 0.1 s (docs/standing.md)
     [
-        (18.0, "ankles (no step, the DCM stayed over the soles)"),
-        (-33.0, "hips (no step, the trunk's swing brings the DCM back over the soles)"),
+        (18.0, "ankles (no step, the soles alone were enough)"),
+        (-33.0, "hips (no step, the trunk's swing was needed)"),
         (60.0, "2 steps"),
     ],
 )
