@@ -58,8 +58,10 @@ def robot_sweep(name: str, values: Sequence[float]) -> Sweep:
 
 def adaptation_sweep(base: Variant) -> Sweep:
     """The step adapts its place, its time, both or neither."""
-    place, time = {"adapt_step": False}, {"adapt_duration": False}
-    choices = {"place and time": {}, "place only": place, "time only": time, "neither": place | time}
+    no_place, no_time = {"adapt_step": False}, {"adapt_duration": False}
+    choices = {
+        "place and time": {}, "place only": no_time, "time only": no_place, "neither": no_place | no_time
+    }  # fmt: skip
     cases = ((text, {"planner": pairs(fields)}) for text, fields in choices.items())
     return variant_sweep(base, "the step adapts", cases)
 

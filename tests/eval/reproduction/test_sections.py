@@ -79,6 +79,17 @@ def test_ablations_measure_against_the_robot_of_the_row():
     assert feet["cases"][-1]["limit_N"][0] > feet["cases"][0]["limit_N"][0] + 50
 
 
+def test_a_step_that_adapts_its_place_only_keeps_its_time():
+    found = dict(studies.adaptation_sweep(Variant("two-stage", "two-stage")).cases)
+    kept = {name: dict(variant.planner) for name, variant in found.items()}
+    assert kept == {
+        "place and time": {},
+        "place only": {"adapt_duration": False},
+        "time only": {"adapt_step": False},
+        "neither": {"adapt_duration": False, "adapt_step": False},
+    }
+
+
 def test_every_job_has_its_own_row_and_a_label():
     for section in SECTIONS:
         jobs, by_key = list(section.jobs(4)), {}
