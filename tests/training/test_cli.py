@@ -28,7 +28,7 @@ def recipes(toy, monkeypatch):
         kind="scratch", env_id=toy, timesteps=512, n_envs=4, n_steps=64, hold=1, policy_layers=(8,),
         value_layers=(8,), log_std=-1.0, checkpoint_every=256, evaluate_every=512, evaluation_scenarios=2,
     )  # fmt: skip
-    for name in tuple(RECIPES):
+    for name in reversed(tuple(RECIPES)):  # undone the other way round, in the order that others look at
         monkeypatch.delitem(RECIPES, name)
     monkeypatch.setitem(RECIPES, "scratch", small)
     monkeypatch.setitem(RECIPES, "joint", dataclasses.replace(small, seed=5))
