@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...controllers.model.gait_box import GaitLimits
-from ...controllers.model.robot import REFERENCE
+from ...controllers.model.robot import REFERENCE, RobotModel
 from ...controllers.model.standing import Feet, max_standing_force
 from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
@@ -294,6 +293,11 @@ def standing_scenarios(name: str, blocks: int, seed: int) -> tuple[Scenario, ...
     return tuple(standing_scenario(f"{name}-{i:04d}", Standing(*u), i) for i, u in enumerate(points))
 
 
+def feet_at_first(robot: RobotModel, stance: Side, stride: float) -> Feet:
+    """Where the feet of a robot that stands are at first, from its stance foot, in the world's axes."""
+    return Feet((stride, -robot.pelvis_width if stance == "left" else robot.pelvis_width))
+
+
 def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenario:
     """Scenario of one point; values are rounded far below what matters, as in `stratified_scenario`.
 
@@ -305,7 +309,7 @@ def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenari
     stride = between(STRIDES, u.stride) if bits & 4 else 0.0
     shortest, longest = DURATIONS
     duration = round(shortest * (longest / shortest) ** u.duration, 4)
-    feet = Feet((stride, -REFERENCE.pelvis_width if stance == "left" else REFERENCE.pelvis_width))
+    feet = feet_at_first(REFERENCE, stance, stride)
     low, high = STANDING_SHARES
     share = SHARE[count] * (low + u.share * (high - low)) * (TRUNK_SHARE if body == "trunk" else 1.0)
     ranges = zip(u[-3:], TARGETS[body].offset_low, TARGETS[body].offset_high, strict=True)
@@ -315,8 +319,7 @@ def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenari
     pushes = []
     for i in range({"single": 1, "double": 2, "repeated": REPEATS}[count]):
         psi = (2.0 * (later if i else u.direction) - 1.0) * math.pi
-        limits = GaitLimits.of(REFERENCE)
-        force = share * max_standing_force(REFERENCE, psi, duration, limits=limits, feet=feet)
+        force = share * max_standing_force(REFERENCE, psi, duration, feet=feet)
         vector = (round(force * math.cos(psi), 3) + 0.0, round(force * math.sin(psi), 3) + 0.0, 0.0)
         pushes.append(Push(vector, duration, round(first + i * pause, 4), body, (x, y, z), "heading"))
     return Scenario(scenario_id, tuple(pushes), AT_REST, stance, noise_seed=noise_seed, stride=stride)

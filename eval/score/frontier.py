@@ -28,7 +28,7 @@ from ...controllers.model.capturability import max_recoverable_force, recoverabl
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
 from ...controllers.model.robot import RobotModel
-from ...controllers.model.standing import Feet, max_standing_force
+from ...controllers.model.standing import max_standing_force
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
@@ -40,6 +40,7 @@ from ..rollout.environments import code_digest, env_label, make_env, preset_dige
 from ..rollout.outcome import Outcome
 from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
+from .draw import feet_at_first
 
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
 FORCE_CAP = 4000.0  # no scan goes further [N]
@@ -236,10 +237,8 @@ def standing_share(env: gym.Env, scenario: Scenario) -> float:
     """The first push of a scenario in which the robot stands at rest, as a share of its own F*_stand."""
     unwrapped: Any = env.unwrapped
     robot, push = unwrapped.robot, scenario.pushes[0]
-    side = -robot.pelvis_width if scenario.stance_side == "left" else robot.pelvis_width
-    limit = max_standing_force(
-        robot, push.direction, push.duration, limits=unwrapped.limits, feet=Feet((scenario.stride, side))
-    )
+    feet = feet_at_first(robot, scenario.stance_side, scenario.stride)
+    limit = max_standing_force(robot, push.direction, push.duration, limits=unwrapped.limits, feet=feet)
     return math.hypot(*push.force[:2]) / limit
 
 
