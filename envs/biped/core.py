@@ -315,7 +315,7 @@ class BipedCore:
             sole[2] = self._floor_height(k, scenario, sole[0], sole[1])
         com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
-        qpos, qvel = posture(self.body, com, velocity, soles)
+        qpos, qvel = self._posture(com, velocity, soles)
         if self.senses.of(k):
             sensors = self.senses.last.sensors
             sensors.seed[k], sensors.side[k] = counter_seed(scenario.noise_seed), stance
@@ -337,6 +337,10 @@ class BipedCore:
         self.truth[k] = 0.0
         kind = self.senses.of(k)
         self._calls[kind].finish(self._tables[kind][0], self.constants, k, k + 1)
+
+    def _posture(self, com: Array, velocity: Array, soles: Array) -> tuple[Array, Array]:
+        """Where a robot begins: CoM (3,) [m], its velocity (3,) [m/s], soles (2, 3) [m] to qpos and qvel."""
+        return posture(self.body, com, velocity, soles)
 
     def _floor_height(self, k: int, scenario: Scenario, x: float, y: float) -> float:
         """Height of a sole of robot k that lies at (x, y): the highest of the floor at its corners [m]."""

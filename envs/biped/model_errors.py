@@ -308,15 +308,15 @@ def move(phys: Physics, errors: RobotErrors, k: int, handles: Handles, force: Ar
         dt: step of control [s].
     """
     if errors.delay[k] > 0:
-        delay_torque(errors, k, phys.ctrl[k])
+        delay_torque(errors, k, phys.ctrl[k, :NU])
     errors.step[k] += 1
     if errors.noise[k, JOINT_NOISE] > 0.0:
         show_measured(handles, k)  # a drive turns as fast as it does, not as is measured
     asked, total = carray(stack_floats(14), (NU,)), carray(stack_floats(20), (NV,))
-    asked[:], total[:] = phys.ctrl[k], 0.0
+    asked[:], total[:] = phys.ctrl[k, :NU], 0.0
     steps, whole = errors.fine[k, STEPS], errors.fine[k, WHOLE] != 0
     for _ in range(steps):
-        phys.ctrl[k] = asked
+        phys.ctrl[k, :NU] = asked
         limit_torques(phys, k, errors.motors, errors.power, errors.warmth, phys.ctrl[k], dt / steps)
         advance_measured(handles, k, whole)
         for i in range(NV):

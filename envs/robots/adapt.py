@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
 from importlib.util import find_spec
 from itertools import chain
@@ -392,7 +392,8 @@ def description_of(robot: RobotFile) -> RobotDescription:
     """The description of a robot file's robot."""
     plain, looks, solid = (AdaptedSpec(robot, shapes) for shapes in (NONE, VISUAL, SOLID))
     parts = robot.plan, robot.com_height, robot.preset
-    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid)
+    whole = partial(description_of, robot.unfixed()) if robot.fixed else None
+    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole)
 
 
 @lru_cache(maxsize=16)

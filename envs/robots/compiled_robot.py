@@ -127,7 +127,7 @@ class CompiledRobot:
         """
         self.description = description
         self.model = self.compiled(description.spec())
-        self.indices: Indices = find_indices(self.model, self.plan)
+        self.indices: Indices = find_indices(self.model, self.plan, description.driven)
         self._scratch = threading.local()
         self.found: dict[str, Any] = {}  # results that others have worked out of the model once
 
@@ -146,10 +146,14 @@ class CompiledRobot:
         return numbers
 
     def compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
-        """The model of a spec of this robot, with the physics step of all robots and its held joints held."""
+        """The model of a spec of this robot, with the physics step of all robots and its held joints held.
+
+        Those of a robot that is `driven` keep their motors.
+        """
         model = spec.compile()
         model.opt.timestep = CONTROL_STEP
-        hold_joints(model, self.plan)
+        if not self.description.driven:
+            hold_joints(model, self.plan)
         return model
 
     @cached_property

@@ -40,6 +40,7 @@ class Indices:
     held_qpos: tuple[int, ...] = ()  # coordinates of the joints that keep their angle
     held_dof: tuple[int, ...] = ()  # and their degrees of freedom
     held_links: tuple[int, ...] = ()  # and the bodies that they move
+    held_motors: tuple[int, ...] = ()  # actuators of these joints where actions drive them
 
     @property
     def pushed(self) -> tuple[int, ...]:
@@ -81,8 +82,8 @@ def number_of(model: mujoco.MjModel, kind: str, name: str) -> int:
         raise UnknownNameError(f"{kind} of the robot's model", name, [*filter(None, names)]) from None
 
 
-def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
-    """All numbers that a plan's names stand for.
+def find_indices(model: mujoco.MjModel, plan: BodyPlan, driven: bool = False) -> Indices:
+    """All numbers that a plan's names stand for; the motors of held joints only where they are `driven`.
 
     Raises:
         UnknownNameError: a name that the model does not have.
@@ -124,6 +125,7 @@ def find_indices(model: mujoco.MjModel, plan: BodyPlan) -> Indices:
         held_qpos=tuple(int(model.jnt_qposadr[joint]) for joint in held),
         held_dof=tuple(int(model.jnt_dofadr[joint]) for joint in held),
         held_links=tuple(int(model.jnt_bodyid[joint]) for joint in held),
+        held_motors=tuple(motor_of(model, joint) for joint in held) if driven else (),
     )
     for geom, name in zip(indices.sole_boxes, plan.sole_boxes, strict=True):
         if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
@@ -217,14 +219,13 @@ Pairs = list[tuple[int, int]]
 
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
-    """Torques, and forces on the bodies that pushes act on."""
+    """Torques, at last those of held joints that are driven, and forces on the bodies that pushes act on."""
     pushed = _pushed_rows(indices)
     count = 1 + max(row for row, _ in pushed)
     if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
         pushed.remove((kinematics.TRUNK, indices.trunk))
-    return picked("ctrl", (len(indices.motors),), known(indices.motors)), rows(
-        "xfrc_applied", count, 6, pushed
-    )
+    motors = (*indices.motors, *indices.held_motors)
+    return picked("ctrl", (len(motors),), known(motors)), rows("xfrc_applied", count, 6, pushed)
 
 
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:

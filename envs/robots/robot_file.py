@@ -21,7 +21,7 @@ the first that fits counts, and what it leaves out is the model's.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +68,10 @@ class RobotFile:
     com_height: float  # at which it walks [m]
     preset: str
     about: str = ""
+
+    def unfixed(self) -> RobotFile:
+        """The same robot, whose fixed joints are held ones."""
+        return replace(self, plan=replace(self.plan, held=(*self.plan.held, *self.fixed)), fixed=())
 
 
 def make_plan(

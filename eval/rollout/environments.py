@@ -17,11 +17,15 @@ from ...controllers.files import read_file
 from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
 from ...controllers.settings import ARMS, is_preset_file, load_preset
+from ...envs.joint.full_body import driven, joint_names
+from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
+from .contract import is_contract, read_contract
 from .load_policy import import_from_here, is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 
 ROBOT_FILE = ".robot.json"
+FULL_BODY = "FullBody"  # in the id of the form whose actions drive all joints
 OF_REFERENCE = ("Biped", "Pendulum")  # how ids of the robot of 60 kg begin
 ON_JOINTS = re.compile("(JointResidual|Joint)(?=-v)")  # what the id of a form on the joints has besides
 
@@ -121,8 +125,36 @@ def own_form(policy: Any, env_id: str) -> str | None:
     return f"{form}@{name.preset}" if name.preset else form
 
 
+def full_body_form(env_id: str) -> str:
+    """The form on all joints, under servos, of the robot of an environment."""
+    name = EnvName.parse(env_id)
+    if FULL_BODY in name.id:
+        return env_id
+    if not name.id.endswith("-v0") or ON_JOINTS.search(name.id) or "Pendulum" in name.id:
+        raise InvalidValueError(
+            f"a policy of joint targets needs a robot with joints, such as {DEFAULT_ENV}; {env_id!r} has none of "
+            "its own"
+        )
+    form = name.robot or f"{name.module}:".lstrip(":") + name.id.replace("-v0", f"{FULL_BODY}-v0")
+    return f"{form}@{name.preset}" if name.preset else form
+
+
+def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
+    """The environment of a policy with a contract: its robot's, with the contract's servos and rate."""
+    found, body = read_contract(policy), env.unwrapped.core.body
+    robot = joint_names(compiled_robot(driven(body.description)))
+    kwargs |= {"servos": found.servos(robot), "control_hz": found.rate}
+    name = EnvName.parse(env_id)
+    if name.robot:
+        kwargs = {"robot": name.robot, **kwargs}
+        return make_env(f"{NAMESPACE}Biped{FULL_BODY}-v0" + (f"@{name.preset}" if name.preset else ""), **kwargs)
+    return make_env(full_body_form(env_id), **kwargs)
+
+
 def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None:
     """An environment with this policy's own robot or actions; None where it acts in that of the id."""
+    if is_contract(policy):
+        return contender_env(env, env_id, policy, **kwargs)
     if has_own_robot(env, policy):
         return make_env(env_id, arm=policy, **kwargs)
     form = own_form(policy, env_id)

@@ -22,9 +22,12 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies import two_stage
 from ...controllers.policies.interface import Policy, as_policy
 from ...controllers.policies.learned import NetworkPolicy, policy_paths
+from ...envs.joint.full_body import FullBodyEpisodes
 from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 from .. import sampling_mpc
 from ..output.rows import read_json
+from .contender import Contender
+from .contract import PACKAGED, is_contract, read_contract
 from .names import DEFAULT_ENV
 
 FOLDER = Path(__file__).parent / "policies"
@@ -145,7 +148,7 @@ MODELS = "...training.model_policy"  # a package after this one, loaded only whe
 OF_MODELS = {("stable_baselines3.common.base_class", "BaseAlgorithm"),
              ("stable_baselines3.common.policies", "BasePolicy")}  # fmt: skip
 ARCHIVE = "ArchivePolicy"  # of the same package: a model of Stable-Baselines3 in a file
-FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE")
+FORMS = ("FILE.safetensors", "MODULE:ATTRIBUTE", "FILE.onnx", "CONTRACT.yaml")
 
 
 def load_policy(policy: Any, env: gym.Env) -> Policy:
@@ -163,6 +166,8 @@ def load_policy(policy: Any, env: gym.Env) -> Policy:
     policy = acting(policy)
     if not isinstance(policy, str):
         return _load_object(policy, env)
+    if is_contract(policy):
+        return _load_contender(policy, env)
     if is_policy_file(policy):
         return _load_file(policy, env)
     if is_attribute(policy):
@@ -182,7 +187,7 @@ def make_policy(name: str, env: Any) -> Policy:
         InvalidValueError: the environment has no gait, takes residuals, or actions on the joints; a shipped
             policy was made for another environment, or its file is not there.
     """
-    if name in NAMES:
+    if name in NAMES or is_contract(name):
         return load_policy(name, env)
     if name.endswith(".zip"):
         raise InvalidValueError(
@@ -217,7 +222,7 @@ def make_policy(name: str, env: Any) -> Policy:
 
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
-    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names())
+    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names(), *PACKAGED)
 
 
 def is_policy_file(name: str) -> bool:
@@ -250,6 +255,16 @@ def _load_object(policy: Any, env: gym.Env) -> Policy:
     if not (kinds & OF_MODELS or type(policy).__name__ == ARCHIVE):
         return as_policy(policy)
     return importlib.import_module(MODELS, __package__).model_policy(policy, env)
+
+
+def _load_contender(name: str, env: gym.Env) -> Policy:
+    """A policy of others, in the environment of its servos."""
+    episodes = getattr(env.unwrapped, "episodes", None)
+    if not isinstance(episodes, FullBodyEpisodes):
+        raise InvalidValueError(
+            f"policy {name!r} gives targets of all joints; it acts in the form FullBody of a robot's environment"
+        )
+    return Contender(read_contract(name), episodes)
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:

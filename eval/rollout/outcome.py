@@ -199,7 +199,7 @@ class EffortMeter:
         np.fmax(self.lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self.lean)
         if self.motors:
             self.heading += core.command[:, TURN] * (1.0 / self.episodes.control_hz)
-            torque = np.abs(self._of_motors(core.physics.ctrl))
+            torque = np.abs(self._of_motors(core.physics.ctrl[:, :NU]))
             np.fmax(self.peak, largest(torque, axis=1), out=self.peak)
             self.torque += added(torque, axis=1)
             torque *= self._of_motors(self._rates())

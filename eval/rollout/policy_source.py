@@ -20,6 +20,7 @@ from ...controllers.policies.learned import policy_paths
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
+from .contract import is_contract, read_contract
 from .environments import make_env_for
 from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
 
@@ -52,6 +53,8 @@ class PolicySource:
             if (content := _pickled(self.origin)) is None:
                 return None
             content += b"\0" + source_of(type(self.origin))
+        elif is_contract(self.origin):
+            return read_contract(self.origin).digest()
         elif is_policy_file(self.origin):
             content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):

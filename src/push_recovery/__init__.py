@@ -86,6 +86,7 @@ _FORMS = {  # of a robot's environment: what follows its name -> one robot, n ro
     "": ("biped.env:BipedEnv", "biped.env:make_biped_vector"),
     "Residual": ("wrappers:make_biped_residual", "wrappers:make_biped_residual_vector"),
     "Joint": ("joint.env:BipedJointEnv", "joint.env:make_biped_joint_vector"),
+    "FullBody": ("joint.full_body:FullBodyEnv", "joint.full_body:make_full_body_vector"),
     "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
 }
 _ROBOTS = {"Biped": {}, "G1": {"robot": "g1"}, "T1": {"robot": "t1"}, "JVRC1": {"robot": "jvrc1"}}

@@ -1,0 +1,397 @@
+"""What a policy of others expects of the robot around it: its contract, read from the files it came in.
+
+A contract says what the network sees (terms in order, scale, history, clock), what its output means (joints,
+default pose, scale), and what drives the joints (stiffness, damping, rate). It is that of the package
+gaitkeeper, `gaitkeeper.contract`, with where each field came from. These files are read:
+
+| file | who writes it |
+|---|---|
+| FILE.onnx with `joint_names` in its metadata, a deploy.yaml beside it | mjlab |
+| deploy.yaml, its network beside it or in ../exported | unitree_rl_lab, unitree_rl_mjlab |
+| NAME.yaml with `kps` and `default_angles`, the network that it names beside it | unitree_rl_gym (legged_gym) |
+| FILE.onnx with `dof_names` in its metadata, for a G1 or a T1 | Holosoma |
+| CONTRACT.yaml | `push-recovery policy inspect FILE --out CONTRACT.yaml` |
+
+Nothing that these files say is run but the network.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from ...controllers.files import read_file, write_text
+from ...envs.biped.period import substeps
+from ...envs.joint.full_body import Servos
+
+EXTRA = "contenders"
+NETWORKS = (".onnx", ".pt", ".jit")  # of ONNX and TorchScript
+SUFFIXES = (*NETWORKS, ".yaml", ".yml")
+REACH = 2.0 * np.pi  # of an action of 1: targets further from the posture ask for the motor's full torque [rad]
+GROUP = "policy_io.observation_groups.policy"
+NAMES, POSE, RATE = "policy_io.joints.names", "control.default_joint_pos", "timing.policy_dt"
+SCALE, OFFSET = "control.actions.joint_pos.scale", "control.actions.joint_pos.offset"
+STIFFNESS, DAMPING = "control.actuators.kp", "control.actuators.kd"
+EFFORT, LIMITS = "model.effort_limit", "policy_io.commands.base_velocity.limit"
+ABSENT = "control.absent"  # joints of the contract that the robot may lack: they count as in the default pose
+NETWORK = "source.network"
+OF_EACH_JOINT = (POSE, SCALE, OFFSET, STIFFNESS, DAMPING)
+NEEDED = (RATE, NAMES, f"{GROUP}.terms", *OF_EACH_JOINT)
+
+
+def gaitkeeper(module: str) -> Any:
+    """A module of gaitkeeper.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    if find_spec("gaitkeeper") is None:
+        raise MissingExtraError("gaitkeeper", EXTRA)
+    return __import__(f"gaitkeeper.{module}", fromlist=["gaitkeeper"])
+
+
+def is_contract(name: object) -> bool:
+    """Whether a policy argument means a contract or the network of one."""
+    return isinstance(name, str) and (name in PACKAGED or Path(name).suffix in SUFFIXES)
+
+
+@dataclass(frozen=True)
+class Packaged:
+    """A policy that a package on the package index carries."""
+
+    package: str
+    module: str
+    path: str  # in the module's folder
+    install: str  # the line that installs it
+
+
+_HOLOSOMA = "pip install --no-deps holosoma-inference"
+PACKAGED: Mapping[str, Packaged] = {
+    f"holosoma-{robot}-{learner}": Packaged(
+        "holosoma-inference", "holosoma_inference",
+        f"models/loco/{robot}_29dof/{learner}_{robot}_29dof.onnx", _HOLOSOMA,
+    )
+    for robot in ("g1", "t1") for learner in ("ppo", "fastsac")
+}  # fmt: skip
+
+
+def contract_file(name: str) -> Path:
+    """The file of a contract: the path itself, or that of a packaged policy.
+
+    Raises:
+        MissingExtraError: the package of a policy is not installed.
+        InvalidValueError: no such file.
+    """
+    path = Path(name)
+    if name in PACKAGED:
+        known = PACKAGED[name]
+        spec = find_spec(known.module)
+        if spec is None or not spec.submodule_search_locations:
+            raise InvalidValueError(
+                f"policy {name!r} comes with {known.package}, which is not installed; install it with: "
+                f"{known.install}"
+            )
+        path = Path(spec.submodule_search_locations[0]) / known.path
+    if not path.is_file():
+        raise InvalidValueError(f"there is no file {str(path)!r} of policy {name!r}")
+    return path
+
+
+@dataclass(frozen=True)
+class PolicyContract:
+    """A contract, the network that it is for, and what was noticed when it was read."""
+
+    name: str
+    contract: Any  # gaitkeeper.contract.Contract
+    network: Path
+    notes: tuple[str, ...] = field(default=(), compare=False)
+
+    def get(self, path: str, default: Any = None) -> Any:
+        """A field by its dotted path."""
+        return self.contract.get(path, default)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints of the network's output, in its order."""
+        return tuple(self.get(NAMES))
+
+    @property
+    def rate(self) -> float:
+        """Decisions a second [Hz]."""
+        return 1.0 / float(self.get(RATE))
+
+    def of_joints(self, path: str, joints: Sequence[str]) -> tuple[float, ...]:
+        """Numbers of a field for some joints."""
+        values = self.get(path)
+        return tuple(float(values[name]) for name in joints)
+
+    def present(self, robot: Sequence[str | None]) -> tuple[str, ...]:
+        """Joints of the contract that a robot has.
+
+        Raises:
+            UnknownNameError: it lacks one that the contract does not let it lack.
+        """
+        has, may_lack = set(robot), self.get(ABSENT, ())
+        for name in self.joints:
+            if name not in has and name not in may_lack:
+                raise UnknownNameError(
+                    f"joint of the robot in {NAMES} of policy {self.name!r}", name, filter(None, robot)
+                )
+        return tuple(name for name in self.joints if name in has)
+
+    def servos(self, robot: Sequence[str | None]) -> Servos:
+        """The drives that the contract asks of a robot with these joints; other joints keep their angle."""
+        joints = self.present(robot)
+        effort = self.get(EFFORT)
+        held = self.get("control.unlisted") or {}
+        others = tuple(name for name in held.get("pose", {}) if name in set(robot) - set(joints))
+        values = [
+            (*self.of_joints(path, joints), *(float(held[key][name]) for name in others))
+            for path, key in ((POSE, "pose"), (STIFFNESS, "kp"), (DAMPING, "kd"))
+        ]
+        torque = None
+        if isinstance(effort, Mapping):
+            torque = tuple(float(effort.get(name, np.inf)) for name in (*joints, *others))
+            torque = tuple(min(value, 1e6) for value in torque)
+        return Servos((*joints, *others), *values, torque, REACH)
+
+    def digest(self) -> str:
+        """SHA-256 of what the rows of the policy hang on: contract and network."""
+        return hashlib.sha256(self.contract.dump().encode() + b"\0" + read_file(self.network)).hexdigest()
+
+    def write(self, path: Path) -> None:
+        """Write the contract as CONTRACT.yaml; it names its network by a path from there, and by its hash."""
+        kept = self.contract.copy()
+        network = self.network.resolve()
+        where = path.resolve().parent
+        inside = network.relative_to(where) if network.is_relative_to(where) else network
+        kept.set(NETWORK, {"path": str(inside), "sha256": _sha256(network)}, "file", "policy inspect")
+        write_text(path, kept.dump())
+
+
+def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> PolicyContract:
+    """The contract of a file or a packaged policy, checked against its network.
+
+    Args:
+        name: path of a file, or a name of PACKAGED.
+        changes: fields by their dotted paths, above what the files say.
+
+    Raises:
+        MissingExtraError: gaitkeeper or a policy's package is not installed.
+        InvalidValueError: a file that cannot be read; a field that is missing, contradicts another or does
+            not fit the network, by its name.
+    """
+    path = contract_file(name)
+    try:
+        contract, network, notes = _read(path)
+    except (KeyError, TypeError, ValueError, AttributeError, OSError) as error:
+        if isinstance(error, InvalidValueError):
+            raise
+        raise InvalidValueError(f"cannot read the contract of policy {name!r}: {error}") from error
+    for key, value in (changes or {}).items():
+        try:
+            contract.set(key, value, "user", "--set")
+        except KeyError as error:
+            raise InvalidValueError(f"{key!r} is no field of a contract: {error}") from error
+    found = PolicyContract(name, contract, network, notes)
+    _check(found)
+    return found
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(read_file(path)).hexdigest()
+
+
+def _read(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
+    """Contract, network and notes of a file, by what the file says that it is."""
+    if path.suffix in NETWORKS:
+        return _of_network(path)
+    import yaml
+
+    content = yaml.safe_load(read_file(path))
+    if not isinstance(content, dict):
+        raise InvalidValueError(f"{str(path)!r} is no contract: it holds no fields")
+    if "schema" in content:
+        return _of_contract(path, content)
+    if "joint_ids_map" in content:
+        network = _beside(path, "", "../exported")
+        contract, findings = gaitkeeper("readers.unitree_deploy").read_unitree_deploy(path, network)
+        return contract, network, _messages(findings)
+    if "kps" in content:
+        network = _beside(path, Path(str(content.get("policy_path", ""))).name)
+        contract, findings = gaitkeeper("readers.rl_gym_deploy").read_rl_gym_deploy(path, network)
+        return contract, network, _messages(findings)
+    raise InvalidValueError(
+        f"{str(path)!r} is no contract that is known: it has neither 'schema' (policy inspect --out), nor "
+        "'joint_ids_map' (deploy.yaml of unitree_rl_lab), nor 'kps' (configuration of unitree_rl_gym)"
+    )
+
+
+def _messages(findings: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(getattr(finding, "message", finding) for finding in findings)
+
+
+def _beside(path: Path, name: str, *folders: str) -> Path:
+    """The network that lies beside a file: by name, or the only one there is."""
+    places = [path.parent, *(path.parent / folder for folder in folders)]
+    there = [file for place in places if place.is_dir() for file in sorted(place.iterdir())
+             if (file.name == name if name else file.suffix in NETWORKS)]  # fmt: skip
+    if len(there) != 1:
+        what = f"{name!r}, which it names," if name else "one network (" + ", ".join(NETWORKS) + ")"
+        found = ", ".join(file.name for file in there) or "none"
+        raise InvalidValueError(f"{what} must lie beside {str(path)!r}, found {found}")
+    return there[0]
+
+
+def _of_contract(path: Path, content: dict[str, Any]) -> tuple[Any, Path, tuple[str, ...]]:
+    contract = gaitkeeper("contract").Contract.from_dict(content)
+    source = contract.get(NETWORK, None)
+    if not isinstance(source, dict) or not {"path", "sha256"} <= source.keys():
+        raise InvalidValueError(f"{NETWORK} of {str(path)!r} is missing: a path and a sha256")
+    network = path.parent / source["path"]
+    if not network.is_file():
+        raise InvalidValueError(f"there is no network {str(network)!r}, which {NETWORK} names")
+    if _sha256(network) != source["sha256"]:
+        raise InvalidValueError(
+            f"{NETWORK}.sha256 of {str(path)!r} is that of another file than {str(network)!r}"
+        )
+    return contract, network, ()
+
+
+def _of_network(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
+    """The contract that an ONNX file's metadata and the files beside it make."""
+    if path.suffix != ".onnx":
+        raise InvalidValueError(
+            f"{str(path)!r} is a TorchScript file, which says nothing of its contract: name the YAML that "
+            "came with it, or a CONTRACT.yaml"
+        )
+    metadata = gaitkeeper("policy").OnnxPolicy(path).sess.get_modelmeta().custom_metadata_map
+    if "joint_names" in metadata:
+        deploy = [place for place in (path.parent / "deploy.yaml", path.parent / "../params/deploy.yaml")
+                  if place.is_file()]  # fmt: skip
+        contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(path, next(iter(deploy), None))
+        return contract, path, _messages(findings)
+    if "dof_names" in metadata:
+        return _holosoma(path, metadata), path, ()
+    raise InvalidValueError(
+        f"the metadata of {str(path)!r} say nothing of its contract: they have neither 'joint_names' (mjlab) "
+        f"nor 'dof_names' (Holosoma), but {', '.join(sorted(metadata)) or 'nothing'}; name the deploy.yaml "
+        "that came with it, or a CONTRACT.yaml"
+    )
+
+
+# What Holosoma's ONNX files leave out, from holosoma-inference 0.1.3, config_values/observation.py and robot.py
+_HOLOSOMA_SOURCE = "holosoma-inference 0.1.3, config_values and policies/locomotion.py"
+_LEG = {"g1": (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0), "t1": (-0.2, 0.0, 0.0, 0.4, -0.25, 0.0)}
+_HOLOSOMA_POSES = {
+    "g1": (*_LEG["g1"], *_LEG["g1"], 0.0, 0.0, 0.0, 0.2, 0.2, 0.0, 0.6, 0.0, 0.0, 0.0, 0.2, -0.2, 0.0, 0.6,
+           0.0, 0.0, 0.0),
+    "t1": (0.0, 0.0, 0.2, -1.35, 0.0, -0.5, 0.0, 0.0, 0.0, 0.2, 1.35, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0,
+           *_LEG["t1"], *_LEG["t1"]),
+}  # fmt: skip
+_HOLOSOMA_SCALES = {  # of angular velocity and joint rates
+    "g1": {"base_ang_vel": 0.25, "dof_vel": 0.05},
+    "t1": {"base_ang_vel": 1.0, "dof_vel": 0.1},
+}
+_HOLOSOMA_CLOCK = {
+    "period": 1.0, "offset": 0.5, "clock_offset_steps": 1,
+    "stand": {"mode": "hold", "eps_planar": 0.01, "eps_yaw": 0.01, "hold": [0.5, 0.5], "resume": [0.0, 0.5]},
+}  # fmt: skip
+_HOLOSOMA_RATE, _HOLOSOMA_ACTION = 50.0, 0.25
+_T1_HANDS = tuple(f"{side}_{part}" for side in ("Left", "Right")
+                  for part in ("Wrist_Pitch", "Wrist_Yaw", "Hand_Roll"))  # fmt: skip
+
+
+def _holosoma(path: Path, metadata: Mapping[str, str]) -> Any:
+    """The contract of a Holosoma walker: terms sorted by name, joints and gains of its metadata."""
+    joints = json.loads(metadata["dof_names"])
+    robot = "g1" if "waist_yaw_joint" in joints else "t1" if "AAHead_yaw" in joints else ""
+    if not robot or len(joints) != len(_HOLOSOMA_POSES[robot]):
+        raise InvalidValueError(f"'dof_names' of {str(path)!r} are those of no robot of Holosoma that is known")
+    contract_of = gaitkeeper("contract")
+    c, count, scales = contract_of.Contract(), len(joints), _HOLOSOMA_SCALES[robot]
+
+    def term(name: str, kind: str, size: int, scale: float = 1.0, **params: Any) -> dict[str, Any]:
+        return {"id": kind, "source_name": name, "dim": size, "scale": [scale] * size, "clip": None,
+                "params": params}  # fmt: skip
+
+    terms = [
+        term("actions", "last_action", count, reset="zeros"),
+        term("base_ang_vel", "base_ang_vel", 3, scales["base_ang_vel"]),
+        term("command_ang_vel", "velocity_commands", 1, index=[2]),
+        term("command_lin_vel", "velocity_commands", 2, index=[0, 1]),
+        term("cos_phase", "gait_phase_legs", 2, index=[2, 3], **_HOLOSOMA_CLOCK),
+        term("dof_pos", "joint_pos_rel", count),
+        term("dof_vel", "joint_vel_rel", count, scales["dof_vel"]),
+        term("projected_gravity", "projected_gravity", 3),
+        term("sin_phase", "gait_phase_legs", 2, index=[0, 1], **_HOLOSOMA_CLOCK),
+    ]
+    pose = dict(zip(joints, _HOLOSOMA_POSES[robot], strict=True))
+    ranges = json.loads(metadata.get("command_ranges", "{}"))
+    limit = {to: ranges[of] for to, of in (("vx", "lin_vel_x"), ("vy", "lin_vel_y"), ("wz", "ang_vel_yaw"))
+             if of in ranges}  # fmt: skip
+    stated, own = ("preset", _HOLOSOMA_SOURCE), ("file", "ONNX metadata")
+    c.set("source", {"format": "holosoma_onnx", "robot": robot,
+                     "files": [{"path": path.name, "sha256": _sha256(path)}]}, "file")  # fmt: skip
+    c.set(RATE, 1.0 / _HOLOSOMA_RATE, *stated)
+    c.set(NAMES, joints, own[0], "ONNX metadata dof_names")
+    c.set(GROUP, {"terms": terms, "clip_then_scale": True,
+                  "history": {"length": 1, "layout": "term_major", "order": "oldest_first",
+                              "init": "repeat_first"}}, *stated)  # fmt: skip
+    c.set(LIMITS, limit or None, own[0], "ONNX metadata command_ranges")
+    c.set(POSE, pose, *stated)
+    c.set(OFFSET, pose, *stated)
+    c.set(SCALE, dict.fromkeys(joints, _HOLOSOMA_ACTION), *stated)
+    for key, path_ in (("kp", STIFFNESS), ("kd", DAMPING)):
+        c.set(path_, dict(zip(joints, json.loads(metadata[key]), strict=True)), own[0], f"ONNX metadata {key}")
+    if robot == "t1":
+        c.set(ABSENT, list(_T1_HANDS), "user", "wrists and hands, which T1 of 23 joints lacks")
+    return c
+
+
+def _check(found: PolicyContract) -> None:
+    """Raise InvalidValueError with the field that is missing, contradicts another or does not fit."""
+    contract, name = found.contract, found.name
+
+    def refuse(path: str, why: str) -> None:
+        raise InvalidValueError(
+            f"{path} of policy {name!r} {why}; push-recovery policy inspect FILE --set {path}=VALUE --out "
+            "CONTRACT.yaml gives it"
+        )
+
+    for path in NEEDED:
+        if contract.get(path, None) is None:
+            detail = contract.prov(path).detail
+            refuse(path, f"is missing ({detail})" if detail else "is missing")
+    for path, origin in contract.provenance.items():
+        if origin.source == "conflicting" and contract.prov(path).source == "conflicting":
+            refuse(path, f"is contradictory: {origin.detail}")
+    joints = found.joints
+    for path in OF_EACH_JOINT:
+        values = contract.get(path)
+        lacks = sorted(set(joints) - set(values)) if isinstance(values, Mapping) else list(joints)
+        if lacks:
+            refuse(path, f"has no number for {', '.join(lacks[:3])}")
+    try:
+        substeps(found.rate)
+    except InvalidValueError as error:
+        refuse(RATE, f"is {contract.get(RATE):g} s: {error}")
+    group = contract.get(GROUP)
+    known = gaitkeeper("terms").TERMS
+    if unknown := [term["id"] for term in group["terms"] if term.get("id") not in known]:
+        refuse(f"{GROUP}.terms", f"has a term that is not known, {unknown[0]!r}")
+    if found.network.suffix == ".onnx":
+        network = gaitkeeper("policy").load_policy(contract, found.network)
+        size = int(group.get("history", {}).get("length", 1)) * sum(int(term["dim"]) for term in group["terms"])
+        if not group.get("history", {}).get("chunks") and network.n_in != size:
+            refuse(f"{GROUP}.terms", f"has {size} numbers, the network takes {network.n_in}")
+        if network.n_out != len(joints):
+            refuse(NAMES, f"has {len(joints)} joints, the network gives {network.n_out} numbers")
