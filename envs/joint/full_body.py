@@ -48,7 +48,7 @@ from ..robots.indices import MISSING
 from ..scenario.push import GaitEvent, Push
 from ..scenario.scenario import IN_PLACE, Command, Scenario
 from ..snapshot import Arrays, RobotSnapshot
-from .core import JointCore, joints_of, standing_posture
+from .core import JointCore, standing_posture
 from .env import JointEpisodes
 
 # part_of is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -295,7 +295,7 @@ def joint_inertia(body: CompiledRobot) -> Array:
 
 
 def posed(body: CompiledRobot, angles: Array, soles: Array) -> Array:
-    """Coordinates of a robot in a posture, upright over the middle of soles (2, 3) [m], the lowest on them."""
+    """Coordinates of an upright robot in a posture, over the middle of soles (2, 3) [m] and on them."""
     data, indices = mujoco.MjData(body.model), body.indices
     places = (*indices.qpos[JOINT:], *indices.held_qpos)
     data.qpos[list(indices.qpos[:JOINT])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
@@ -371,7 +371,7 @@ class FullBodyEpisodes(JointEpisodes):
     name = "PushRecovery/BipedFullBody-v0"
     core_of: ClassVar[type[BipedCore]] = FullBodyCore
     config_of = FullBodyConfig
-    core: FullBodyCore
+    core: Any  # a FullBodyCore
     config: FullBodyConfig
 
     def __init__(self, n: int, config: BipedConfig | None = None, threads: int = 1, **changes: Any):

@@ -37,7 +37,7 @@ class RobotDescription:
     model: RobotModel | None = None  # what the planner knows of it; None: read from the compiled model
     looks: Callable[[], mujoco.MjSpec] | None = None  # the same robot for the eye; None: as in the physics
     solid: Callable[[], mujoco.MjSpec] | None = None  # with all shapes that may collide; None: it has them
-    whole: Callable[[], RobotDescription] | None = None  # with joints that this one has fixed; None: it has all
+    whole: Callable[[], RobotDescription] | None = None  # with the joints that are fixed here, if any
     driven: bool = False  # whether the joints that the plan holds are driven by actions, as all others
 
     def __post_init__(self) -> None:
@@ -68,11 +68,11 @@ def robot_description(robot: str | RobotDescription) -> RobotDescription:
     return description
 
 
-FORMS = "", "Residual", "Joint", "JointResidual", "FullBody"  # of an environment: what follows the robot's name
+FORMS = "", "Residual", "Joint", "JointResidual", "FullBody"  # what follows the robot's name
 
 
 def register_robot(name: str, robot: str) -> tuple[str, ...]:
-    """Register `PushRecovery/NAME-v0`, its forms Residual, Joint, JointResidual and FullBody; returns their ids.
+    """Register `PushRecovery/NAME-v0`, its forms such as `MineResidual`; returns their ids.
 
     The ids are known to this process. A module that calls this at its top is named in front of the id where
     others shall find it, as in `push-recovery evaluate --env my_robot:PushRecovery/Mine-v0`.

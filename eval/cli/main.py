@@ -52,6 +52,9 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "robot": (".sharing", "RobotCommand",
               "Make a robot of your own from a model: robot new FILE.xml guesses its parts, for "
               "your review."),
+    "policy": (".sharing", "PolicyCommand",
+               "Read what a policy of others expects of its robot (inspect), and see whether it stands "
+               "and walks unpushed (check)."),
     "suite": (".sharing", "SuiteCommand",
               "Write a suite of your own: suite new --seed N --out FILE draws pushes that nobody has met."),
     "warmup": (".tools", "WarmUp",

@@ -25,8 +25,8 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOpti
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
     trust: Flag = False
-    """Take archives of Stable-Baselines3 (FILE.zip) as policies: loading one runs the code that is in it, as
-    you (docs/reliability.md)."""
+    """Take archives of Stable-Baselines3 (FILE.zip) and networks in TorchScript as policies: loading one runs
+    the code that is in it, as you (docs/reliability.md)."""
     film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
     """Film the pushes that one policy recovers from and another does not, side by side, as GIF
     and mp4."""
@@ -34,11 +34,18 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOpti
     """Largest number of pushes that are filmed."""
 
     def trusted(self, policies: Sequence[str]) -> list[Any]:
-        """The policies, every FILE.zip as a policy of that label; without trust they stay, to be refused."""
-        if not self.trust or not any(name.endswith(ARCHIVE) for name in policies):
+        """The policies, those that may run code under their label; without trust they stay, to be refused."""
+        from ..rollout.contract import Trusted, is_contract
+
+        if not self.trust:
             return list(policies)
-        archive = import_module(LOADER, __package__).ArchivePolicy
-        return [{name: archive.of(name)} if name.endswith(ARCHIVE) else name for name in policies]
+
+        def one(name: str) -> Any:
+            if name.endswith(ARCHIVE):
+                return {name: import_module(LOADER, __package__).ArchivePolicy.of(name)}
+            return {name: Trusted(name)} if is_contract(name) else name
+
+        return [one(name) for name in policies]
 
     def check_film(self) -> None:
         """Raise MissingExtraError before any work where films are asked for and can't be written."""

@@ -1,4 +1,4 @@
-"""`push-recovery protocol kick|tour`, `submit`, `robot new` and `suite new`."""
+"""`push-recovery protocol kick|tour`, `submit`, `robot new`, `policy inspect|check` and `suite new`."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -160,6 +160,87 @@ def _guess_lines(about: dict[str, Any]) -> list[str]:
         "F* [N], 0.1 s, every 45 degrees": ", ".join(f"{force:.0f}" for force in about["limit_N"]),
     }
     return [f"{name:32}{text}" for name, text in rows.items()]
+
+
+SHOWN = 60  # characters of a field's value
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyCommand(JsonOption):
+    """Read and try the contract of a policy that was trained elsewhere (docs/contenders.md)."""
+
+    action: Positional[Literal["inspect", "check"]]
+    """inspect: print the contract, and where each field comes from. check: let the policy stand and walk five
+    commands without a push, and say whether the contract is at fault or the policy is weak."""
+    file: Annotated[Positional[str], arg(metavar="FILE")]
+    """FILE.onnx, deploy.yaml, a configuration of unitree_rl_gym, CONTRACT.yaml, or a name such as
+    holosoma-g1-ppo."""
+    set: Annotated[tuple[str, ...] | None, arg(metavar="FIELD=VALUE", help_behavior_hint="")] = None
+    """Fields of the contract, as YAML, above what the files say."""
+    out: options.FileName = None
+    """CONTRACT.yaml to write, which evaluate and all other commands take as a policy."""
+    robot: Annotated[
+        str | None, arg(metavar="NAME|FILE", help_behavior_hint="(default: the one with its joints)")
+    ] = None
+    """Robot of check: its name or robot file."""
+
+    def run(self) -> None:
+        """Read, write, print; with check: run the controls."""
+        from ..rollout.contract import changes_of, read_contract
+
+        contract = read_contract(self.file, changes_of(self.set or ()))
+        lines = [f"note: {note}" for note in contract.notes]
+        if self.out is not None:
+            contract.write(Path(self.out))
+            lines.append(f"contract: {self.out}")
+        if self.action == "inspect":
+            self.show(contract.contract.to_dict(), [_contract_table(contract)], lines)
+        else:
+            self._check(contract, lines)
+
+    def _check(self, contract: Any, lines: list[str]) -> None:
+        from ..output.tables import Table
+        from ..robot_tools import policy_check
+
+        robot = self.robot or policy_check.robot_of(contract)
+        controls = policy_check.Controls(robot)
+        found = controls.run_all(contract)
+        rows = [
+            (name, f"{c.command.vx:g}, {c.command.vy:g}, {c.command.turn:g}",
+             "-" if c.fell_at is None else f"{c.fell_at:.2f}",
+             f"{c.velocity[0]:.2f}, {c.velocity[1]:.2f}, {c.turn:.2f}", f"{c.drift:.3f}",
+             "yes" if c.passed else "no")
+            for name, c in found.items()
+        ]  # fmt: skip
+        columns = ("control", "told [m/s, m/s, rad/s]", "fell at [s]", "did", "moved [m]", "passed")
+        passed, repair = all(one.passed for one in found.values()), None
+        if not passed:
+            repair = policy_check.find_fault(contract, controls, found)
+        if passed:
+            verdict = "works: it stands and walks as told"
+        elif repair is not None:
+            verdict = f"contract at fault: {repair.field}, {repair.what}, and it passes every control"
+        else:
+            verdict = (
+                "weak policy, or a contract that is wrong in more than one thing: no single change helps"
+            )
+        content = {"robot": robot, "verdict": verdict.partition(":")[0], "passed": passed,
+                   "field": None if repair is None else repair.field,
+                   "controls": {name: c.to_dict() for name, c in found.items()}}  # fmt: skip
+        self.show(content, [Table(f"{contract.name} on {robot}, unpushed", columns, rows)], [verdict, *lines])
+
+
+def _contract_table(contract: Any) -> Any:
+    """Fields of a contract, their values and where each comes from."""
+    from ..output.tables import Table
+    from ..rollout.contract import fields_of
+
+    rows = [
+        (path, text if len(text) <= SHOWN else f"{text[:SHOWN]}...",
+         f"{origin.source}: {origin.detail}".rstrip(": "))
+        for path, text, origin in fields_of(contract)
+    ]  # fmt: skip
+    return Table(f"contract of {contract.name}", ("field", "value", "source"), rows)
 
 
 @dataclass(frozen=True, kw_only=True)

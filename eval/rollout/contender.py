@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, MissingExtraError
 from ...envs.joint import full_body
 from .contract import LIMITS, OFFSET, POSE, SCALE, PolicyContract, gaitkeeper
 
@@ -25,6 +26,33 @@ class Episode:
         self.action = np.zeros(actions)  # the last one, as the network gave it
 
 
+class TorchScript:
+    """A network in TorchScript, which keeps what it remembers in itself.
+
+    Raises:
+        MissingExtraError: torch is not installed.
+        InvalidValueError: the file is no TorchScript.
+    """
+
+    is_recurrent = True
+
+    def __init__(self, path: str):
+        try:
+            self._torch = import_module("torch")
+        except ImportError as error:
+            raise MissingExtraError("torch", "train") from error
+        try:
+            self._module = self._torch.jit.load(path, map_location="cpu").eval()
+        except RuntimeError as error:
+            raise InvalidValueError(f"{path!r} is no TorchScript: {str(error).splitlines()[0]}") from error
+
+    def step(self, observation: Array) -> Array:
+        """The output for one observation."""
+        with self._torch.no_grad():
+            row = self._torch.as_tensor(observation, dtype=self._torch.float32)[None]
+            return self._module(row).numpy()[0].astype(np.float64)
+
+
 class Contender:
     """A network in an environment of `FullBodyEnv`, whose servos are those of its contract.
 
@@ -33,23 +61,25 @@ class Contender:
 
     batchable = True
 
-    def __init__(self, contract: PolicyContract, episodes: Any):
+    def __init__(self, contract: PolicyContract, episodes: Any, trusted: bool = False):
         """Make it ready for the robots of an environment.
 
         Args:
             contract: what it expects.
             episodes: of the robots.
+            trusted: whether the network may be TorchScript, which can run code of its own.
 
         Raises:
-            InvalidValueError: the robots are driven otherwise than the contract says.
+            InvalidValueError: the robots are driven otherwise than the contract says, or a network in
+                TorchScript that is not trusted.
             UnknownNameError: the robot lacks a joint of the contract.
         """
         self.contract, robot = contract, episodes.joints
         servos, core = contract.servos(robot), episodes.core
         if core.servos != servos or abs(episodes.control_hz - contract.rate) > 1e-6:
             raise InvalidValueError(
-                f"policy {contract.name!r} acts in an environment with the servos and the rate of its contract: "
-                "score it by its name on the robot's own environment"
+                f"policy {contract.name!r} acts in an environment with the servos and the rate of its "
+                "contract: score it by its name on the robot's own environment"
             )
         self._names = [name for name in robot if name is not None]
         self._own = np.array([i for i, name in enumerate(robot) if name is not None])
@@ -59,7 +89,9 @@ class Contender:
         self._moved = np.array([contract.joints.index(name) for name in present])
         self._places = np.array([robot.index(name) for name in present])
         self._posture = np.array(contract.of_joints(POSE, present))
-        self._scale, self._offset = (np.array(contract.of_joints(path, contract.joints)) for path in (SCALE, OFFSET))
+        self._scale, self._offset = (
+            np.array(contract.of_joints(path, contract.joints)) for path in (SCALE, OFFSET)
+        )
         clip = gaitkeeper("contract").action_clip_pairs(contract.contract, len(contract.joints))
         self._clip = None if clip is None else np.array(clip).T
         limit = contract.get(LIMITS) or {}
@@ -67,10 +99,18 @@ class Contender:
             np.array([limit.get(axis, (-np.inf, np.inf))[end] for axis in AXES], np.float64) for end in (0, 1)
         )
         self._reach, self._size = servos.reach, len(robot)
+        self._script = contract.network.suffix != ".onnx"
+        if self._script and not trusted:
+            raise InvalidValueError(
+                f"policy {contract.name!r} has a network in TorchScript, and loading one may run its code: "
+                "where you trust it, evaluate and compare take --trust"
+            )
         self._shared = self._load()
         self._alone = getattr(self._shared, "is_recurrent", False)
 
     def _load(self) -> Any:
+        if self._script:
+            return TorchScript(str(self.contract.network))
         return gaitkeeper("policy").load_policy(self.contract.contract, self.contract.network)
 
     def predict(

@@ -8,7 +8,7 @@ gaitkeeper, `gaitkeeper.contract`, with where each field came from. These files 
 |---|---|
 | FILE.onnx with `joint_names` in its metadata, a deploy.yaml beside it | mjlab |
 | deploy.yaml, its network beside it or in ../exported | unitree_rl_lab, unitree_rl_mjlab |
-| NAME.yaml with `kps` and `default_angles`, the network that it names beside it | unitree_rl_gym (legged_gym) |
+| NAME.yaml with `kps`, the network that it names beside it | unitree_rl_gym (legged_gym) |
 | FILE.onnx with `dof_names` in its metadata, for a G1 or a T1 | Holosoma |
 | CONTRACT.yaml | `push-recovery policy inspect FILE --out CONTRACT.yaml` |
 
@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError, UnknownNameError
 from ...controllers.files import read_file, write_text
 from ...envs.biped.period import substeps
 from ...envs.joint.full_body import Servos
@@ -35,7 +35,9 @@ from ...envs.joint.full_body import Servos
 EXTRA = "contenders"
 NETWORKS = (".onnx", ".pt", ".jit")  # of ONNX and TorchScript
 SUFFIXES = (*NETWORKS, ".yaml", ".yml")
-REACH = 2.0 * np.pi  # of an action of 1: targets further from the posture ask for the motor's full torque [rad]
+REACH = (
+    2.0 * np.pi
+)  # of an action of 1: targets further from the posture ask for the motor's full torque [rad]
 GROUP = "policy_io.observation_groups.policy"
 NAMES, POSE, RATE = "policy_io.joints.names", "control.default_joint_pos", "timing.policy_dt"
 SCALE, OFFSET = "control.actions.joint_pos.scale", "control.actions.joint_pos.offset"
@@ -61,6 +63,24 @@ def gaitkeeper(module: str) -> Any:
 def is_contract(name: object) -> bool:
     """Whether a policy argument means a contract or the network of one."""
     return isinstance(name, str) and (name in PACKAGED or Path(name).suffix in SUFFIXES)
+
+
+@dataclass(frozen=True)
+class Trusted:
+    """A contract whose network may run code of its own, as TorchScript does; what `--trust` makes."""
+
+    name: str
+
+    def predict(self, observation: Any) -> Any:
+        """Refuse: a contract acts in the environment of its servos alone."""
+        raise InvalidValueError(f"policy {self.name!r} acts in the environment of its contract alone")
+
+
+def contract_name(policy: object) -> str | None:
+    """Name of the contract that a policy means; None for one of another kind."""
+    if isinstance(policy, Trusted):
+        return policy.name
+    return policy if isinstance(policy, str) and is_contract(policy) else None
 
 
 @dataclass(frozen=True)
@@ -152,7 +172,7 @@ class PolicyContract:
         joints = self.present(robot)
         effort = self.get(EFFORT)
         held = self.get("control.unlisted") or {}
-        others = tuple(name for name in held.get("pose", {}) if name in set(robot) - set(joints))
+        others = tuple(str(name) for name in held.get("pose", {}) if name in set(robot) - set(joints))
         values = [
             (*self.of_joints(path, joints), *(float(held[key][name]) for name in others))
             for path, key in ((POSE, "pose"), (STIFFNESS, "kp"), (DAMPING, "kd"))
@@ -161,7 +181,8 @@ class PolicyContract:
         if isinstance(effort, Mapping):
             torque = tuple(float(effort.get(name, np.inf)) for name in (*joints, *others))
             torque = tuple(min(value, 1e6) for value in torque)
-        return Servos((*joints, *others), *values, torque, REACH)
+        posture, stiffness, damping = values
+        return Servos((*joints, *others), posture, stiffness, damping, torque, REACH)
 
     def digest(self) -> str:
         """SHA-256 of what the rows of the policy hang on: contract and network."""
@@ -192,9 +213,9 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
     path = contract_file(name)
     try:
         contract, network, notes = _read(path)
-    except (KeyError, TypeError, ValueError, AttributeError, OSError) as error:
-        if isinstance(error, InvalidValueError):
-            raise
+    except PushRecoveryError:
+        raise
+    except Exception as error:  # of whatever kind the readers of YAML and ONNX raise
         raise InvalidValueError(f"cannot read the contract of policy {name!r}: {error}") from error
     for key, value in (changes or {}).items():
         try:
@@ -203,6 +224,54 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
             raise InvalidValueError(f"{key!r} is no field of a contract: {error}") from error
     found = PolicyContract(name, contract, network, notes)
     _check(found)
+    return found
+
+
+def changes_of(words: Sequence[str]) -> dict[str, Any]:
+    """Fields and values of words FIELD=VALUE, the values as YAML.
+
+    Raises:
+        InvalidValueError: a word without a field or a value.
+    """
+    import yaml
+
+    found = {}
+    for word in words:
+        path, equals, text = word.partition("=")
+        if not (path and equals and text):
+            raise InvalidValueError(f"--set takes FIELD=VALUE, got {word!r}")
+        try:
+            found[path] = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise InvalidValueError(f"the value of {word!r} is no YAML: {error}") from error
+    return found
+
+
+def fields_of(contract: PolicyContract) -> list[tuple[str, str, Any]]:
+    """(path, value as text, provenance) of every field of a contract that is known."""
+    found: list[tuple[str, str, Any]] = []
+
+    def visit(path: str, value: Any) -> None:
+        inner = isinstance(value, dict) and value and not set(contract.joints) & value.keys()
+        if inner:
+            for key, part in value.items():
+                visit(f"{path}.{key}" if path else key, part)
+        elif path.endswith(".terms"):
+            for term in value:
+                scale = np.unique(term["scale"])
+                text = f"{term['dim']} numbers, scale {', '.join(f'{one:g}' for one in scale)}"
+                name = term.get("source_name") or term["id"]
+                found.append((f"{path}.{name}", text, contract.contract.prov(f"{path}.{term['id']}")))
+        elif value is not None:
+            text = (
+                ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}" for k, v in value.items())
+                if isinstance(value, dict)
+                else str(value)
+            )
+            found.append((path, text, contract.contract.prov(path)))
+
+    for section, content in contract.contract.data.items():
+        visit(section, content)
     return found
 
 
@@ -277,7 +346,9 @@ def _of_network(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
     if "joint_names" in metadata:
         deploy = [place for place in (path.parent / "deploy.yaml", path.parent / "../params/deploy.yaml")
                   if place.is_file()]  # fmt: skip
-        contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(path, next(iter(deploy), None))
+        contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(
+            path, next(iter(deploy), None)
+        )
         return contract, path, _messages(findings)
     if "dof_names" in metadata:
         return _holosoma(path, metadata), path, ()
@@ -288,7 +359,7 @@ def _of_network(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
     )
 
 
-# What Holosoma's ONNX files leave out, from holosoma-inference 0.1.3, config_values/observation.py and robot.py
+# What Holosoma's ONNX files leave out
 _HOLOSOMA_SOURCE = "holosoma-inference 0.1.3, config_values and policies/locomotion.py"
 _LEG = {"g1": (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0), "t1": (-0.2, 0.0, 0.0, 0.4, -0.25, 0.0)}
 _HOLOSOMA_POSES = {
@@ -315,7 +386,9 @@ def _holosoma(path: Path, metadata: Mapping[str, str]) -> Any:
     joints = json.loads(metadata["dof_names"])
     robot = "g1" if "waist_yaw_joint" in joints else "t1" if "AAHead_yaw" in joints else ""
     if not robot or len(joints) != len(_HOLOSOMA_POSES[robot]):
-        raise InvalidValueError(f"'dof_names' of {str(path)!r} are those of no robot of Holosoma that is known")
+        raise InvalidValueError(
+            f"'dof_names' of {str(path)!r} are those of no robot of Holosoma that is known"
+        )
     contract_of = gaitkeeper("contract")
     c, count, scales = contract_of.Contract(), len(joints), _HOLOSOMA_SCALES[robot]
 
@@ -351,7 +424,9 @@ def _holosoma(path: Path, metadata: Mapping[str, str]) -> Any:
     c.set(OFFSET, pose, *stated)
     c.set(SCALE, dict.fromkeys(joints, _HOLOSOMA_ACTION), *stated)
     for key, path_ in (("kp", STIFFNESS), ("kd", DAMPING)):
-        c.set(path_, dict(zip(joints, json.loads(metadata[key]), strict=True)), own[0], f"ONNX metadata {key}")
+        c.set(
+            path_, dict(zip(joints, json.loads(metadata[key]), strict=True)), own[0], f"ONNX metadata {key}"
+        )
     if robot == "t1":
         c.set(ABSENT, list(_T1_HANDS), "user", "wrists and hands, which T1 of 23 joints lacks")
     return c
@@ -390,7 +465,9 @@ def _check(found: PolicyContract) -> None:
         refuse(f"{GROUP}.terms", f"has a term that is not known, {unknown[0]!r}")
     if found.network.suffix == ".onnx":
         network = gaitkeeper("policy").load_policy(contract, found.network)
-        size = int(group.get("history", {}).get("length", 1)) * sum(int(term["dim"]) for term in group["terms"])
+        size = int(group.get("history", {}).get("length", 1)) * sum(
+            int(term["dim"]) for term in group["terms"]
+        )
         if not group.get("history", {}).get("chunks") and network.n_in != size:
             refuse(f"{GROUP}.terms", f"has {size} numbers, the network takes {network.n_in}")
         if network.n_out != len(joints):

@@ -20,7 +20,7 @@ from ...controllers.settings import ARMS, is_preset_file, load_preset
 from ...envs.joint.full_body import driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
-from .contract import is_contract, read_contract
+from .contract import contract_name, read_contract
 from .load_policy import import_from_here, is_policy_file
 from .names import DEFAULT_ENV, NAMESPACE
 
@@ -126,16 +126,19 @@ def own_form(policy: Any, env_id: str) -> str | None:
 
 
 def full_body_form(env_id: str) -> str:
-    """The form on all joints, under servos, of the robot of an environment."""
+    """The form whose actions drive all joints, of the robot of an environment.
+
+    Raises:
+        InvalidValueError: a form on the joints, or no robot with joints.
+    """
     name = EnvName.parse(env_id)
     if FULL_BODY in name.id:
         return env_id
     if not name.id.endswith("-v0") or ON_JOINTS.search(name.id) or "Pendulum" in name.id:
         raise InvalidValueError(
-            f"a policy of joint targets needs a robot with joints, such as {DEFAULT_ENV}; {env_id!r} has none of "
-            "its own"
+            f"a policy of joint targets needs the environment of a robot, as {DEFAULT_ENV}, got {env_id!r}"
         )
-    form = name.robot or f"{name.module}:".lstrip(":") + name.id.replace("-v0", f"{FULL_BODY}-v0")
+    form = f"{name.module}:".lstrip(":") + name.id.replace("-v0", f"{FULL_BODY}-v0")
     return f"{form}@{name.preset}" if name.preset else form
 
 
@@ -144,17 +147,15 @@ def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
     found, body = read_contract(policy), env.unwrapped.core.body
     robot = joint_names(compiled_robot(driven(body.description)))
     kwargs |= {"servos": found.servos(robot), "control_hz": found.rate}
-    name = EnvName.parse(env_id)
-    if name.robot:
-        kwargs = {"robot": name.robot, **kwargs}
-        return make_env(f"{NAMESPACE}Biped{FULL_BODY}-v0" + (f"@{name.preset}" if name.preset else ""), **kwargs)
+    if robot_file := EnvName.parse(env_id).robot:
+        kwargs = {"robot": robot_file, **kwargs}
     return make_env(full_body_form(env_id), **kwargs)
 
 
 def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None:
     """An environment with this policy's own robot or actions; None where it acts in that of the id."""
-    if is_contract(policy):
-        return contender_env(env, env_id, policy, **kwargs)
+    if (contract := contract_name(policy)) is not None:
+        return contender_env(env, env_id, contract, **kwargs)
     if has_own_robot(env, policy):
         return make_env(env_id, arm=policy, **kwargs)
     form = own_form(policy, env_id)

@@ -27,7 +27,7 @@ from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 from .. import sampling_mpc
 from ..output.rows import read_json
 from .contender import Contender
-from .contract import PACKAGED, is_contract, read_contract
+from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contract
 from .names import DEFAULT_ENV
 
 FOLDER = Path(__file__).parent / "policies"
@@ -164,10 +164,10 @@ def load_policy(policy: Any, env: gym.Env) -> Policy:
             model was trained in an environment that is not like this one, or doesn't say in which.
     """
     policy = acting(policy)
+    if (contract := contract_name(policy)) is not None:
+        return _load_contender(contract, env, isinstance(policy, Trusted))
     if not isinstance(policy, str):
         return _load_object(policy, env)
-    if is_contract(policy):
-        return _load_contender(policy, env)
     if is_policy_file(policy):
         return _load_file(policy, env)
     if is_attribute(policy):
@@ -257,14 +257,14 @@ def _load_object(policy: Any, env: gym.Env) -> Policy:
     return importlib.import_module(MODELS, __package__).model_policy(policy, env)
 
 
-def _load_contender(name: str, env: gym.Env) -> Policy:
+def _load_contender(name: str, env: gym.Env, trusted: bool) -> Policy:
     """A policy of others, in the environment of its servos."""
     episodes = getattr(env.unwrapped, "episodes", None)
     if not isinstance(episodes, FullBodyEpisodes):
         raise InvalidValueError(
-            f"policy {name!r} gives targets of all joints; it acts in the form FullBody of a robot's environment"
+            f"policy {name!r} gives targets of all joints; it acts in the form FullBody of an environment"
         )
-    return Contender(read_contract(name), episodes)
+    return Contender(read_contract(name), episodes, trusted)
 
 
 def _load_file(name: str, env: gym.Env) -> NetworkPolicy:

