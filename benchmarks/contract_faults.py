@@ -19,8 +19,11 @@ from push_recovery.eval.robot_tools.policy_check import Controls, find_fault, ro
 from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, PolicyContract, read_contract
 
 SWAPS = ((0, 1), (3, 4), (9, 10), (0, 6), (12, 13), (3, 9))  # places in the network's output
-SCALES = (("base_ang_vel", 4.0), ("joint_vel_rel", 20.0), ("joint_pos_rel", 5.0), ("action", 4.0))
-NOISES = (0.3, 0.5, 0.7, 1.0, 0.6, 0.8)  # of a weight, in its layer's standard deviation
+SCALES = (
+    ("base_ang_vel", 4.0), ("joint_vel_rel", 20.0), ("joint_pos_rel", 5.0), ("action", 4.0),
+    ("projected_gravity", -1.0),
+)  # fmt: skip
+NOISES = (0.3, 0.5, 0.7, 1.0, 0.6, 0.8, 0.4)  # of a weight, in its layer's standard deviation
 
 
 def with_joints(given: PolicyContract, first: int, second: int) -> PolicyContract:

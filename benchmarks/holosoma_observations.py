@@ -20,7 +20,8 @@ from push_recovery.eval.rollout.contract import read_contract
 from push_recovery import Command, CommandChange, Push, Scenario
 
 FOR_REAL_ROBOTS = (
-    "wandb", "netifaces", "zmq", "sshkeyboard", "importlib_metadata", "lazy_importer", "pinocchio", "defusedxml"
+    "wandb", "netifaces", "zmq", "sshkeyboard", "importlib_metadata", "lazy_importer", "pinocchio",
+    "defusedxml",
 )  # fmt: skip
 
 
