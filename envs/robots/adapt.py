@@ -7,7 +7,7 @@ the shanks capsules that touch the other leg, and everything else touches nothin
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache, partial
 from importlib.resources import files
@@ -392,8 +392,15 @@ def description_of(robot: RobotFile) -> RobotDescription:
     """The description of a robot file's robot."""
     plain, looks, solid = (AdaptedSpec(robot, shapes) for shapes in (NONE, VISUAL, SOLID))
     parts = robot.plan, robot.com_height, robot.preset
-    whole = partial(description_of, robot.unfixed()) if robot.fixed else None
+    whole = partial(whole_robot, robot) if robot.fixed else None
     return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole)
+
+
+def whole_robot(robot: RobotFile) -> RobotDescription:
+    """The robot of a file with its fixed joints free, but for those that follow others, such as fingers."""
+    couplings = [one for one in read_model(robot.model).equalities if one.type == mujoco.mjtEq.mjEQ_JOINT]
+    coupled = {name for one in couplings for name in (one.name1, one.name2)}
+    return replace(description_of(robot.unfixed(coupled)), whole=None)
 
 
 @lru_cache(maxsize=16)

@@ -21,6 +21,7 @@ the first that fits counts, and what it leaves out is the model's.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -69,9 +70,11 @@ class RobotFile:
     preset: str
     about: str = ""
 
-    def unfixed(self) -> RobotFile:
-        """The same robot, whose fixed joints are held ones."""
-        return replace(self, plan=replace(self.plan, held=(*self.plan.held, *self.fixed)), fixed=())
+    def unfixed(self, kept: Collection[str] = ()) -> RobotFile:
+        """The same robot, whose fixed joints are held ones, but for some that are `kept` as they are."""
+        held = tuple((name, angle) for name, angle in self.fixed if name not in kept)
+        fixed = tuple((name, angle) for name, angle in self.fixed if name in kept)
+        return replace(self, plan=replace(self.plan, held=(*self.plan.held, *held)), fixed=fixed)
 
 
 def make_plan(

