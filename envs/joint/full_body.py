@@ -94,6 +94,7 @@ class Drives(NamedTuple):
 
     asked: Floats2  # (n, M) action of the period, in [-1, 1]
     target: Floats2  # (n, M) held [rad]
+    imposed: Floats2  # (n, M) target that something else than the policy asks for [rad], NaN: nothing does
     observation: Floats2  # (n, size) that policies see
     posture: Annotated[Floats1, COMMON]  # (M,) q_0 [rad]
     stiffness: Annotated[Floats1, COMMON]  # (M,) k [N m/rad]
@@ -158,6 +159,8 @@ def begin_servos(t: Tables, c: Array, k: int, gait: Array, action: Array) -> Non
     joints.effort[k] = 0.0
     for i in range(drives.target.shape[1]):
         drives.target[k, i] = drives.posture[i] + drives.reach[i] * drives.asked[k, i]
+        if not np.isnan(drives.imposed[k, i]):
+            drives.target[k, i] = drives.imposed[k, i]
         if i < NU:
             joints.held[k, i] = drives.asked[k, i]
     seen = part_of(t.arena, Arena, "exchange").observation[k]
@@ -269,12 +272,12 @@ class FullBodyCore(JointCore):
             largest[places] = np.minimum(largest[places], servos.torque)
         seen = np.zeros((self.n, ANGLES + 2 * size))
         asked, target = np.zeros((self.n, size)), np.tile(constants["posture"], (self.n, 1))
-        return Drives(asked, target, seen, **constants)
+        return Drives(asked, target, np.full((self.n, size), np.nan), seen, **constants)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Reset as `BipedCore` does, the robot at rest in its posture; astride where the scenario says so."""
         drives = self.drives
-        drives.asked[k], drives.target[k] = 0.0, drives.posture
+        drives.asked[k], drives.target[k], drives.imposed[k] = 0.0, drives.posture, np.nan
         if self.stride:
             start = standing_start(self.robot.pelvis_width, self.stride)
         super().reset(k, scenario, start, gait, action)

@@ -31,12 +31,12 @@ PACKAGES = {  # that the extra installs: module -> name on the package index
 }
 
 
-def read_model(model: str) -> mujoco.MjSpec:
-    """The model as its file has it, MJCF or URDF; PACKAGE/PATH or a path.
+def model_file(model: str) -> Path:
+    """The file of a model: PACKAGE/PATH or a path.
 
     Raises:
         MissingExtraError: its package is not installed.
-        InvalidValueError: there is no such file, or MuJoCo cannot read it.
+        InvalidValueError: there is no such file.
     """
     package, _, inside = model.partition("/")
     path = Path(model)
@@ -47,6 +47,17 @@ def read_model(model: str) -> mujoco.MjSpec:
         path = Path(installed.submodule_search_locations[0]) / inside
     if not path.is_file():
         raise InvalidValueError(f"there is no model {model!r}")
+    return path
+
+
+def read_model(model: str) -> mujoco.MjSpec:
+    """The model as its file has it, MJCF or URDF.
+
+    Raises:
+        MissingExtraError: its package is not installed.
+        InvalidValueError: there is no such file, or MuJoCo cannot read it.
+    """
+    path = model_file(model)
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:

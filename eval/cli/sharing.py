@@ -38,8 +38,16 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     stand: bool = False
     """Let robots that are at rest stand on both feet (otherwise they step in place)."""
 
+    arms: Annotated[
+        Literal["own", "walking"] | None, arg(metavar="NAME", help_behavior_hint="(default: own)")
+    ] = None
+    """Arms of a G1 on tour: left to the policy, or walking at random, as the benchmark has them; then a
+    policy must drive all joints (docs/contenders.md)."""
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.arms is not None and self.protocol != "tour":
+            raise InvalidValueError(f"--arms is for tour, not {self.protocol}")
         if self.form is not None and self.protocol != "kick":
             raise InvalidValueError(f"--form is for kick, not {self.protocol}")
         if self.episodes is not None and self.episodes > MOST[self.protocol]:
@@ -51,7 +59,8 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         """Run it, print one table or object, write the reports."""
         from ..protocols import kick, report, run, tour
 
-        robot, form = run.biped_of(self.env_id), self.form or "stated"
+        walking = self.arms == "walking"
+        robot, form = run.biped_of(self.env_id, walking), run.WALKING if walking else self.form or "stated"
         if self.protocol == "tour":
             scenarios = tuple(tour.tour_scenario(one, robot) for one in range(self.episodes or 64))
         else:

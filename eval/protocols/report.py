@@ -10,7 +10,7 @@ from ...controllers.model.robot import GRAVITY, Similarity
 from ..output.statistics import wilson_interval
 from ..output.tables import Table, markdown_page, write_reports
 from .kick import FORCES, LEVELS, jump_of
-from .run import PushProtocol, Results, Row
+from .run import WALKING, PushProtocol, Results, Row
 from .tour import CEILING, FASTEST_X, FASTEST_Y, LENGTH, PUNCH_DURATION, force_share
 
 # RecoverFormer (Unitree G1), share of episodes without a fall [%] by level, paper's Table I of commit 70eabd2
@@ -205,7 +205,8 @@ def result_tables(results: Results) -> list[Table]:
 
 def _variant(results: Results) -> str:
     protocol = results.protocol
-    return ", bodies collide" * protocol.collisions + ", robots at rest stand" * protocol.stands
+    arms = f", {WALKING}" * (protocol.form == WALKING)
+    return arms + ", bodies collide" * protocol.collisions + ", robots at rest stand" * protocol.stands
 
 
 def to_dict(results: Results) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import hashlib
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +11,8 @@ from typing import Any, Self
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import RobotModel
 from ...envs.biped.env import BipedEpisodes
-from ...envs.robots.compiled_robot import CompiledRobot
+from ...envs.joint.full_body import driven
+from ...envs.robots.compiled_robot import CompiledRobot, compiled_robot
 from ...envs.scenario.scenario import AT_REST, Scenario
 from ..output.progress import Work, about, progress_bars
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
@@ -22,6 +24,7 @@ from .kick import KickWatcher
 from .tour import TourWatcher
 
 FORMAT = 2  # of the rows
+WALKING = "arms walking"  # form of a tour
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "end_time")
 
@@ -29,13 +32,16 @@ Row = dict[str, Any]
 Job = tuple[str, str, tuple[Scenario, ...]]  # protocol, label of a policy, scenarios
 
 
-WATCHERS = {"kick": KickWatcher, "tour": TourWatcher}  # look at robots one by one; may write their commands
+WATCHERS = {  # by name and form: look at robots one by one; may write their commands
+    "kick": KickWatcher, "tour": TourWatcher, f"tour {WALKING}": partial(TourWatcher, arms=True)
+}  # fmt: skip
 
 
-def biped_of(env_id: str) -> CompiledRobot:
-    """The robot of an environment, which has to be one of the biped's."""
+def biped_of(env_id: str, whole: bool = False) -> CompiledRobot:
+    """The robot of an environment, which has to be one of the biped's; `whole` with all joints driven."""
     with closing(make_env(env_id)) as env:
-        return _bipeds(getattr(env.unwrapped, "episodes", None)).core.body
+        body = _bipeds(getattr(env.unwrapped, "episodes", None)).core.body
+    return compiled_robot(driven(body.description)) if whole else body
 
 
 def _bipeds(episodes: Any) -> BipedEpisodes:
@@ -72,7 +78,7 @@ class PushProtocol:
     """A protocol of another group: its name says who watches, its scenarios what happens."""
 
     name: str  # of WATCHERS
-    form: str  # of its scenarios
+    form: str  # of its scenarios, or of what a watcher does
     robot: RobotModel  # that they were made for
     scenarios: tuple[Scenario, ...]
 
@@ -84,6 +90,11 @@ class PushProtocol:
     def standing(self) -> Self:
         """The same of robots that stand on both feet where they are at rest (`Command.stand`)."""
         return replace(self, scenarios=tuple(replace(one, command=AT_REST) for one in self.scenarios))
+
+    @property
+    def watcher(self) -> str:
+        """Key of WATCHERS."""
+        return next((key for key in (f"{self.name} {self.form}",) if key in WATCHERS), self.name)
 
     @property
     def stands(self) -> bool:
@@ -142,7 +153,7 @@ def run_protocol(
     with store:
         asked = protocol.scenarios
         missing = {name: [s for s in asked if (name, s.id) not in store.rows] for name in sources}
-        jobs = [(protocol.name, *chunk) for chunk in make_chunks(missing, sizes, workers)]
+        jobs = [(protocol.watcher, *chunk) for chunk in make_chunks(missing, sizes, workers)]
         found = chain.from_iterable(parallel(env_id, run_watched, jobs, workers, sources))
         length = about(guessed_seconds(env_id, missing, sources, workers))
         ids = {scenario.id for scenario in asked}

@@ -15,13 +15,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import SAME, RobotModel, Similarity
 from ...controllers.whole_body.kinematics import PELVIS
 from ...envs.biped.core import BipedCore
+from ...envs.joint.full_body import joint_names
+from ...envs.robots.adapt import AdaptedSpec, model_file
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
+from ..rollout.contract import gaitkeeper
 from ..rollout.outcome import Outcome
 
 SIDES = "left", "right"
@@ -260,19 +264,32 @@ class Follower:
 
 
 class TourWatcher:
-    """Writes each robot's command from the true pose of its pelvis, as the benchmark's harness does."""
+    """Writes each robot's command from the true pose of its pelvis, as the benchmark's harness does.
 
-    def __init__(self) -> None:
+    With `arms` it also moves the arms of robots all of whose joints are driven, see `WalkingArms`.
+    """
+
+    def __init__(self, arms: bool = False) -> None:
         self._tours: dict[int, Tour] = {}
+        self._arms: dict[int, WalkingArms] = {}
+        self._walk = arms
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
-        """Robot k begins a tour where it stands."""
+        """Robot k begins a tour where it stands.
+
+        Raises:
+            InvalidValueError: arms that shall walk are held.
+        """
         run_id, velocity = int(scenario.id.rpartition("-")[2]), Similarity.of(core.robot).velocity
         self._tours[k] = Tour(waypoints(run_id), pose_of(core, k), velocity, scenario.command.stand)
+        if self._walk:
+            self._arms[k] = WalkingArms(core, run_id)
 
     def look(self, core: BipedCore, k: int) -> None:
         """Write the command of robot k; the planning period after the next one is planned on it."""
         core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
+        if self._walk:
+            self._arms[k].move(core, k)
 
     def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
         """Errors at the last look of each segment begun, also the one in which it fell."""
@@ -281,6 +298,42 @@ class TourWatcher:
             "position_errors_cm": [round(100.0 * distance, 3) for distance, _ in errors],
             "heading_errors_deg": [round(math.degrees(turn), 3) for _, turn in errors],
         }
+
+
+class WalkingArms:
+    """Arms that walk at random, as the benchmark's harness has them: targets from the stream of a run id.
+
+    They are those of gaitkeeper's `bench_arm_walk`: a new pose every 0.5 s, the right arm as the left one in
+    a mirror, and hands neither behind the standing ones nor above the chin. The gains are the policy's own.
+    """
+
+    def __init__(self, core: Any, run_id: int):
+        drives = getattr(core, "drives", None)
+        if drives is None:
+            raise InvalidValueError(
+                "arms walk only under a policy that drives all joints, such as holosoma-g1-ppo; planners "
+                "hold them: leave out --arms walking"
+            )
+        bench, model = gaitkeeper("tour"), core.body.model
+        names = joint_names(core.body)
+        if missing := [name for name in bench.BENCH_ARMS if name not in names]:
+            raise InvalidValueError(
+                f"arms walk on a G1 of 29 joints; {core.body.description.name} lacks {missing[0]}"
+            )
+        limits = {name: tuple(model.joint(name).range) for name in bench.BENCH_ARMS}
+        spec = core.body.description.spec
+        file = model_file(spec.robot.model) if isinstance(spec, AdaptedSpec) else None
+        hands = None if file is None else bench.BenchHands.from_mjcf(model, file)
+        walk = bench.bench_arm_walk(run_id, LENGTH, limits, hands)
+        self._columns = [names.index(name) for name in walk]
+        self._times = np.array([time for time, _ in next(iter(walk.values()))])
+        self._angles = np.array([[angle for _, angle in rows] for rows in walk.values()]).T
+
+    def move(self, core: Any, k: int) -> None:
+        """Let the arms of robot k follow their targets in the coming period."""
+        row = min(int(np.searchsorted(self._times, core.gait.time.item(k) + ROUNDING, "right")) - 1,
+                  len(self._times) - 1)  # fmt: skip
+        core.drives.imposed[k, self._columns] = self._angles[max(row, 0)]
 
 
 def pose_of(core: BipedCore, k: int) -> Pose:

