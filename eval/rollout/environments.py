@@ -18,8 +18,8 @@ from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
 from ...controllers.settings import ARMS, is_preset_file, load_preset
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
+from . import DEFAULT_ENV, NAMESPACE
 from .load_policy import import_from_here, is_policy_file
-from .names import DEFAULT_ENV, NAMESPACE
 
 ROBOT_FILE = ".robot.json"
 OF_REFERENCE = ("Biped", "Pendulum")  # how ids of the robot of 60 kg begin

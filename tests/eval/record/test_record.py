@@ -36,7 +36,7 @@ def shoved():
 @pytest.mark.parametrize("env", [PENDULUM, BIPED])
 def test_the_outcome_is_that_of_the_rollout_bit_for_bit(env, shoved):
     found = shoved if env == BIPED else record("two-stage", SHOVED, env)
-    assert found.outcome == rollout(env, "two-stage", SHOVED)
+    assert found.outcome == rollout("two-stage", SHOVED, env)
     assert len(found) == found.outcome.env_steps + 1
     assert found["time"][-1] == found.outcome.end_time
     assert set(found.columns) == set(found.units)

@@ -19,8 +19,8 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import AT_REST, HARDWARE, IN_PLACE, Command
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout import DEFAULT_ENV
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score import frontier as scans
 from push_recovery.eval.score.frontier import FrontierSettings
