@@ -150,17 +150,17 @@ class Written(NamedTuple):
 def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written) -> str:
     """Run a scenario and write what has been asked for; returns the push and its outcome in words."""
     from ..record import plot, record
-    from ..record.words import describe
+    from ..record.words import EpisodeWords
     from ..rollout.episodes import rollout
     from ..rollout.policy_source import acting_in
 
-    suffix, last = written.check(), {}
+    suffix, told = written.check(), EpisodeWords()
     drawn = None if suffix in {"", ".html"} else "rgb_array"
     with acting_in(env_id, policy, render_mode=drawn) as (env, acting, _):
         watch, content = _observer(suffix, policy, env)
 
         def look(robot: Any) -> None:
-            last.update(info=robot.info)
+            told.look(robot.info)
             if watch is not None:
                 watch(robot)
 
@@ -177,7 +177,7 @@ def show_episode(env_id: str, policy: str, scenario: Scenario, written: Written)
             if written.out is not None:
                 write_atomically(written.out, content())
             bars.set(policy, 1)
-    return describe(last["info"])
+    return str(told)
 
 
 def _observer(suffix: str, policy: str, env: Any) -> tuple[Any, Callable[[], bytes]]:

@@ -22,7 +22,7 @@ from ...envs.biped.view import set_posture
 from ...envs.episode.period_end import LOADED
 from ...envs.robots.compiled_robot import CompiledRobot
 from ..record.record import Array, gait_episodes
-from ..record.words import describe
+from ..record.words import EpisodeWords
 from ..rollout.episodes import GymRobot, planning_period
 from .gate import Gate, open_server
 from .session import Lane
@@ -397,7 +397,7 @@ class Replay:
         episodes = gait_episodes(env)
         if not isinstance(episodes, BipedEpisodes):
             raise InvalidValueError(f"only bipeds are replayed in 3D, got {episodes.name}")
-        self._episodes, self._policy = episodes, policy
+        self._episodes, self._policy, self._told = episodes, policy, EpisodeWords()
         self._server = open_server(Gate("127.0.0.1"), 0)
         self._ground = Ground(self._server)
         self.robot = RobotView(self._server, "robot", episodes.core.body)
@@ -407,6 +407,7 @@ class Replay:
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
+        self._told.look(robot.info)
         if self._count % self._every == 0 or robot.ended:
             with self._server.atomic():
                 self._draw(robot)
@@ -422,7 +423,7 @@ class Replay:
                 self._server.stop()
 
     def _draw(self, robot: GymRobot) -> None:
-        words = f"{self._policy}: {describe(robot.info)}" if robot.ended else self._policy
+        words = f"{self._policy}: {self._told}" if robot.ended else self._policy
         pelvis = self.robot.draw(self._episodes, words, dict.fromkeys(COLOURS, True))
         self._ground.follow(pelvis)
         push, arrow = robot.info.get("push") or {}, self._ground.given

@@ -20,7 +20,7 @@ from ..output.progress import Work, about, progress_bars, say
 from ..rollout.episodes import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 from ..score.evaluate import Evaluation
-from .words import ending_words, pushes_words
+from .words import EpisodeWords
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 FILM_RATE = 25.0  # frames per simulated second
@@ -52,36 +52,27 @@ def rendered(robot: GymRobot) -> Frame:
     return np.array(robot.env.render(), dtype=np.uint8)
 
 
-class Shot:
+class Shot(EpisodeWords):
     """One policy's episode as a camera sees it: frames at a rate of simulated time, and how it ends.
 
     `period` is that of planning [s], `rate` in frames per simulated second.
     """
 
     def __init__(self, policy: str, period: float, rate: float = FILM_RATE):
+        super().__init__()
         self.policy = policy
         self.frames: list[Frame] = []
         self.times: list[float] = []  # of the frames, since reset [s]
-        self.pushes: list[dict[str, Any]] = []  # that have begun, in the form of `info["push"]`
-        self.info: dict[str, Any] = {}  # of the last step
         self._period, self._count = period, 0
         self._every = max(1, round(1.0 / (rate * period)))
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
-        self.info = robot.info
+        self.look(robot.info)
         if self._count % self._every == 0 or robot.ended:
             self.frames.append(rendered(robot))
             self.times.append(float(self.info.get("time", self._count * self._period)))
         self._count += 1
-        push = self.info.get("push")
-        if push and push["start"] is not None and push["start"] not in {one["start"] for one in self.pushes}:
-            self.pushes.append(push)
-
-    @property
-    def push_start(self) -> float:
-        """When the first push began, since reset [s]; 0 where none has."""
-        return float(self.pushes[0]["start"]) if self.pushes else 0.0
 
     @property
     def pushed_for(self) -> float:
@@ -91,17 +82,6 @@ class Shot:
     def frame_at(self, after: float) -> int:
         """Index of the frame nearest to a time after the first push [s]; the first or last one beyond."""
         return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
-
-    @property
-    def push(self) -> str:
-        """The pushes in words."""
-        push = self.info.get("push")
-        return pushes_words(self.pushes or ([push] if push else []))
-
-    @property
-    def ending(self) -> str:
-        """How it ends, in words, with the time after the first push began."""
-        return ending_words(self.info, self.push_start)
 
     @property
     def fell(self) -> bool:

@@ -37,6 +37,39 @@ def describe(episode: EpisodeRecord | Mapping[str, Any]) -> str:
     return f"{pushes_words([] if push is None else [push])}: {ending_words(info, start or 0.0)}"
 
 
+class EpisodeWords:
+    """Pushes and ending of an episode, from the `info` of its steps; times count from its first push."""
+
+    def __init__(self) -> None:
+        self.info: Mapping[str, Any] = {}  # of the last step
+        self.pushes: list[Mapping[str, Any]] = []  # that have begun, in the form of `info["push"]`
+
+    def look(self, info: Mapping[str, Any]) -> None:
+        """Take in the `info` of reset or a step."""
+        self.info, push = info, info.get("push")
+        if push and push["start"] is not None and push["start"] not in {one["start"] for one in self.pushes}:
+            self.pushes.append(push)
+
+    def __str__(self) -> str:
+        return f"{self.push}: {self.ending}"
+
+    @property
+    def push_start(self) -> float:
+        """When the first push began, since reset [s]; 0 where none has."""
+        return float(self.pushes[0]["start"]) if self.pushes else 0.0
+
+    @property
+    def push(self) -> str:
+        """The pushes in words."""
+        push = self.info.get("push")
+        return pushes_words(self.pushes or ([push] if push else []))
+
+    @property
+    def ending(self) -> str:
+        """How it ends, in words, with the time after the first push began."""
+        return ending_words(self.info, self.push_start)
+
+
 def last_info(record: EpisodeRecord) -> dict[str, Any]:
     """Entries of the last step's `info` that `describe` needs: push, time, failure reason, recovery."""
     outcome, push = record.outcome, None
