@@ -297,16 +297,16 @@ class StripCamera:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
         self.after: list[float] = []  # the push began [s], of each frame
-        self._start: float | None = None
+        self.start: float | None = None  # of the first push, since reset [s]
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
         start = (robot.info.get("push") or {}).get("start")
-        if self._start is None and start is not None:
-            self._start = float(start)
-        if self._start is None or len(self.frames) == len(STRIP):
+        if self.start is None and start is not None:
+            self.start = float(start)
+        if self.start is None or len(self.frames) == len(STRIP):
             return
-        after = float(robot.info["time"]) - self._start
+        after = float(robot.info["time"]) - self.start
         if robot.ended or after >= STRIP[len(self.frames)] - 1e-9:
             self.frames.append(rendered(robot))
             self.after.append(after)

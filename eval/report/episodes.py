@@ -133,7 +133,8 @@ def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]
     rows = []
     for label in policies:
         row = evaluation.rows[label][place]
-        rows.append((f"{label} {page.outcome_words(row)}", watch(evaluation.env_id, row["policy"], scenario)))
+        camera = watch(evaluation.env_id, row["policy"], scenario)
+        rows.append((f"{label} {page.outcome_words(row, camera.start)}", camera))
     content = base64.b64encode(sheet(rows)).decode()
     caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
     return caption, f"data:image/jpeg;base64,{content}"

@@ -185,15 +185,19 @@ def scenario_words(scenario: Scenario) -> str:
     )
 
 
-def outcome_words(row: Row) -> str:
-    """The end of an episode in words, and the first limit that a fall met."""
+def outcome_words(row: Row, start: float | None = None) -> str:
+    """The end of an episode in words, and the first limit that a fall met.
+
+    Its time counts from the `start` of the first push [s], where that is known.
+    """
     if row["recovered"]:
         return "recovers"
     if row["survived"]:
         return "stays up, does not settle"
     first = row.get("first_limit")
-    limit = f", first limit met: {limit_words(first)}" if first else ""
-    return f"falls {row['end_time']:.1f} s into the walk ({reason_words(row['failure_reason'])}{limit})"
+    why = reason_words(row["failure_reason"]) + (f", first limit met: {limit_words(first)}" if first else "")
+    when = "into the walk" if start is None else "after the first push"
+    return f"falls {row['end_time'] - (start or 0.0):.1f} s {when} ({why})"
 
 
 PAGE, INDEX = "report.html", "index.html"

@@ -125,6 +125,8 @@ def test_a_scenario_in_words():
     assert outcome_words(
         {"recovered": False, "survived": False, "failure_reason": "low", "end_time": 1.0}
     ) == ("falls 1.0 s into the walk (low)")
+    fell = {"recovered": False, "survived": False, "failure_reason": "pelvis_tilt", "end_time": 3.25}
+    assert outcome_words(fell, 2.0) == "falls 1.2 s after the first push (tipped over)"
 
 
 def test_files_are_told_by_folder_and_stem_where_that_tells_them_apart():
