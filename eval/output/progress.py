@@ -18,12 +18,18 @@ from rich import progress
 from rich.console import Console
 from rich.text import Text
 
-from ...controllers.jit import compiles_lately
 from ...envs.scenario.model_errors import CONTROL_STEP
 from ...envs.scenario.scenario import Scenario
 
 COMPILING = "compiling, about 2 minutes"
 SMALL = 0.05  # of the work: too little to tell how long the rest takes
+
+
+def compiles_lately() -> bool:
+    """That of `controllers.jit`, which is loaded when it is asked: numba takes long."""
+    from ...controllers import jit
+
+    return jit.compiles_lately()
 
 
 class Lines:
