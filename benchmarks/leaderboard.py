@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from push_recovery.eval.cli.main import main as push_recovery
+from push_recovery.eval.rollout import default_workers
 from push_recovery.eval.rollout.load_policy import shipped_names
-from push_recovery.eval.rollout.names import default_workers
 from tables import compared
 
 from push_recovery import evaluate

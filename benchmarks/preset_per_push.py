@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.rollout.names import default_workers
+from push_recovery.eval.rollout import default_workers
 from push_recovery.eval.score.draw import HARD, pelvis_scenarios
 from push_recovery.eval.tuning.scorer import BIPED, RECOVERED, Scorer
 from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from push_recovery.controllers import settings as presets
 from push_recovery.eval.output.tables import markdown_table
+from push_recovery.eval.rollout import default_workers
 from push_recovery.eval.rollout.load_policy import shipped_names
-from push_recovery.eval.rollout.names import default_workers
 from push_recovery.eval.score.evaluate import Evaluation
 from push_recovery.eval.score.report import rate_cells
 
@@ -24,16 +24,16 @@ ADAPTS = {
     "raibert": "step place, by the capture-point rule",
     "fixed-time": "step place",
     "herdt": "step place, by linear MPC",
-    "stage-1": "step place and time",
-    "stage-1+cop": "and CoP",
-    "stage-1+momentum": "place, time and trunk",
-    "two-stage": "all of it",
-    "residual": "all of it, corrected by a network",
-    "residual-hardware": "the same, trained under `hardware`",
-    "joint-residual": "all of it; a network corrects the joint torques",
-    "joint-residual-hardware": "the same, trained under `hardware`",
-    "scratch": "a network gives all seven decisions",
-    "joint": "a network gives joint targets",
+    "stage-1": "step place and step time",
+    "stage-1+cop": "step place, step time and CoP",
+    "stage-1+momentum": "step place, step time and trunk",
+    "two-stage": "step place, step time, CoP and trunk",
+    "residual": "the same, corrected by a network",
+    "residual-hardware": "the same; the network has learned under `hardware`",
+    "joint-residual": "as `two-stage`; a network corrects the joint torques",
+    "joint-residual-hardware": "the same; the network has learned under `hardware`",
+    "scratch": "as `two-stage`, but a network decides alone",
+    "joint": "joint targets, given by a network",
 }
 LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware")
 COLUMNS = ("policy", "what it may adapt", "recovered", "share (95 % interval)", "survived")

@@ -381,11 +381,24 @@ class _Announcement(events.Listener):
         pass
 
 
+def _announcement_file() -> Path:
+    """What a group of processes that has announced its compilation leaves."""
+    return cache_root() / f"announced-{os.getpgrp() if hasattr(os, 'getpgrp') else os.getppid()}"
+
+
+def compiles_lately() -> bool:
+    """Whether a process of this group, a command with its workers, has announced a compilation lately."""
+    try:
+        return time.time() - _announcement_file().stat().st_mtime <= LATELY
+    except OSError:
+        return False
+
+
 def _first_to_say() -> bool:
     """Whether no process of this group, a command with its workers, has said it lately."""
-    path = cache_root() / f"announced-{os.getpgrp() if hasattr(os, 'getpgrp') else os.getppid()}"
+    path = _announcement_file()
     try:
-        if path.exists() and time.time() - path.stat().st_mtime > LATELY:
+        if path.exists() and not compiles_lately():
             path.unlink()
         path.touch(exist_ok=False)
     except FileExistsError:

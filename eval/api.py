@@ -10,9 +10,8 @@ from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
 from ..envs.scenario.scenario import Command, Scenario
 from .ceiling import with_ceiling
-from .rollout import environments, policy_source
+from .rollout import DEFAULT_ENV, TABLE_ARMS, environments, policy_source
 from .rollout.episodes import rollout as run_episode
-from .rollout.names import DEFAULT_ENV, TABLE_ARMS
 from .rollout.outcome import Outcome
 from .score import evaluate as scoring
 from .score import frontier as scanning
@@ -135,24 +134,27 @@ def frontier(
 
 
 def rollout(
-    env: gym.Env | str = DEFAULT_ENV,
     policy: Any = "two-stage",
     scenario: Scenario = Scenario("unpushed"),  # noqa: B008  # frozen
+    env: gym.Env | str = DEFAULT_ENV,
     policy_name: str | None = None,
     *,
     profile: str = "exact",
 ) -> Outcome:
-    """Run one scenario to its end: the row that an evaluation writes.
+    """Run one scenario to its end: the row that an evaluation writes. `record` takes the same arguments.
 
     Args:
-        env: a gait environment, or its id.
         policy: a name, a file, "MODULE:ATTRIBUTE", or an object with `predict(observation)`.
         scenario: what happens.
+        env: a gait environment, or its id. Three arguments in the order of old, environment, policy and
+            scenario, are understood, too.
         policy_name: of the outcome; by default the name, or the object's class.
         profile: of the robot, "exact" or "hardware"; what the scenario says itself stands.
 
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
+    if isinstance(env, Scenario):  # the order of old
+        policy, scenario, env = scenario, env, policy
     with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
         return run_episode(made, acting, environments.under_profile(made, scenario, profile), label)

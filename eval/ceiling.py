@@ -20,8 +20,7 @@ from .output.progress import Work, about, episode_seconds, progress_bars
 from .output.rows import RowFile, read_json
 from .output.statistics import PairedCounts
 from .output.tables import Table, markdown_page, write_reports
-from .rollout import environments, episodes
-from .rollout.names import DEFAULT_ENV
+from .rollout import DEFAULT_ENV, environments, episodes
 from .rollout.outcome import Score
 from .rollout.workers import parallel
 from .score.evaluate import SCORED, Evaluation, Rows, configuration, evaluate

@@ -131,7 +131,7 @@ def test_an_unknown_name_gets_the_nearest_and_all_valid_ones():
 
 
 def test_a_film_without_imageio_names_the_extra(monkeypatch, tmp_path):
-    from push_recovery.eval.cli.show import Written, show_episode
+    from push_recovery.eval.cli.play import Written, show_episode
 
     monkeypatch.setitem(sys.modules, "imageio.v2", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'push-recovery\[view\]'"):

@@ -13,7 +13,7 @@ from ..controllers.policies import mlp, two_stage
 from ..controllers.policies.residual import ResidualRule
 from ..envs.episode.episodes import GaitEpisodes
 from ..envs.wrappers import ActionHold, ResidualAction
-from ..eval.rollout import environments, names
+from ..eval.rollout import default_workers, environments
 from ..eval.rollout.episodes import action_rule, batch_episodes
 from ..eval.rollout.load_policy import acts_on_joints
 from . import starts, vec_env
@@ -74,7 +74,7 @@ def find_residual(env: gym.Env) -> ResidualAction | None:
 def own_episodes(settings: TrainingSettings, env: gym.Env, n: int) -> GaitEpisodes | None:
     """Episodes of n robots like that of a training environment; None where it is not this project's."""
     rule = action_rule(env)
-    threads = min(names.default_workers(), -(-n // ROBOTS_A_THREAD))
+    threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
     return None if rule is None else batch_episodes(rule.env, n, threads)
 
 

@@ -169,7 +169,8 @@ def model_policy(model: Any, env: gym.Env) -> Policy:
     if hasattr(getattr(trained.model, "policy", trained.model), "lstm_actor"):
         raise InvalidValueError(
             f"{trained.name} remembers (it is recurrent), so that its actions can't be held, corrected or "
-            f"normalised for {_id_of(env)}: score it in {_words(theirs)} by push_recovery.rollout(env, model)"
+            f"normalised for {_id_of(env)}: score it in {_words(theirs)} by "
+            "push_recovery.rollout(model, scenario, env)"
         )
     unwrapped: Any = env.unwrapped
     base = None if residual is None else read_residual(residual)
@@ -238,9 +239,9 @@ def _check_wrappers(trained: Trained, env: gym.Env) -> None:
     )
     raise InvalidValueError(
         f"{trained.name} was trained within {theirs}, which changes observations or actions, and "
-        f"{_id_of(env)} has {ours} of these wrappers: score it by push_recovery.rollout(env, model, "
-        "scenario), env wrapped like that of its training; of running means only those of VecNormalize are "
-        "taken along"
+        f"{_id_of(env)} has {ours} of these wrappers: score it by push_recovery.rollout(model, "
+        "scenario, env), env wrapped like that of its training; of running means only those of VecNormalize "
+        "are taken along"
     )
 
 
@@ -302,7 +303,7 @@ def _correction(trained: Trained, theirs: Meaning, here: Meaning, env: gym.Env) 
         return residual, held
     raise InvalidValueError(
         f"{trained.name} was trained in {_words(theirs)}, and {_id_of(env)} is {_words(here)}: "
-        f"{why}; score it in its own, by evaluate(..., env=ID) or push_recovery.rollout(env, model, scenario)"
+        f"{why}; score it in its own, by evaluate(..., env=ID) or push_recovery.rollout(model, scenario, env)"
     )
 
 

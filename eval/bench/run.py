@@ -18,7 +18,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, progress_bars
 from ..output.tables import Table
 from ..rollout import environments, episodes, load_policy
-from . import keys, planner
+from . import KEYS, planner
 
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
 ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
@@ -114,7 +114,7 @@ def number(value: Any) -> str:
 
 def key_cells(content: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key, value and meaning of each timing that stands alone."""
-    return [(key, number(content[key]), meaning) for key, meaning in keys.KEYS.items() if key in content]
+    return [(key, number(content[key]), meaning) for key, meaning in KEYS.items() if key in content]
 
 
 def robot_cells(content: dict[str, Any]) -> list[tuple[str, ...]]:

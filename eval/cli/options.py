@@ -20,7 +20,7 @@ from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
 from ...envs.scenario.scenario import Command
 from ..output.tables import Table
-from ..rollout.names import DEFAULT_ENV, SUITE_NAMES, default_workers
+from ..rollout import DEFAULT_ENV, SUITE_NAMES, default_workers
 
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."

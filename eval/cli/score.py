@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
-from ..rollout.names import TABLE_ARMS
+from ..rollout import TABLE_ARMS
 from . import options
 from .options import Count, Flag
 

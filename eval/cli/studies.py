@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError, shown
-from ..rollout.names import TABLE_ARMS
+from ..rollout import TABLE_ARMS
 from . import options
 from .options import Count, CountOrNone, EnvOptions, Policies, Real, RunningOptions, SuiteName, within
 
@@ -129,10 +129,10 @@ class Corrections(EnvOptions, options.RobotOptions):
     sample: Count = field(default=256, metadata=within(1))
     """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
     out: options.Directory = None
-    """Directory for report and figure (default: runs/corrections)."""
+    """Directory for corrections.md and its figure (default: runs/corrections)."""
 
     def run(self) -> None:
-        """Run the pushes, print the tables, write report.md and corrections.png."""
+        """Run the pushes, print the tables, write corrections.md and corrections.png."""
         from ...controllers.files import write_text
         from ..output.progress import Work, about, episode_seconds, progress_bars
         from ..record import corrections
@@ -156,9 +156,9 @@ class Corrections(EnvOptions, options.RobotOptions):
             parts += [about, corrections.correction_table(summary, step)]
         text = "\n\n".join(part.strip() for part in parts) + "\n"
         directory.mkdir(parents=True, exist_ok=True)
-        write_text(directory / "report.md", text)
+        write_text(directory / "corrections.md", text)
         print(text)
-        for path in (directory / "report.md", *corrections.save_corrections(summary, directory)):
+        for path in (directory / "corrections.md", *corrections.save_corrections(summary, directory)):
             print(path)
 
 
@@ -169,7 +169,8 @@ class Reproduce(RunningOptions):
     section: Positional[Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]] = "all"
     """Part of the paper that is measured again."""
     directions: Count = field(default=36, metadata=within(1))
-    """Number of directions of scenario 2, evenly spread, counter-clockwise from forward."""
+    """Number of directions of scenario 2, and of the limits up to 12, evenly spread, counter-clockwise
+    from forward."""
     page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
     """Write a page that holds the paper's claims against the run, with its pictures beside it."""
 
@@ -181,8 +182,7 @@ class Reproduce(RunningOptions):
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
         from ..report import page as pages
-        from ..report.reproduction import write_reproduction_page
-        from ..reproduction.run import RESULT, TABLES, reproduce
+        from ..reproduction.run import RESULT, TABLES, reproduce, write_reproduction_page
 
         page = None if self.page is None else Path(self.page)
         found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)

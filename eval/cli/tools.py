@@ -24,7 +24,7 @@ class Bench(EnvOptions, JsonOption):
     @classmethod
     def epilog(cls) -> str:
         """The meaning of the keys of `--json`."""
-        from ..bench.keys import EPILOG
+        from ..bench import EPILOG
 
         return EPILOG
 
@@ -90,7 +90,7 @@ class Curves(options.Options):
 
     def run(self) -> None:
         """Draw, and print the last point of each."""
-        from ..record.learning_curve import learning_curve, save_learning_curves
+        from ..record.plot import learning_curve, save_learning_curves
         from ..rollout.load_policy import shipped_names
 
         names = shipped_names() if self.policies == ("",) else self.policies

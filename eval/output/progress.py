@@ -16,8 +16,20 @@ from typing import IO, Protocol
 
 from rich import progress
 from rich.console import Console
+from rich.text import Text
 
+from ...envs.scenario.model_errors import CONTROL_STEP
 from ...envs.scenario.scenario import Scenario
+
+COMPILING = "compiling, about 2 minutes"
+SMALL = 0.05  # of the work: too little to tell how long the rest takes
+
+
+def compiles_lately() -> bool:
+    """That of `controllers.jit`, which is loaded when it is asked: numba takes long."""
+    from ...controllers import jit
+
+    return jit.compiles_lately()
 
 
 class Lines:
@@ -44,11 +56,14 @@ class Lines:
         self._notes = dict.fromkeys(names, "")
         self._written = dict(self._done)
         self._begun, self._began = sum(self._done.values()), clock()
+        self._first: tuple[int, float] | None = None  # all of them and when, at the first piece that was done
 
     def set(self, name: str, completed: int, note: str = "") -> None:
         """Count the work done so far for a name."""
         self._notes[name] = note
         self._done[name] = completed
+        if self._first is None and (done := sum(self._done.values())) > self._begun:
+            self._first = done, self._clock()
 
     def tell(self) -> None:
         """Write a line: 640/2304 in 0:01:30, about 0:03:50 left (two-stage 256/256 recovered 0.862)."""
@@ -61,10 +76,20 @@ class Lines:
         print(f"{done}/{all_of_it} in {_clock_time(passed)}{left}{behind}", file=self._out, flush=True)
 
     def _left(self, passed: float, done: int, all_of_it: int) -> str:
-        """Time left at the rate so far, in words; none before the first piece is done and after the last."""
-        if done <= self._begun or done >= all_of_it:
+        """Time left in words; before the first piece is done, what it waits for.
+
+        The rate is that since the first piece, before which a start-up lies; that of the first one alone
+        counts only where it was no small part.
+        """
+        if self._first is None:
+            return f", {COMPILING}" if done < all_of_it and compiles_lately() else ""
+        at_first, when = self._first
+        if done >= all_of_it or (done == at_first and done - self._begun < SMALL * all_of_it):
             return ""
-        return f", about {_clock_time(passed * (all_of_it - done) / (done - self._begun))} left"
+        more, lasted = done - self._begun, passed
+        if done > at_first:
+            more, lasted = done - at_first, self._began + passed - when
+        return f", about {_clock_time(lasted * (all_of_it - done) / more)} left"
 
     def _part(self, name: str) -> str:
         count = "" if len(self._done) == 1 else f" {self._done[name]}/{self._total}"
@@ -75,9 +100,10 @@ def _clock_time(seconds: float) -> str:
     return str(timedelta(seconds=round(seconds)))
 
 
-# Seconds of one core for a second of one robot with its planner, on a server of 2023. Sensors, networks and
-# MPC take up to twice as much, and robots that fall early less.
+# Seconds of one core for a second of one robot with its planner, on a server of 2023; finer steps of the
+# physics take as much more as there are more of them, and robots that fall early less.
 COST = {"Pendulum": 0.0015, "Biped": 0.015}
+SENSING = 1.5  # times as much with sensors of its own
 OTHERS = 0.03  # of robots that are not of this package
 EVENT = 2.0  # when the moment of the gait comes that a push waits for [s]
 UNITS = (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0))
@@ -115,7 +141,12 @@ def robot_seconds(env_id: str, simulated: float, workers: int = 1) -> float:
 
 def episode_seconds(env_id: str, scenarios: Iterable[Scenario], workers: int = 1) -> float:
     """Wall seconds for one episode of each scenario, about, where no robot falls."""
-    return robot_seconds(env_id, sum(map(_end, scenarios)), workers)
+    return robot_seconds(env_id, sum(_end(one) * _cost(one) for one in scenarios), workers)
+
+
+def _cost(scenario: Scenario) -> float:
+    """How much dearer a second is than on the exact robot."""
+    return CONTROL_STEP / scenario.physics.time_step * (1.0 if scenario.sensing == "exact" else SENSING)
 
 
 def _end(scenario: Scenario) -> float:
@@ -137,9 +168,23 @@ class Bars(Protocol):
 
 
 class _TerminalBars(progress.Progress):
+    """Bars that run to and fro, without a total, until the first piece of work is done."""
+
+    whole = 0  # of each
+
     def set(self, name: str, completed: int, note: str = "") -> None:
-        number = next(task.id for task in self.tasks if task.description == name)
-        self.update(number, completed=completed, note=note)
+        for task in self.tasks:
+            self.update(task.id, total=self.whole)
+            if task.description == name:
+                self.update(task.id, completed=completed, note=note)
+
+
+class _Note(progress.ProgressColumn):
+    """Behind a bar its note; behind the first one, while nothing is done, that it compiles."""
+
+    def render(self, task: progress.Task) -> Text:
+        waits = task.total is None and task.id == 0 and compiles_lately()
+        return Text(COMPILING if waits else task.fields["note"])
 
 
 @contextmanager
@@ -165,11 +210,13 @@ def progress_bars(
     if moving and (console.is_interactive or console.is_jupyter):
         columns = (
             "{task.description}", progress.BarColumn(bar_width=30), progress.MofNCompleteColumn(),
-            "{task.fields[note]}", progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
+            _Note(), progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
         )  # fmt: skip
         with _TerminalBars(*columns, console=console, expand=False) as bars:
+            bars.whole = total
             for name in names:
-                bars.add_task(name, total=total, completed=begun.get(name, 0), note="")
+                done = begun.get(name, 0)
+                bars.add_task(name, total=total if done else None, completed=done, note="")
             yield bars
         return
     lines, over = Lines(names, total, begun, sys.stderr), Event()

@@ -1,14 +1,17 @@
-"""Browser scene of a robot: meshes, marks on the floor, arrows of pushes, and strip charts."""
+"""Browser scene of a robot: meshes, marks on the floor, arrows, strip charts, and an episode as one page."""
 
+import contextlib
+import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
-from ...controllers.errors import MissingExtraError
+from ...controllers.errors import InvalidValueError, MissingExtraError
 from ...controllers.model import observation
 from ...controllers.model.capturability import recoverable_offset
 from ...controllers.model.gait_box import STEP
@@ -18,7 +21,10 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.biped.view import set_posture
 from ...envs.episode.period_end import LOADED
 from ...envs.robots.compiled_robot import CompiledRobot
-from ..record.record import Array
+from ..record.record import Array, gait_episodes
+from ..record.words import EpisodeWords
+from ..rollout.episodes import GymRobot, planning_period
+from .gate import Gate, open_server
 from .session import Lane
 
 POINTS = {  # name -> colour, radius [m], columns of the core's `world`
@@ -375,3 +381,54 @@ class RobotView:
     def remove(self) -> None:
         """Take it out of the scene, with all that is in its frame."""
         self._frame.remove()
+
+
+RATE = 30.0  # pictures per simulated second
+
+
+class Replay:
+    """Watches an episode of a biped, and keeps its scene.
+
+    The scene is viser's: it is built on a server whose address nobody gets, and what it would have sent to a
+    browser is what the page holds.
+    """
+
+    def __init__(self, env: gym.Env, policy: str):
+        episodes = gait_episodes(env)
+        if not isinstance(episodes, BipedEpisodes):
+            raise InvalidValueError(f"only bipeds are replayed in 3D, got {episodes.name}")
+        self._episodes, self._policy, self._told = episodes, policy, EpisodeWords()
+        self._server = open_server(Gate("127.0.0.1"), 0)
+        self._ground = Ground(self._server)
+        self.robot = RobotView(self._server, "robot", episodes.core.body)
+        self._film = self._server.get_scene_serializer()
+        self._every = max(1, round(1.0 / (RATE * planning_period(env))))
+        self._pause, self._count = self._every * planning_period(env), 0
+
+    def __call__(self, robot: GymRobot) -> None:
+        """Look after reset or a step."""
+        self._told.look(robot.info)
+        if self._count % self._every == 0 or robot.ended:
+            with self._server.atomic():
+                self._draw(robot)
+            self._film.insert_sleep(self._pause)
+        self._count += 1
+
+    def page(self) -> bytes:
+        """The page, about 2.5 MB; nothing can be looked at after it."""
+        try:
+            return self._film.as_html().encode()
+        finally:
+            with contextlib.redirect_stdout(io.StringIO()):  # it says that it stops
+                self._server.stop()
+
+    def _draw(self, robot: GymRobot) -> None:
+        words = f"{self._policy}: {self._told}" if robot.ended else self._policy
+        pelvis = self.robot.draw(self._episodes, words, dict.fromkeys(COLOURS, True))
+        self._ground.follow(pelvis)
+        push, arrow = robot.info.get("push") or {}, self._ground.given
+        start = push.get("start")
+        if start is not None and 0.0 <= robot.info["time"] - start <= SEEN:
+            arrow.show_at(pelvis, push["impulse"][:2], self._episodes.robot.mass)
+        elif arrow.text:
+            arrow.hide()

@@ -21,9 +21,10 @@ from ...envs.scenario.push import Body, Push
 from ...envs.scenario.scenario import Command, CommandChange, Scenario
 from ...envs.snapshot import RobotSnapshot
 from ..record.record import LIMIT, Array, Recorder, gait_episodes
-from ..record.words import fall_words, impulse_words
+from ..record.words import impulse_words
 from ..rollout.environments import make_env_for
 from ..rollout.episodes import begin_policy
+from ..rollout.outcome import reason_words
 from ..rollout.policy_source import policy_sources
 from ..rollout.strategy import StrategyMeter
 
@@ -236,7 +237,7 @@ def status_words(lane: Lane) -> str:
         after, again = (
             ("", "") if push is None else (f" {since:.2f} s after the push", ", R to replay the last push")
         )
-        return f"fell{after} ({fall_words(lane.info['failure_reason'])}): press N to start anew{again}"
+        return f"fell{after} ({reason_words(lane.info['failure_reason'])}): press N to start anew{again}"
     if push is None:
         return f"{'stands' if lane.stands else 'walks'}, {lane.time:.1f} s"
     settled = lane.info["recovered_at"]

@@ -20,7 +20,7 @@ from ..output.progress import Work, about, progress_bars, say
 from ..rollout.episodes import GymRobot, planning_period, rollout
 from ..rollout.policy_source import acting_in
 from ..score.evaluate import Evaluation
-from .words import ending_words, info_push_words
+from .words import EpisodeWords
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 FILM_RATE = 25.0  # frames per simulated second
@@ -52,40 +52,36 @@ def rendered(robot: GymRobot) -> Frame:
     return np.array(robot.env.render(), dtype=np.uint8)
 
 
-class Shot:
+class Shot(EpisodeWords):
     """One policy's episode as a camera sees it: frames at a rate of simulated time, and how it ends.
 
     `period` is that of planning [s], `rate` in frames per simulated second.
     """
 
     def __init__(self, policy: str, period: float, rate: float = FILM_RATE):
+        super().__init__()
         self.policy = policy
         self.frames: list[Frame] = []
         self.times: list[float] = []  # of the frames, since reset [s]
-        self.push_start = 0.0  # of the latest push [s]
-        self.info: dict[str, Any] = {}  # of the last step
         self._period, self._count = period, 0
         self._every = max(1, round(1.0 / (rate * period)))
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
-        self.info = robot.info
+        self.look(robot.info)
         if self._count % self._every == 0 or robot.ended:
             self.frames.append(rendered(robot))
             self.times.append(float(self.info.get("time", self._count * self._period)))
         self._count += 1
-        start = (self.info.get("push") or {}).get("start")
-        self.push_start = self.push_start if start is None else float(start)
-
-    def frame_at(self, after: float) -> int:
-        """Index of the frame nearest to a time after the push began [s]; the first or last one beyond."""
-        return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
 
     @property
-    def push(self) -> str:
-        """The push in words."""
-        push = self.info.get("push")
-        return "no push" if push is None else info_push_words(push)
+    def pushed_for(self) -> float:
+        """From the start of the first push to that of the last one [s]."""
+        return float(self.pushes[-1]["start"]) - self.push_start if self.pushes else 0.0
+
+    def frame_at(self, after: float) -> int:
+        """Index of the frame nearest to a time after the first push [s]; the first or last one beyond."""
+        return int(np.argmin(np.abs(np.array(self.times) - self.push_start - after)))
 
     @property
     def fell(self) -> bool:
@@ -94,22 +90,23 @@ class Shot:
 
     @property
     def decided(self) -> float:
-        """When it is decided whether the robot falls or recovers, after the push began [s]."""
+        """When it is decided whether the robot falls or recovers, after the first push began [s]."""
         settled = self.info.get("recovered_at")
         end = self.times[-1] if self.fell or settled is None else float(settled)
         return end - self.push_start
 
 
 def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
-    """One picture of the film: every policy at a time after its push began [s].
+    """One picture of the film: every policy at a time after its first push began [s].
 
-    The push is written over all of them, each policy's name over its own picture, and below the name how it
-    has ended once that is decided; a robot that has fallen stays as it fell.
+    The pushes are written over all of them, each policy's name over its own picture, and below the name how
+    it has ended once that is decided; a robot that has fallen stays as it fell.
     """
     width, height = PANEL
     sheet = Image.new("RGB", (len(shots) * (width + GAP) - GAP, HEAD + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((sheet.width / 2, 2), shots[0].push, INK, font(19, True), anchor="ma")
+    push = max(shots, key=lambda shot: len(shot.pushes)).push
+    draw.text((sheet.width / 2, 2), push, INK, font(19, True), anchor="ma")
     for column, shot in enumerate(shots):
         left = column * (width + GAP)
         frame = Image.fromarray(middle(shot.frames[shot.frame_at(after)], PANEL))
@@ -122,7 +119,7 @@ def compose(shots: Sequence[Shot], after: float, speed: float) -> Frame:
 def _title(draw: Any, centre: float, shot: Shot, after: float) -> None:
     draw.text((centre, 2 + LINE), _fitting(draw, shot.policy), INK, font(18, False), anchor="ma")
     if after >= shot.decided:
-        words = ending_words(shot.info).partition(" (")[0]
+        words = shot.ending.partition(" (")[0]
         colour = BAD if shot.fell else GOOD
         draw.text((centre, 2 + 2 * LINE), _fitting(draw, words), colour, font(18, True), anchor="ma")
 
@@ -223,22 +220,22 @@ STRIP_PANEL = (228, 250)  # width, height of one picture [pixels]
 
 
 def strip(shot: Shot) -> bytes:
-    """The push and what follows: six frames side by side with their times after its begin, as PNG.
+    """The pushes and what follows: six frames with their times after the first push began, as PNG.
 
     Below them stand what the markers mean, the push, and how it has ended.
     """
     width, height = STRIP_PANEL
     sheet = Image.new("RGB", (len(STRIP) * (width + GAP) - GAP, LINE + height + FOOT), PAPER)
     draw = ImageDraw.Draw(sheet)
-    # Frames nearest to the times of STRIP, all of them earlier where the episode ends before the last
-    squeeze = min(1.0, (np.array(shot.times)[-1] - shot.push_start) / STRIP[-1])
-    for column, index in enumerate(shot.frame_at(squeeze * after) for after in STRIP):
+    # The times of STRIP, stretched over several pushes, and squeezed where the episode ends before the last
+    stretch = min(STRIP[-1] + shot.pushed_for, shot.times[-1] - shot.push_start) / STRIP[-1]
+    for column, index in enumerate(shot.frame_at(stretch * after) for after in STRIP):
         left = column * (width + GAP)
         frame = Image.fromarray(middle(shot.frames[index], STRIP_PANEL))
         sheet.paste(frame.resize(STRIP_PANEL, Image.Resampling.LANCZOS), (left, LINE))
         time = f"{shot.times[index] - shot.push_start:+.2f} s"
         draw.text((left + width / 2, LINE / 2), time, INK, font(13, False), anchor="mm")
-    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {ending_words(shot.info)}")
+    draw_legend(draw, sheet.size, f"{shot.policy}: {shot.push}, {shot.ending}")
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
@@ -246,7 +243,7 @@ def strip(shot: Shot) -> bytes:
 
 SLOW = 0.5  # speed of a film of two policies against time
 RATE = 25.0  # pictures a second of an mp4; a GIF has every second one
-BEFORE, LONGEST = 0.4, 3.2  # seen before the push began and at most after it [s]
+BEFORE, LONGEST = 0.4, 3.2  # seen before the first push began and at most after the last one did [s]
 LINGER = 0.6  # seen after all is decided [s]
 
 
@@ -263,8 +260,9 @@ def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
 
 
 def side_by_side(shots: Sequence[Shot], speed: float, rate: float) -> list[Frame]:
-    """The push and what follows, until it is decided for all and a little longer."""
-    last = min(max(shot.decided for shot in shots) + LINGER, LONGEST)
+    """The pushes and what follows, until it is decided for all and a little longer."""
+    longest = LONGEST + max(shot.pushed_for for shot in shots)
+    last = min(max(shot.decided for shot in shots) + LINGER, longest)
     return [compose(shots, float(after), speed) for after in np.arange(-BEFORE, last, speed / rate)]
 
 
@@ -299,16 +297,16 @@ class StripCamera:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
         self.after: list[float] = []  # the push began [s], of each frame
-        self._start: float | None = None
+        self.start: float | None = None  # of the first push, since reset [s]
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
         start = (robot.info.get("push") or {}).get("start")
-        if self._start is None and start is not None:
-            self._start = float(start)
-        if self._start is None or len(self.frames) == len(STRIP):
+        if self.start is None and start is not None:
+            self.start = float(start)
+        if self.start is None or len(self.frames) == len(STRIP):
             return
-        after = float(robot.info["time"]) - self._start
+        after = float(robot.info["time"]) - self.start
         if robot.ended or after >= STRIP[len(self.frames)] - 1e-9:
             self.frames.append(rendered(robot))
             self.after.append(after)

@@ -23,9 +23,8 @@ from ...envs.episode import period_end
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
-from ..rollout import environments, policy_source
+from ..rollout import DEFAULT_ENV, environments, policy_source
 from ..rollout.episodes import Watch, rollout
-from ..rollout.names import DEFAULT_ENV
 from ..rollout.outcome import Outcome
 
 Array = NDArray[np.float64]

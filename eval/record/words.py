@@ -1,23 +1,17 @@
 """A push and what became of it, in words for people."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...envs.scenario.push import Push
-from ..rollout.outcome import Outcome
+from ..rollout.outcome import Outcome, reason_words
 from .record import EpisodeRecord
 
 DIRECTIONS = (
     "forward", "forward and to the left", "to the left", "backward and to the left", "backward",
     "backward and to the right", "to the right", "forward and to the right",
 )  # fmt: skip
-FALLS = {  # why an episode ended, by the name that its info gives
-    "com_height": "sank too low",
-    "pelvis_tilt": "tipped over",
-    "dcm_diverged": "ran away from any step",
-    "not_finite": "ran out of numbers",
-}
 
 
 def sector_of(psi_deg: float) -> int:
@@ -39,7 +33,41 @@ def describe(episode: EpisodeRecord | Mapping[str, Any]) -> str:
     """
     info = last_info(episode) if isinstance(episode, EpisodeRecord) else episode
     push = info.get("push")
-    return f"{'no push' if push is None else info_push_words(push)}: {ending_words(info)}"
+    start = (push or {}).get("start")
+    return f"{pushes_words([] if push is None else [push])}: {ending_words(info, start or 0.0)}"
+
+
+class EpisodeWords:
+    """Pushes and ending of an episode, from the `info` of its steps; times count from its first push."""
+
+    def __init__(self) -> None:
+        self.info: Mapping[str, Any] = {}  # of the last step
+        self.pushes: list[Mapping[str, Any]] = []  # that have begun, in the form of `info["push"]`
+
+    def look(self, info: Mapping[str, Any]) -> None:
+        """Take in the `info` of reset or a step."""
+        self.info, push = info, info.get("push")
+        if push and push["start"] is not None and push["start"] not in {one["start"] for one in self.pushes}:
+            self.pushes.append(push)
+
+    def __str__(self) -> str:
+        return f"{self.push}: {self.ending}"
+
+    @property
+    def push_start(self) -> float:
+        """When the first push began, since reset [s]; 0 where none has."""
+        return float(self.pushes[0]["start"]) if self.pushes else 0.0
+
+    @property
+    def push(self) -> str:
+        """The pushes in words."""
+        push = self.info.get("push")
+        return pushes_words(self.pushes or ([push] if push else []))
+
+    @property
+    def ending(self) -> str:
+        """How it ends, in words, with the time after the first push began."""
+        return ending_words(self.info, self.push_start)
 
 
 def last_info(record: EpisodeRecord) -> dict[str, Any]:
@@ -61,26 +89,26 @@ def last_info(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def info_push_words(push: Mapping[str, Any]) -> str:
-    """Impulse and direction of a push in the form of `info["push"]`."""
-    size = math.hypot(*push["impulse"])
-    return f"{size:.1f} N s {direction_words(*push['impulse'][:2])}"
+def pushes_words(pushes: Sequence[Mapping[str, Any]]) -> str:
+    """Pushes in the form of `info["push"]`: "52.8 N s to the right", "4 x 60.0 N s backward"."""
+    if not pushes:
+        return "no push"
+    sizes = [f"{math.hypot(*push['impulse']):.1f}" for push in pushes]
+    weakest, hardest = min(sizes, key=float), max(sizes, key=float)
+    size = hardest if weakest == hardest else f"{weakest}-{hardest}"
+    ways = {direction_words(*push["impulse"][:2]) for push in pushes}
+    way = ways.pop() if len(ways) == 1 else "in several directions"
+    return f"{f'{len(pushes)} x ' if len(pushes) > 1 else ''}{size} N s {way}"
 
 
-def ending_words(info: Mapping[str, Any]) -> str:
-    """Ending of an episode in words by its last `info`, with the time after the push."""
-    start = (info.get("push") or {}).get("start") or 0.0
+def ending_words(info: Mapping[str, Any], start: float) -> str:
+    """Ending of an episode in words by its last `info`, with the time since `start` [s]."""
     if info.get("failure_reason"):
-        return f"fell after {info['time'] - start:.1f} s ({fall_words(info['failure_reason'])})"
+        return f"fell after {info['time'] - start:.1f} s ({reason_words(info['failure_reason'])})"
     settled = info.get("recovered_at")
     if settled is None:
         return f"still up after {info['time'] - start:.1f} s, but does not walk as told"
     return f"recovered after {max(settled - start, 0.0):.1f} s"
-
-
-def fall_words(reason: str | None) -> str:
-    """Why a robot fell; a reason of an environment of others stays as it is."""
-    return FALLS.get(reason or "", reason or "")
 
 
 def impulse_words(push: Push, mass: float) -> str:
@@ -103,4 +131,4 @@ def verdict(outcome: Outcome) -> str:
         return f"recovered, from {outcome.recovered_at:.2f} s on"
     if outcome.survived:
         return f"survived {outcome.end_time:.2f} s, not settled"
-    return f"fell after {outcome.end_time:.2f} s ({fall_words(outcome.failure_reason)})"
+    return f"fell after {outcome.end_time:.2f} s ({reason_words(outcome.failure_reason)})"

@@ -13,10 +13,11 @@ from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..record.film import sheet, watch
 from ..rollout.environments import make_env
+from ..rollout.outcome import reason_words
 from ..score.evaluate import Evaluation
 from ..score.report import brief_measures, ranked, reasons_of
 from . import page
-from .headline import SEED
+from .headline import SEED, rival
 
 LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn
     {"facecolor": page.BLUE},
@@ -33,8 +34,9 @@ def ending_figure(evaluation: Evaluation) -> str:
     names = list(evaluation.rows)
     scores = [evaluation.score(name) for name in names]
     parts = [("recovered", [score.recovered for score in scores])]
-    parts += [(r, [score.failures.get(r, 0) for score in scores]) for r in reasons_of(evaluation)]
-    with page.panel(0.95 + 0.3 * len(names) + 0.16 * len(parts)) as (figure, axes):
+    for reason in reasons_of(evaluation):
+        parts.append((reason_words(reason), [score.failures.get(reason, 0) for score in scores]))
+    with page.panel(0.7 + 0.25 * len(names)) as (figure, axes):
         left = [0] * len(names)
         for index, (label, counts) in enumerate(parts):
             look = LOOKS[index % len(LOOKS)]
@@ -93,10 +95,9 @@ class PicturePart:
 
 
 def opponents(evaluation: Evaluation) -> tuple[str, str] | None:
-    """The policy that recovers most and the next one of another recipe; None where there is none."""
-    best, *others = ranked(evaluation)
-    recipe = SEED.sub("", best)
-    return next(((best, other) for other in others if SEED.sub("", other) != recipe), None)
+    """The policy that recovers most and its rival; None where that differs by the seed of training alone."""
+    best, other = ranked(evaluation)[0], rival(evaluation)
+    return None if other is None or SEED.sub("", other) == SEED.sub("", best) else (best, other)
 
 
 def telling_pushes(evaluation: Evaluation, a: str, b: str) -> list[Scenario]:
@@ -132,7 +133,8 @@ def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]
     rows = []
     for label in policies:
         row = evaluation.rows[label][place]
-        rows.append((f"{label} {page.outcome_words(row)}", watch(evaluation.env_id, row["policy"], scenario)))
+        camera = watch(evaluation.env_id, row["policy"], scenario)
+        rows.append((f"{label} {page.outcome_words(row, camera.start)}", camera))
     content = base64.b64encode(sheet(rows)).decode()
     caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
     return caption, f"data:image/jpeg;base64,{content}"

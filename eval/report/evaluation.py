@@ -10,7 +10,7 @@ import gymnasium as gym
 from ..record.film import STRIP
 from ..rollout import environments, outcome
 from ..score.evaluate import Evaluation
-from ..score.report import REASONS, Evaluations, evaluation_tables, limit_details, reasons_of
+from ..score.report import EXPLAINED, Evaluations, evaluation_tables, limit_details, reasons_of
 from . import headline, pushes
 from .episodes import SIGNS, PicturePart, ending_figure, picture_part, scenario_lines
 from .page import Command, manifest, require_report, rows_hash, short_labels, write_page
@@ -50,7 +50,12 @@ def write_evaluation_page(
         "pictures": pictures,
         "moments": f"{STRIP[0]:g} s to {STRIP[-1]:g} s",
         "most_shown": headline.SHOWN,
-        "explained": {r: REASONS[r] for one in found.values() for r in reasons_of(one) if r in REASONS},
+        "explained": {
+            outcome.reason_words(r): EXPLAINED[r]
+            for one in found.values()
+            for r in reasons_of(one)
+            if r in EXPLAINED
+        },
         "measures": [one for one in outcome.MEASURES.values() if one.about],
         "signs": SIGNS,
         "replay": command.replay("PROFILE", "ID", "POLICY"),

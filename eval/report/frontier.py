@@ -15,6 +15,7 @@ import numpy as np
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
+from ..rollout.outcome import reason_words
 from ..score.frontier import OWN, PAPER, STAND, Frontier, fall_cell, frontier_table, limit_curves
 from . import page
 from .page import Command
@@ -88,7 +89,7 @@ def falls_table(found: Frontier, command: Command) -> Table:
         for row in rows:
             if row["falls"]:
                 force, psi = row["falls"][0]["force_N"], row["psi_deg"]
-                why = f"{force:.0f} N ({row['falls'][0]['failure_reason']})"
+                why = f"{force:.0f} N ({reason_words(row['falls'][0]['failure_reason'])})"
                 replay = command.replay_push(psi, force, row["policy"])
                 lines.append((label, direction_text(psi), why, fall_cell(row["falls"]), replay))
     columns = ("policy", "direction", "weakest push that fells it", "first limit; longest met", "replay")

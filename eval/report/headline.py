@@ -28,18 +28,33 @@ VERY_SURE = 0.001
 
 
 def verdict(evaluation: Evaluation) -> str:
-    """Who recovers from most pushes, by how many more than the next, and whether chance explains that."""
-    first, *others = ranked(evaluation)
-    score = evaluation.score(first)
+    """Who recovers from most pushes, by how many more than its rival, and whether chance explains that."""
+    first, score = ranked(evaluation)[0], evaluation.score(ranked(evaluation)[0])
     share = f"{score.recovered} of {score.episodes} pushes ({100.0 * score.rate:.1f} %)"
-    if not others:
+    other = rival(evaluation)
+    if other is None:
         low, high = (100.0 * end for end in score.ci95)
         return f"{first} recovers from {share}; 95 % interval {low:.1f} to {high:.1f} %."
-    pairs = PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[others[0]])
+    pairs = PairedCounts.of_rows(evaluation.rows[first], evaluation.rows[other])
     more = pairs.only_a - pairs.only_b
     if not more:
-        return f"{first} and {others[0]} recover from equally many pushes, {share}."
-    return f"{first} recovers from {share}, {more} more than {others[0]}: {sureness(pairs)}."
+        return f"{first} and {other} recover from equally many pushes, {share}."
+    return f"{first} recovers from {share}, {more} more than {other}: {sureness(pairs)}."
+
+
+SEED = re.compile(r"-seed\d+")  # in a label; without it, it names the recipe
+
+
+def rival(evaluation: Evaluation) -> str | None:
+    """The policy that the best one is held against; None where it is alone.
+
+    Of a learned policy it is the best one without a file of weights, and the other way round; where there is
+    no such policy, the next one, of another recipe if there is any.
+    """
+    first, *others = ranked(evaluation)
+    others.sort(key=lambda name: SEED.sub("", name) == SEED.sub("", first))
+    learned = {name: bool(rows[0].get("policy_sha256")) for name, rows in evaluation.rows.items()}
+    return next((name for name in others if learned[name] != learned[first]), next(iter(others), None))
 
 
 def sureness(pairs: PairedCounts) -> str:
@@ -61,16 +76,17 @@ def rates_table(evaluation: Evaluation) -> Table:
         for count in (score.recovered, score.survived):
             low, high = wilson_interval(count, score.episodes)
             cells += [f"{100.0 * count / score.episodes:.1f} % ({count})",
-                      f"{100.0 * low:.1f} to {100.0 * high:.1f} %"]  # fmt: skip
+                      f"{100.0 * low:.1f}-{100.0 * high:.1f}"]  # fmt: skip
         lines.append((name, *cells, *count_cells(score.turned, score.bent)))
-    columns = ("policy", "recovered", "95 % interval", "survived", "95 % interval", "turned", "bent")
+    interval = "95 % interval [%]"
+    columns = ("policy", "recovered", interval, "survived", interval, "turned", "bent")
     return Table("Recovered and survived", columns, lines, TURNED_NOTE)
 
 
 def rate_figure(evaluations: Evaluations) -> str:
     """A line for each policy: filled marks for recovered with their interval, hollow ones for survived."""
     names, count = list(next(iter(evaluations.values())).rows), len(evaluations)
-    with page.panel(0.85 + (0.22 + 0.14 * count) * len(names) + 0.17 * count) as (figure, axes):
+    with page.panel(0.85 + (0.14 + 0.12 * count) * len(names)) as (figure, axes):
         for index, (profile, evaluation) in enumerate(evaluations.items()):
             shift = 0.3 * (index - (count - 1) / 2.0)
             _draw(axes, evaluation, names, shift, RATE_LOOKS[index % len(RATE_LOOKS)], profile)
@@ -152,7 +168,6 @@ def _pair(evaluation: Evaluation, a: str, b: str, profile: str, command: Command
     return Pair(a, b, counts, sureness(counts), only_a, only_b)
 
 
-SEED = re.compile(r"-seed\d+")  # in a label; without it, it names the recipe
 QUARTERS = 4  # of the pushes, by impulse
 DRAWS = 1000  # of a bootstrap
 THRESHOLDS = np.linspace(0.0, 1.0, 41)

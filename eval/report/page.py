@@ -19,6 +19,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.rows import machine_kind, source_commit, versions
 from ..record.words import direction_words
 from ..rollout.environments import code_digest
+from ..rollout.outcome import limit_words, reason_words
 from ..score.report import KINDS
 
 PROGRAM = "push-recovery"
@@ -86,13 +87,18 @@ def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Comma
 
 BLUE, ORANGE, INK, GREY, PALE = "#0b5394", "#c4610a", "#1c1c1c", "#6f6f6f", "#d9d9d9"
 PANEL = 3.55  # width of a figure [in]; 340 pixels, less than a phone has
-LONGEST_LABEL = 22  # characters beside an axis
+LONGEST_LABEL = 24  # characters beside an axis
+HALF = 20  # characters of a legend's entry that has another one beside it
+LEGEND_LINE = 0.17  # height [in]
 POINTS = 72.0  # an inch
 
 
 def legend_below(figure: Any) -> None:
-    """A legend below the axes, two marks beside each other."""
-    figure.legend(loc="outside lower left", frameon=False, fontsize=8.0, ncols=2)
+    """A legend below the axes, for which the figure grows; short entries stand two beside each other."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    columns = 2 if max(map(len, labels)) <= HALF else 1
+    figure.set_figheight(figure.get_figheight() + LEGEND_LINE * -(-len(labels) // columns))
+    figure.legend(handles, labels, loc="outside lower left", frameon=False, fontsize=8.0, ncols=columns)
 
 
 @contextmanager
@@ -146,6 +152,13 @@ def beside_axis(label: str) -> str:
     return f"{label[:half]}...{label[-half:]}"
 
 
+def breaking(label: str) -> Any:
+    """A label as HTML that may break after a hyphen, plus, slash or underscore, and in no word."""
+    from markupsafe import Markup, escape
+
+    return Markup("<wbr>").join(escape(part) for part in re.findall(r"[^-+/_.:]*[-+/_.:]|[^-+/_.:]+", label))
+
+
 Row = Mapping[str, Any]
 
 
@@ -172,14 +185,19 @@ def scenario_words(scenario: Scenario) -> str:
     )
 
 
-def outcome_words(row: Row) -> str:
-    """The end of an episode in words, and the first limit that a fall met."""
+def outcome_words(row: Row, start: float | None = None) -> str:
+    """The end of an episode in words, and the first limit that a fall met.
+
+    Its time counts from the `start` of the first push [s], where that is known.
+    """
     if row["recovered"]:
         return "recovers"
     if row["survived"]:
         return "stays up, does not settle"
     first = row.get("first_limit")
-    return f"falls at {row['end_time']:.1f} s ({row['failure_reason']}{f', first {first}' if first else ''})"
+    why = reason_words(row["failure_reason"]) + (f", first limit met: {limit_words(first)}" if first else "")
+    when = "into the walk" if start is None else "after the first push"
+    return f"falls {row['end_time'] - (start or 0.0):.1f} s {when} ({why})"
 
 
 PAGE, INDEX = "report.html", "index.html"
@@ -209,6 +227,7 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any], name:
         lstrip_blocks=True,
     )  # fmt: skip
     env.filters["figure"] = Markup  # of to_svg, which escapes its text
+    env.filters["breaking"] = breaking
     path = directory / name
     write_text(path, env.get_template(template).render(content))
     pages = sorted(one.name for one in directory.glob("*.html") if one.name != INDEX)

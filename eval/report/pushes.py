@@ -263,7 +263,7 @@ def share_at(curve: SurvivalCurve, time: float) -> str:
 
 def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
     """A staircase for each policy, down where one of its robots falls; `longest` episode [s]."""
-    with panel(2.2 + 0.1 * len(curves)) as (figure, axes):
+    with panel(2.0) as (figure, axes):
         for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
             axes.plot(

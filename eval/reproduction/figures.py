@@ -458,6 +458,9 @@ Curve = Sequence[tuple[float, float]]  # psi [deg], force [N] or impulse [N s]
 RADIAL_LABELS = 75.0  # labels of the radial axis: pushes inward are the weakest, so there is space [deg]
 
 
+FINE = 3.0  # between two points of a curve around the robot [deg]
+
+
 def draw_limits(
     curves: Mapping[str, Curve],
     limits: Mapping[str, Curve],
@@ -476,15 +479,28 @@ def draw_limits(
             (curves, {"lw": 1.5, "ms": 3.6, "mew": 0.9, "zorder": 3}),
         ):
             for label, curve in group.items():
-                psi, radius = zip(*curve, curve[0], strict=True)
+                psi, radius, every = around(curve)
                 look = style.curve_style(label)
                 line = {"color": look.colour, "ls": look.line, "marker": look.marker, "label": look.label}
-                axes.plot(np.radians(psi), radius, **line, **options)
+                axes.plot(np.radians(psi), radius, markevery=every, **line, **options)
         largest = max(radius for curve in (*curves.values(), *limits.values()) for _, radius in curve)
         _scales(axes, largest, unit)
         figure.suptitle(title, fontsize=10.5, weight="bold")
         figure.legend(loc="outside lower center", ncols=3, columnspacing=1.4, handlelength=3.4)
         return style.save(figure, directory, stem)
+
+
+def around(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """A closed curve of ascending angles with the radius linear in the angle: straight lines cut corners.
+
+    Returns:
+        Angles [deg] at most FINE apart, radii, and the distance in them of the points given.
+    """
+    psi, radius = np.array([*curve, (curve[0][0] + 360.0, curve[0][1])]).T
+    every = math.ceil(np.diff(psi).max() / FINE)
+    place = np.arange(len(curve) * every + 1) / every
+    given = np.arange(len(curve) + 1)
+    return np.interp(place, given, psi), np.interp(place, given, radius), every
 
 
 def _scales(axes: Any, largest: float, unit: str) -> None:

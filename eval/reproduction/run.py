@@ -1,7 +1,9 @@
-"""`push-recovery reproduce`: sections by name to rows, numbers, tables, pictures and a page."""
+"""`push-recovery reproduce`: sections by name to rows, numbers, tables, pictures and pages."""
 
+import base64
 import json
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,10 @@ from ...controllers.files import read_file, write_text
 from ...controllers.validation import parse_json
 from ..output.rows import default_directory, require_place
 from ..output.tables import Table
+from ..report.page import Command, manifest, rows_hash
+from ..report.page import write_page as write_report
 from .jobs import Rows, Section, config, open_store, run_jobs
-from .page import table_text, write_page
+from .page import DIFFERS, REPRODUCED, SHOWN, UNSTATED, Claim, claims, table_text, write_page
 from .scenarios import SCENARIO_1, SCENARIO_2
 from .studies import ABLATIONS, LIMITS_STUDY
 
@@ -95,3 +99,55 @@ def _earlier(directory: Path) -> dict[str, Any]:
     except InvalidValueError:
         return {}  # it can be made again from the rows
     return found if isinstance(found, dict) else {}
+
+
+NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
+TYPES = {".png": "image/png", ".gif": "image/gif"}
+CODE = str.maketrans("", "", "`")  # marks of Markdown, which HTML has none of
+
+
+def write_reproduction_page(found: Reproduction, command: Command) -> Path:
+    """Write report.html beside the rows of a reproduction; returns its path.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+    """
+    known = list(claims(found.content)) if found.content.keys() >= NEEDED else []
+    content = {
+        "title": "The paper's results, measured again",
+        "verdict": verdict(known),
+        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), known, 4),
+        "pictures": pictures(found.pictures, found.directory),
+        "tables": [_plain(table.title, table.columns, table.rows) for table in found.tables],
+        "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
+    }
+    return write_report(found.directory, "reproduction.html", content)
+
+
+def _plain(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) -> Table:
+    """A table without marks of Markdown."""
+    cells = [tuple(cell.translate(CODE) for cell in row) for row in rows]
+    return Table(title.translate(CODE), columns, cells, words=words)
+
+
+def verdict(known: Sequence[Claim]) -> str:
+    """Counts of the claims that were reproduced, differ, or are not clear from the text."""
+    if not known:
+        return "One part of the paper; its claims are told where all parts run: push-recovery reproduce."
+    counts = Counter(claim.verdict.split(":")[0] for claim in known)
+    return (
+        f"Of {len(known)} claims {counts[REPRODUCED]} are reproduced, {counts[DIFFERS]} differ, and "
+        f"{counts[UNSTATED]} cannot be told from the text."
+    )
+
+
+def pictures(paths: Sequence[Path], directory: Path) -> list[tuple[str, str]]:
+    """Caption and content of each picture that stands for a figure of the paper; folders have variants."""
+    by_name = {path.name: path for path in paths if path.parent == directory}
+    found = []
+    for name, caption in SHOWN:
+        if name in by_name:
+            content = base64.b64encode(by_name[name].read_bytes()).decode()
+            kind = TYPES[by_name[name].suffix]
+            found.append((caption.translate(CODE), f"data:{kind};base64,{content}"))
+    return found

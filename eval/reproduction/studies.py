@@ -151,7 +151,7 @@ def ablation_tables(content: Row) -> list[Table]:
     return found
 
 
-CHECKED = 12  # directions in which the program is solved
+CHECKED = 12  # directions at most in which the program is solved
 PERIOD = 0.01  # of planning: a velocity jump is seen this late at most [s]
 KINDS: dict[str, tuple[float, dict[str, Any]]] = {
     **{label: (PUSH_TIME, options) for label, options in LIMITS.items()},
@@ -188,7 +188,7 @@ class ProgramJob(Job):
 
 def limit_jobs(directions: int) -> Iterable[Job]:
     """The programs; the closed form costs nothing."""
-    return [ProgramJob(kind, psi) for kind in KINDS for psi in directions_deg(CHECKED)]
+    return [ProgramJob(kind, psi) for kind in KINDS for psi in directions_deg(min(directions, CHECKED))]
 
 
 def limit_summary(rows: Rows, directions: int) -> Row:
@@ -202,7 +202,7 @@ def limit_summary(rows: Rows, directions: int) -> Row:
         field, unit = ("limit_N", "N") if duration > 0 else ("limit_Ns", "N s")
         closed[kind] = [{"psi_deg": psi, field: limit(psi)} for psi in directions_deg(directions)]
         cases = []
-        for psi in directions_deg(CHECKED):
+        for psi in directions_deg(min(directions, CHECKED)):
             program = rows[key(ProgramJob(kind, psi))]["strength"]
             cases.append({"psi_deg": psi, "closed_form": limit(psi), "program": program})
         solved = [case for case in cases if case["program"] is not None]

@@ -1,1 +1,20 @@
-"""From scenarios and policies to outcomes: one episode, many, on several processes."""
+"""Episodes of policies in environments; here the names that the command line offers, quick to load."""
+
+import os
+
+from ...controllers.settings import ARMS, ON_REQUEST
+
+NAMESPACE = "PushRecovery/"
+DEFAULT_ENV = "PushRecovery/Biped-v0"
+ANALYTIC_ARMS = tuple(ARMS)
+TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
+SUITE_NAMES = (  # of `score.suites.SUITES`
+    "quick", "standard", "hard", "varied", "hardware", "standing", "varied-sealed", "hardware-sealed",
+    "hard-sealed", "standing-sealed", "quick-1", "shift-duration", "shift-body", "shift-model",
+    "shift-magnitude", "shift-floor", "shift-repeated", "kick", "kick-coded",
+)  # fmt: skip
+
+
+def default_workers() -> int:
+    """Processes that this machine has cores for."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

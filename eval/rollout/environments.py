@@ -20,9 +20,9 @@ from ...controllers.settings import ARMS, is_preset_file, load_preset
 from ...envs.joint.full_body import driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
+from . import DEFAULT_ENV, NAMESPACE
 from .contract import contract_name, read_contract
 from .load_policy import import_from_here, is_policy_file
-from .names import DEFAULT_ENV, NAMESPACE
 
 ROBOT_FILE = ".robot.json"
 FULL_BODY = "FullBody"  # in the id of the form whose actions drive all joints

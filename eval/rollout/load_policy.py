@@ -21,14 +21,14 @@ from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies import two_stage
 from ...controllers.policies.interface import Policy, as_policy
-from ...controllers.policies.learned import NetworkPolicy, policy_paths
+from ...controllers.policies.learned import NetworkPolicy, policy_paths, read_policy
 from ...envs.joint.full_body import FullBodyEpisodes
 from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 from .. import sampling_mpc
 from ..output.rows import read_json
+from . import DEFAULT_ENV
 from .contender import Contender
 from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contract
-from .names import DEFAULT_ENV
 
 FOLDER = Path(__file__).parent / "policies"
 # `residual` is seed 0, named before it was trained; the other seeds show how much hangs on the seed.
@@ -223,6 +223,18 @@ def make_policy(name: str, env: Any) -> Policy:
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
     return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names(), *PACKAGED)
+
+
+def policy_names_for(env: Any) -> tuple[str, ...]:
+    """`policy_names` without the ones that ship for another robot or gait box than an environment's."""
+    ours = env.unwrapped.robot, env.unwrapped.limits
+
+    def fits(name: str) -> bool:
+        made_for = read_policy(FOLDER / name)[2]
+        return (made_for.robot, made_for.limits) == ours
+
+    ship = shipped_names()
+    return tuple(name for name in policy_names() if name not in ship or fits(name))
 
 
 def is_policy_file(name: str) -> bool:

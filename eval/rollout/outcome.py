@@ -22,6 +22,13 @@ Row = Mapping[str, Any]  # an outcome as its file holds it
 NO_LIMITS = limits_record.LimitsReport({}, {})
 TURNED, BENT = math.radians(30.0), math.radians(90.0)  # what is reported beside recovered [rad]
 NOT_SETTLED = "not_settled"  # survived, but the recovery criterion does not hold at the end
+REASONS = {  # of a fall or of no recovery, by the key of rows and info
+    NOT_SETTLED: "did not settle",
+    "com_height": "sank too low",
+    "pelvis_tilt": "tipped over",
+    "dcm_diverged": "ran away from any step",
+    "not_finite": "ran out of numbers",
+}
 
 
 @dataclass(frozen=True)
@@ -95,6 +102,16 @@ class Outcome:
         if kick is not None:
             values["kick"] = list(kick)
         return {**values, "measures": measures} if measures else values
+
+
+def reason_words(reason: str | None) -> str:
+    """Why an episode does not count as recovered; a reason of an environment of others stays as it is."""
+    return REASONS.get(reason or "", reason or "")
+
+
+def limit_words(name: str) -> str:
+    """The name of a limit as it is spoken."""
+    return {"cop": "CoP", "dcm_tracking": "DCM tracking"}.get(name, name.replace("_", " "))
 
 
 def failure_label(row: Row) -> str:

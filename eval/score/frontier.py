@@ -37,7 +37,7 @@ from ...envs.scenario.scenario import EXACT, Command, Scenario, get_profile
 from ..output.progress import Work, about, progress_bars, robot_seconds
 from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
-from ..rollout.outcome import Outcome
+from ..rollout.outcome import Outcome, limit_words
 from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
 from .draw import feet_at_first
@@ -414,7 +414,8 @@ def fall_cell(falls: Sequence[Mapping[str, Any]]) -> str:
         return "-"
     shares = falls[0]["limit_shares"]
     longest = sorted(shares, key=lambda name: (-shares[name], LIMIT_NAMES.index(name)))[:3]
-    return f"{falls[0]['first_limit']}; " + ", ".join(f"{name} {shares[name]:.2f}" for name in longest)
+    at = ", ".join(f"{limit_words(name)} {shares[name]:.2f}" for name in longest)
+    return f"{limit_words(falls[0]['first_limit'])}; {at}"
 
 
 def _force_cell(entry: Mapping[str, Any]) -> str:

@@ -19,8 +19,7 @@ from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
-from ..rollout import environments, policy_source
-from ..rollout.names import DEFAULT_ENV
+from ..rollout import DEFAULT_ENV, environments, policy_source
 from ..rollout.outcome import Ending, Outcome, Score
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration

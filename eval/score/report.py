@@ -10,7 +10,7 @@ from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
-from ..rollout.outcome import MEASURES, Measure, Row, Score
+from ..rollout.outcome import MEASURES, Measure, Row, Score, limit_words, reason_words
 from ..rollout.strategy import STRATEGIES, strategy_of
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
@@ -41,7 +41,7 @@ STRATEGIES_NOTE = (
 )
 SMALLEST_P = 0.0001  # that is written out
 MINUS = "\N{MINUS SIGN}"
-REASONS = {  # why an episode does not count as recovered
+EXPLAINED = {  # why an episode does not count as recovered
     "not_settled": "stayed up, but was not back in its commanded walk at the end",
     "com_height": "the centre of mass sank too low above the standing foot",
     "pelvis_tilt": "the pelvis leaned over by more than 60 degrees",
@@ -142,11 +142,15 @@ def kinds_table(evaluation: Evaluation) -> Table:
         recovered, survived = (
             sum(rows[place[name]][key] for name in ids) for key in ("recovered", "survived")
         )
-        return f"{recovered} / {survived} of {len(ids)}"
+        return f"{recovered}/{survived}"
 
     groups = groups_of(evaluation.suite.scenarios)
-    lines = [(name, *(cell(rows, ids) for rows in evaluation.rows.values())) for name, ids in groups.items()]
-    return Table("Kinds of push", ("kind of push", *evaluation.rows), lines, "Recovered / survived.")
+    lines = [
+        (name, str(len(ids)), *(cell(rows, ids) for rows in evaluation.rows.values()))
+        for name, ids in groups.items()
+    ]
+    columns = ("kind of push", "pushes", *evaluation.rows)
+    return Table("Kinds of push", columns, lines, "Recovered/survived.")
 
 
 def strategies_table(evaluation: Evaluation) -> Table:
@@ -219,16 +223,16 @@ def rates_table(evaluation: Evaluation) -> Table:
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:
-    """Why episodes did not recover, in the order of REASONS, unknown ones last."""
+    """Why episodes did not recover, in the order of EXPLAINED, unknown ones last."""
     met = {reason for name in evaluation.rows for reason in evaluation.score(name).failures}
-    return [*(reason for reason in REASONS if reason in met), *sorted(met - REASONS.keys())]
+    return [*(reason for reason in EXPLAINED if reason in met), *sorted(met - EXPLAINED.keys())]
 
 
 def first_limits(rows: Sequence[Row]) -> str:
     """Limits that falls met first, the most frequent first, with their counts."""
     falls = limits_met(row for row in rows if not row["survived"])
     counts = sorted((-entry["first"], name) for name, entry in falls.items() if entry["first"])
-    return ", ".join(f"{name} {-count}" for count, name in counts) or "-"
+    return ", ".join(f"{limit_words(name)} {-count}" for count, name in counts) or "-"
 
 
 def reasons_table(evaluation: Evaluation) -> Table:
@@ -238,7 +242,7 @@ def reasons_table(evaluation: Evaluation) -> Table:
         score = evaluation.score(name)
         lost = (str(score.failures.get(reason, 0)) for reason in reasons)
         lines.append((name, str(score.recovered), *lost, first_limits(rows)))
-    columns = ("policy", "recovered", *reasons, "first limit of the falls")
+    columns = ("policy", "recovered", *map(reason_words, reasons), "first limit of the falls")
     return Table("Why pushes are lost", columns, lines)
 
 
@@ -280,17 +284,17 @@ def limits_table(evaluation: Evaluation) -> Table:
 
     def cell(summary: Mapping[str, Mapping[str, Mapping[str, float]]], limit: str) -> str:
         times = (summary[part].get(limit, {}).get("time", 0.0) for part in ("falls", "recovered"))
-        return " / ".join(f"{100.0 * time:.0f} %" for time in times)
+        return "/".join(f"{100.0 * time:.0f}" for time in times)
 
     return Table(
         "Limits met",
         ("limit", "met while", *evaluation.rows),
         [
-            (limit, LIMITS.get(limit, ""), *(cell(summary, limit) for summary in summaries))
+            (limit_words(limit), LIMITS.get(limit, ""), *(cell(summary, limit) for summary in summaries))
             for limit in LIMIT_NAMES
             if any(limit in part for summary in summaries for part in summary.values())
         ],
-        f"Mean share of the time, of falls / of recoveries. {LIMITS_NOTE}",
+        f"Mean share of the time [%], of falls/of recoveries. {LIMITS_NOTE}",
         words=2,
     )
 
@@ -306,7 +310,7 @@ def limit_details(evaluation: Evaluation) -> list[Table]:
             if any(limit in part for part in summary.values()):
                 fell, stood = (part.get(limit, nothing) for part in summary.values())
                 numbers = (f"{part[what]:.2f}" for part in (fell, stood) for what in ("met", "time"))
-                lines.append((limit, str(fell["first"]), *numbers))
+                lines.append((limit_words(limit), str(fell["first"]), *numbers))
         tables.append(Table(f"Limits of {name}", ("limit", *columns), lines))
     return tables
 

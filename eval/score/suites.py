@@ -21,9 +21,9 @@ from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
 from ..output.rows import read_json
 from ..protocols.kick import every_kick
+from ..rollout import DEFAULT_ENV
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
-from ..rollout.names import DEFAULT_ENV
 from .draw import (
     BLOCK,
     HARD,

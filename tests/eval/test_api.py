@@ -150,9 +150,10 @@ def test_a_frontier_and_a_rollout_take_an_object(tmp_path, file_rows):
     found = frontier({"mine": Pull()}, 2, toy.ENV_ID, out=tmp_path / "frontier")
     assert [row["psi_deg"] for row in found.rows["mine"]] == [0.0, 180.0]
     scenario = Scenario("calm", (polar_push(1.0, 0.0, 0.1, 1.0),))
-    here = rollout(make_env(toy.ENV_ID), Pull(), scenario)
+    here = rollout(Pull(), scenario, make_env(toy.ENV_ID))
     assert (here.policy, here.recovered) == ("Pull", True)
-    assert rollout(toy.ENV_ID, file_rows[0], scenario, "Pull") == here
+    assert rollout(file_rows[0], scenario, toy.ENV_ID, "Pull") == here
+    assert rollout(toy.ENV_ID, file_rows[0], scenario, "Pull") == here  # the order of old
 
 
 def test_make_policy_is_that_of_the_environment():

@@ -181,12 +181,12 @@ def test_a_model_is_scored_on_what_it_was_trained_on(models, way, training, tmp_
     policy = way(model, env, tmp_path)
     if training == NORMALISED and way in {loaded, attribute}:
         with pytest.raises(PushRecoveryError, match=re.escape(NO_STATISTICS)):
-            rollout(where, policy, SCENARIOS[0])
+            rollout(policy, SCENARIOS[0], where)
         return
     here = gym.make(f"push_recovery:{where}")
     for scenario in SCENARIOS:
         expected = stepped(model, env, scenario)
-        found = row(rollout(here, policy, scenario))
+        found = row(rollout(policy, scenario, here))
         if way in {policy_file, own_object}:  # whose network numpy runs
             assert (found[0], found[2]) == (expected[0], expected[2])
             assert found[3] == pytest.approx(expected[3], abs=0.02)
@@ -202,7 +202,7 @@ def test_taken_for_gait_actions_corrections_would_give_other_rows(models):
         def predict(self, observation):
             return model.predict(observation, deterministic=True)[0]
 
-    assert row(rollout(where, Raw(), SCENARIOS[0])) != stepped(model, env, SCENARIOS[0])
+    assert row(rollout(Raw(), SCENARIOS[0], where)) != stepped(model, env, SCENARIOS[0])
 
 
 def test_an_untrained_model_of_the_readme_is_the_planner(tmp_path):
@@ -221,7 +221,7 @@ def test_an_untrained_model_of_the_readme_is_the_planner(tmp_path):
 
 def test_in_the_environment_of_its_training_a_model_acts_as_it_is(models, tmp_path):
     model, _, env = models["biped residual"]
-    outcomes = [rollout(env, model, scenario) for scenario in SCENARIOS]
+    outcomes = [rollout(model, scenario, env) for scenario in SCENARIOS]
     assert [row(one) for one in outcomes] == [stepped(model, env, scenario) for scenario in SCENARIOS]
     plain = gym.make(f"push_recovery:{RESIDUAL}")
     model = trained(plain)
@@ -235,7 +235,7 @@ def test_a_hold_is_made_up_for_where_the_environment_lacks_it_alone():
     model = trained(gym.make(f"push_recovery:{RESIDUAL}", hold=4))
     env = gym.make(f"push_recovery:{RESIDUAL}", hold=4)
     here = gym.make(f"push_recovery:{RESIDUAL}", hold=2)
-    assert row(rollout(here, model, SCENARIOS[0])) == stepped(model, env, SCENARIOS[0])
+    assert row(rollout(model, SCENARIOS[0], here)) == stepped(model, env, SCENARIOS[0])
 
 
 def test_records_go_the_same_way(models):
@@ -246,7 +246,7 @@ def test_records_go_the_same_way(models):
 def test_wrappers_that_the_environment_has_too_are_its_own():
     env = RescaleAction(gym.make(f"push_recovery:{PENDULUM}"), -0.5, 0.5)
     model = trained(env)
-    assert row(rollout(env, model, SCENARIOS[0])) == stepped(model, env, SCENARIOS[0])
+    assert row(rollout(model, SCENARIOS[0], env)) == stepped(model, env, SCENARIOS[0])
 
 
 def without_notes(model):
@@ -289,7 +289,7 @@ REFUSED = {
         "1), and PushRecovery/BipedResidual-v0 is PushRecovery/Biped-v0 with corrections of "
         "two-stage (no gate) "
         "(hold 1): actions mean different things there; score it in its own, by evaluate(..., env=ID) or "
-        "push_recovery.rollout(env, model, scenario)",
+        "push_recovery.rollout(model, scenario, env)",
     ),
     "of gait actions": (
         lambda: trained(gym.make(f"push_recovery:{BIPED}")), RESIDUAL, "actions mean different things there"
@@ -307,8 +307,8 @@ REFUSED = {
     "normalised": (
         lambda: trained(NormalizeObservation(pendulum())), PENDULUM,
         "the model PPO was trained within NormalizeObservation, which changes observations or actions, and "
-        "PushRecovery/Pendulum-v0 has none of these wrappers: score it by push_recovery.rollout(env, model, "
-        "scenario), env wrapped like that of its training; of running means only those of "
+        "PushRecovery/Pendulum-v0 has none of these wrappers: score it by push_recovery.rollout(model, "
+        "scenario, env), env wrapped like that of its training; of running means only those of "
         "VecNormalize are taken "
         "along",
     ),
@@ -342,7 +342,7 @@ REFUSED = {
 def test_what_can_not_be_scored_rightly_is_refused_in_one_line(name):
     make, where, said = REFUSED[name]
     with pytest.raises(PushRecoveryError) as error:
-        rollout(where, make(), SCENARIOS[0])
+        rollout(make(), SCENARIOS[0], where)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -351,12 +351,12 @@ def test_statistics_beside_an_archive_of_raw_observations_are_refused(models, tm
     saved(models[NORMALISED][0], tmp_path)
     path = saved(models["gated and held"][0], tmp_path)
     with pytest.raises(PushRecoveryError, match=r"vecnormalize\.pkl beside it is another model's"):
-        rollout(PENDULUM, ArchivePolicy.of(path), SCENARIOS[0])
+        rollout(ArchivePolicy.of(path), SCENARIOS[0], PENDULUM)
     (tmp_path / "vecnormalize.pkl").unlink()
     saved(models[NORMALISED][0], tmp_path)
     (tmp_path / "vecnormalize.pkl").unlink()
     with pytest.raises(PushRecoveryError, match=r"put vecnormalize\.pkl \(of VecNormalize\.save\) beside it"):
-        rollout(PENDULUM, ArchivePolicy.of(path), SCENARIOS[0])
+        rollout(ArchivePolicy.of(path), SCENARIOS[0], PENDULUM)
 
 
 def test_the_note_changes_nothing_else_of_a_space():

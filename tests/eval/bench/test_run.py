@@ -3,8 +3,8 @@ from types import SimpleNamespace
 
 import pytest
 import toy_gait_env as toy
+from push_recovery.eval.bench import GROUPS, KEYS
 from push_recovery.eval.bench import run as module
-from push_recovery.eval.bench.keys import GROUPS, KEYS
 from push_recovery.eval.bench.run import BenchError, key_cells, robot_cells, solver_cells, start_time
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env

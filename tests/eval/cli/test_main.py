@@ -3,11 +3,13 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import fields
+from itertools import permutations
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -19,8 +21,8 @@ from push_recovery.eval.cli.options import PushOptions
 from push_recovery.eval.cli.studies import Frontier
 from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
+from push_recovery.eval.rollout import SUITE_NAMES
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.names import SUITE_NAMES
 from push_recovery.eval.score.suites import SUITES, Suite, get_suite
 from push_recovery.eval.tuning.study import TuningSettings
 
@@ -413,3 +415,57 @@ def test_the_command_takes_it_with_trust_alone(tmp_path, capsys):
     assert len(json.loads(first)["policy_sha256"]) == 64
     other = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     assert main(["compare", str(path), other, *words, "--trust", "--out", str(tmp_path / "two")]) == 0
+
+
+PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
+SHARING = {  # commands that write into a directory that they are given, at their smallest
+    "evaluate": ["evaluate", "--env", PENDULUM, "--suite", "{few}", "--policies", "stage-1", "two-stage"],
+    "compare": ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", "{few}"],
+    "frontier": ["frontier", "--env", PENDULUM, "--policies", "two-stage", "--directions", "1"],
+    "reproduce": ["reproduce", "limits", "--directions", "1"],
+    "sensitivity": ["sensitivity", "--env", BIPED, "--suite", "standard", "--sample", "1",
+                    "--variations", "elliptic"],
+    "protocol": ["protocol", "kick", "--env", BIPED, "--episodes", "1"],
+    "corrections": ["corrections", "residual", "--suite", "standard", "--sample", "1"],
+    "curves": ["curves", "residual"],
+}  # fmt: skip
+
+
+def share(name, directory, folder):
+    few = folder / "few.json"
+    if not few.exists():
+        Suite("few", "1", get_suite("quick-1").scenarios[:2]).save(few)
+    workers = [] if name in {"corrections", "curves"} else ["--workers", "1"]
+    words = [word.format(few=few) for word in SHARING[name]]
+    return main([*words, *workers, "--out", str(directory)])
+
+
+def content_of(directory):
+    files = (path for path in directory.rglob("*") if path.is_file() and path.name != LOCK)
+    return {str(path.relative_to(directory)): path.read_bytes() for path in files}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """A folder with the output of each command in a directory of its own."""
+    folder = tmp_path_factory.mktemp("alone")
+    for name in SHARING:
+        assert share(name, folder / name, folder) == 0, name
+    return folder
+
+
+@pytest.mark.parametrize(("first", "second"), list(permutations(SHARING, 2)))
+def test_no_command_changes_what_another_one_has_left(first, second, alone, tmp_path):
+    """Rows may be added, and an index names all pages; a directory of another configuration is refused."""
+    shared = tmp_path / "shared"
+    shutil.copytree(alone / first, shared)
+    before = content_of(shared)
+    code = share(second, shared, alone)
+    after = content_of(shared)
+    if code:
+        assert (code, after) == (2, before)
+        return
+    rows = "outcomes.jsonl"
+    assert after.pop(rows, b"").startswith(before.pop(rows, b""))
+    assert {name: after.get(name) for name in before} == before
+    assert after.keys() - before.keys() <= {*content_of(alone / second), "index.html"}

@@ -2,8 +2,10 @@
 
 import pytest
 from push_recovery.envs.scenario.scenario import Command
-from push_recovery.eval.cli.main import main
+from push_recovery.eval.cli.main import main, parse
 from push_recovery.eval.play import browser as opening
+from push_recovery.eval.rollout.environments import make_env
+from push_recovery.eval.rollout.load_policy import policy_names, policy_names_for
 
 
 def test_a_missing_viewer_names_the_command_that_installs_it(monkeypatch, capsys):
@@ -16,6 +18,7 @@ def test_a_missing_viewer_names_the_command_that_installs_it(monkeypatch, capsys
     ("argv", "words"),
     [
         (["--port", "70000"], ["--port", "65535"]),
+        (["--force", "9", "--impulse", "9"], ["--impulse-per-kg", "only one"]),
         (["--viewer", "tv"], ["browser", "mujoco"]),
         (["--policy", "two-stag"], ["two-stag", "two-stage"]),
         (["--env", "PushRecovery/Pendulum-v0"], ["only bipeds"]),
@@ -25,6 +28,26 @@ def test_bad_input_is_refused_before_a_page_is_served(argv, words, capsys):
     assert main(["play", *argv]) == 2
     err = capsys.readouterr().err
     assert all(word in err for word in words), err
+
+
+def test_a_push_may_be_given_by_its_impulse_and_by_the_robots_mass():
+    """60 kg, within 0.2 s."""
+    pushes = [
+        parse("play", ["--duration", "0.2", *words])._scenario().pushes[0].force
+        for words in (
+            ["--force", "150"],
+            ["--impulse", "30"],
+            ["--impulse-per-kg", "0.5"],
+            ["--force", "0"],
+            [],
+        )
+    ]
+    assert [force[0] for force in pushes] == pytest.approx([150.0, 150.0, 150.0, 0.0, 200.0])
+
+
+def test_the_list_holds_what_this_robot_can_take():
+    env = make_env("PushRecovery/Biped-v0")
+    assert set(policy_names()) - set(policy_names_for(env)) == {"residual-g1"}
 
 
 def test_a_host_of_another_computer_is_refused(capsys):

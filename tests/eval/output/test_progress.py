@@ -2,9 +2,11 @@
 
 import io
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from push_recovery.envs.scenario.model_errors import PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.output import progress
@@ -37,10 +39,22 @@ def test_a_line_tells_all_of_it_and_what_has_moved_since_the_last_one():
     lines.set("two-stage", 100, "recovered 0.910")
     lines.set("stage-1", 20)
     assert told(lines, out) == (
-        "120/200 in 0:01:00, about 0:00:40 left (two-stage 100/100 recovered 0.910, stage-1 20/100)"
+        "120/200 in 0:01:00, about 0:00:34 left (two-stage 100/100 recovered 0.910, stage-1 20/100)"
     )
     lines.set("stage-1", 100)
     assert told(lines, out) == "200/200 in 0:01:00 (stage-1 100/100)"
+
+
+def test_what_comes_before_the_first_piece_counts_for_no_rate():
+    """A start-up of 30 s, then 1 % a second."""
+    clock, out = Clock(), io.StringIO()
+    lines = progress.Lines(["training"], 1000, {}, out, clock)
+    clock.now += 30.0
+    lines.set("training", 10)
+    assert told(lines, out) == "10/1000 in 0:00:30 (training)"
+    clock.now += 9.0
+    lines.set("training", 100)
+    assert told(lines, out) == "100/1000 in 0:00:39, about 0:01:30 left (training)"
 
 
 def test_what_was_there_before_counts_as_done_but_took_no_time():
@@ -50,6 +64,18 @@ def test_what_was_there_before_counts_as_done_but_took_no_time():
     assert told(lines, out) == "40/60 in 1:00:00"
     lines.set("ceiling", 50, "answered 9")
     assert told(lines, out) == "50/60 in 1:00:00, about 1:00:00 left (ceiling answered 9)"
+
+
+def test_while_it_compiles_it_says_so_until_the_first_piece_is_done(monkeypatch):
+    clock, out = Clock(), io.StringIO()
+    monkeypatch.setattr(progress, "compiles_lately", lambda: True)
+    lines = progress.Lines(["two-stage"], 10, {}, out, clock)
+    clock.now += 30.0
+    assert told(lines, out) == "0/10 in 0:00:30, compiling, about 2 minutes"
+    lines.set("two-stage", 5)
+    assert told(lines, out) == "5/10 in 0:00:30, about 0:00:30 left (two-stage)"
+    there = progress.Lines(["two-stage"], 10, {"two-stage": 10}, out, clock)
+    assert told(there, out) == "10/10 in 0:00:00"
 
 
 FORCE = (100.0, 0.0, 0.0)
@@ -106,6 +132,10 @@ def test_an_episode_lasts_until_its_robot_has_had_time_to_settle():
     assert progress.episode_seconds(env, [waits]) == pytest.approx(
         progress.robot_seconds(env, 6.5)
     )  # at about 2 s
+    onboard = replace(waits, sensing="onboard", physics=PhysicsOptions(time_step=0.0005))
+    assert progress.episode_seconds(env, [onboard]) == pytest.approx(
+        4.0 * progress.SENSING * progress.episode_seconds(env, [waits])
+    )
     twice = Scenario("d", (Push(FORCE, 0.5, 3.5), Push(FORCE, 0.1, 1.0)), settle_time=4.0)
     assert progress.episode_seconds(env, [twice]) == pytest.approx(progress.robot_seconds(env, 8.0))
     assert progress.episode_seconds(env, [pushed], 2) == pytest.approx(progress.robot_seconds(env, 4.0))
@@ -176,6 +206,17 @@ def test_a_terminal_gets_the_work_first_and_bars(monkeypatch):
     assert text.startswith(f"{WORK}\n")
     assert all(words in text for words in ("two-stage", "2/3", "recovered 0.5"))
     assert " in 0:00:00" not in text
+
+
+def test_bars_run_to_and_fro_until_the_first_piece_is_done(monkeypatch):
+    shown = terminal(monkeypatch)
+    monkeypatch.setattr(progress, "compiles_lately", lambda: True)
+    with progress.progress_bars(["two-stage", "stage-1"], 3, begun={"stage-1": 1}) as bars:
+        assert [task.total for task in bars.tasks] == [None, 3]
+        bars.refresh()
+        assert shown.getvalue().count("compiling, about 2 minutes") == 1
+        bars.set("two-stage", 1)
+        assert [(task.total, task.completed) for task in bars.tasks] == [(3, 1), (3, 1)]
 
 
 def test_work_that_is_timed_gets_lines_on_a_terminal_too(monkeypatch):

@@ -36,7 +36,7 @@ def test_play_and_reproduce_ask_first(capsys, monkeypatch, tmp_path):
     def work(*arguments, **options):
         raise AssertionError("began to work")
 
-    monkeypatch.setattr("push_recovery.eval.cli.show.acting_in", work)
+    monkeypatch.setattr("push_recovery.eval.rollout.policy_source.acting_in", work)
     monkeypatch.setattr("push_recovery.eval.reproduction.run.open_store", work)
     assert main(["play", "--out", "/dev/null/x.png"]) == 2
     assert capsys.readouterr().err.startswith("push-recovery: error: can't write to '/dev/null/x.png': ")

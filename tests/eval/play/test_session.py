@@ -9,7 +9,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.play import session as play
 from push_recovery.eval.play.session import IMPULSE_MAX, Session, dragged_impulse, floor_impulse, status_words
 from push_recovery.eval.record.record import record
-from push_recovery.eval.record.words import FALLS
+from push_recovery.eval.rollout.outcome import REASONS
 
 BIPED = "PushRecovery/Biped-v0"
 
@@ -172,7 +172,7 @@ def test_a_fallen_robot_lies_and_says_so_until_it_starts_anew(session):
     lane = session.first
     assert lane.over
     assert status_words(lane).startswith("fell ")
-    assert FALLS[lane.info["failure_reason"]] in status_words(lane)
+    assert REASONS[lane.info["failure_reason"]] in status_words(lane)
     assert status_words(lane).endswith(": press N to start anew, R to replay the last push")
     time = lane.time
     go(session, 5)

@@ -258,7 +258,7 @@ def test_arms_walk_by_targets_that_mirror_each_other_and_change_every_half_secon
     assert angles["left_shoulder_roll_joint"] == pytest.approx(-angles["right_shoulder_roll_joint"])
     assert angles["left_elbow_joint"][0] == pytest.approx(0.6)  # the benchmark's stance
     pace = np.diff(angles["left_elbow_joint"])
-    paces, counts = np.unique(pace.round(9), return_counts=True)  # one for each half second of 25 targets
+    paces, counts = np.unique(pace.round(6), return_counts=True)  # one for each half second of 25 targets
     assert (np.sort(counts)[-3:] >= 22).all()
     assert len(paces) <= 8
     episodes.begin(0, Scenario("next"))

@@ -8,21 +8,22 @@ import pytest
 from PIL import Image
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.record import film as films
+from push_recovery.eval.record.words import pushes_words
 from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
 
 
-def shot(policy="two-stage", end=3.0, grey=0, **told):
-    """An episode of 100 Hz with a push of 30 N s to the right at 1 s, whose pictures are of one grey."""
+def shot(policy="two-stage", end=3.0, grey=0, starts=(1.0,), **told):
+    """An episode of 100 Hz with pushes of 30 N s to the right from 1 s on, whose pictures are of one grey."""
     shot = films.Shot(policy, 0.01, 50.0)
     frame = np.full((48, 64, 3), grey, np.uint8)
-    push = {"impulse": (0.0, -30.0, 0.0), "start": 1.0}
-    info = {"push": push, "failure_reason": None, "recovered_at": None} | told
+    info = {"failure_reason": None, "recovered_at": None} | told
     count = round(100 * end)
     for i in range(count + 1):
         env = SimpleNamespace(render=lambda: frame)
-        shot(SimpleNamespace(env=env, info={**info, "time": i / 100}, ended=i == count))
+        push = {"impulse": (0.0, -30.0, 0.0), "start": max([s for s in starts if s <= i / 100], default=None)}
+        shot(SimpleNamespace(env=env, info={**info, "push": push, "time": i / 100}, ended=i == count))
     return shot
 
 
@@ -31,9 +32,9 @@ def has(picture, colour):
 
 
 def test_a_camera_keeps_frames_at_its_rate_and_the_last_one():
-    camera = shot(end=0.63)
+    camera = shot(end=1.63)
     np.testing.assert_allclose(np.diff(camera.times)[:-1], 0.02)
-    assert camera.times[-1] == 0.63
+    assert camera.times[-1] == 1.63
     assert camera.push_start == 1.0
     assert camera.times[shot().frame_at(-0.5)] == pytest.approx(0.5)
 
@@ -82,6 +83,28 @@ def test_a_film_ends_shortly_after_all_is_decided():
     assert len(frames) == pytest.approx((films.BEFORE + 1.2 + films.LINGER) * 50, abs=2)
     never = films.side_by_side([shot(end=9.0)], 0.5, 25.0)
     assert len(never) == pytest.approx((films.BEFORE + films.LONGEST) * 50, abs=2)
+
+
+def test_repeated_pushes_are_counted_and_time_runs_from_the_first_one():
+    pushed = shot(end=9.0, starts=(1.0, 2.5, 4.0, 5.5), recovered_at=6.5)
+    assert pushed.push == "4 x 30.0 N s to the right"
+    assert (pushed.push_start, pushed.pushed_for, pushed.decided) == (1.0, 4.5, 5.5)
+    assert pushed.ending == "recovered after 5.5 s"
+    frames = films.side_by_side([pushed], 0.5, 25.0)
+    assert len(frames) == pytest.approx((films.BEFORE + 5.5 + films.LINGER) * 50, abs=2)
+    early = shot(end=3.0, starts=(1.0, 2.5, 4.0, 5.5), failure_reason="com_height")
+    assert early.ending == "fell after 2.0 s (sank too low)"
+    assert early.push == "2 x 30.0 N s to the right"  # the others never came
+    assert shot(starts=(9.0,)).push == "30.0 N s to the right"  # nor did this one
+
+
+def test_pushes_are_told_by_their_number_size_and_direction():
+    def told(*impulses):
+        return pushes_words([{"impulse": impulse} for impulse in impulses])
+
+    assert told() == "no push"
+    assert told((0.0, 40.0, 0.0), (0.0, 60.0, 0.0)) == "2 x 40.0-60.0 N s to the left"
+    assert told((9.0, 0.0, 0.0), (0.0, -9.0, 0.0), (-9.0, 0.0, 0.0)) == "3 x 9.0 N s in several directions"
 
 
 def test_a_gif_stays_below_its_limit_at_its_rate_and_keeps_colours():

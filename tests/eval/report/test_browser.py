@@ -59,10 +59,34 @@ def test_it_asks_for_nothing_and_nothing_is_cut(opened):
     assert wrong == []
 
 
+def test_it_is_short_until_a_part_is_unfolded(opened):
+    page, width = opened[:2]
+    assert page.evaluate("document.documentElement.scrollHeight") < (8000 if width == DESK else 16000)
+    for name in ("pairs", "losses", "manifest"):
+        assert not page.locator(f"#{name} p").first.is_visible()
+        page.locator(f"nav a[href='#{name}']").click()
+        assert page.locator(f"#{name} p").first.is_visible()
+
+
+def test_a_heading_breaks_in_no_word(opened):
+    page, width = opened[:2]
+    for details in page.locator("details").all():
+        details.evaluate("part => { part.open = true; }")
+    if width == DESK:
+        cut = page.evaluate(
+            "[...document.querySelectorAll('thead th:not(.policy)')]"
+            ".filter(e => /^\\w+$/.test(e.textContent))"
+            ".filter(e => { const r = document.createRange(); r.selectNodeContents(e);"
+            " return r.getClientRects().length > 1; }).map(e => e.textContent)"
+        )
+        assert cut == []
+
+
 def test_the_filter_shows_what_is_asked_for(opened):
     page = opened[0]
+    page.locator("a[href='#pushes']").click()  # unfolds them
     part = page.locator(".filtered").first
-    rows = part.locator("tbody tr:visible")
+    rows = part.locator("tbody tr:not(.group):visible")
     every = int(part.locator(".count").inner_text().split()[2])
     assert every == 60
     assert 0 < rows.count() < every
@@ -81,6 +105,7 @@ def test_the_filter_shows_what_is_asked_for(opened):
 
 def test_on_paper_all_is_there_but_the_long_table(opened):
     page = opened[0]
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")
     assert page.locator(".onscreen").is_hidden()
     assert page.locator(".onpaper").is_visible()

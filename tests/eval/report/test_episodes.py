@@ -41,7 +41,7 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     monkeypatch.setattr(episodes, "watch", lambda env_id, policy, scenario: watched.append(policy) or camera)
     ((caption, address),) = episodes.picture_part(found).pictures
     assert watched == ["a", "b"]  # by the names in the rows
-    assert "x/first recovers; b falls at 3.2 s" in caption
+    assert "x/first recovers; b falls 3.2 s into the walk" in caption
     kind, content = address.split(",")
     assert kind == "data:image/jpeg;base64"
     assert Image.open(io.BytesIO(base64.b64decode(content))).format == "JPEG"

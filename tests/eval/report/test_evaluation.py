@@ -39,7 +39,8 @@ def test_what_it_took_stands_in_a_table_and_behind_every_sign(written):
     assert all(f'class="num">{cell}</td>' in text for cell in cells)
     assert "1 of 6 pushes" in text  # that both recover from
     assert 'title="margin 25 cm, lean 29 deg, 7.9 kJ"' in text
-    assert 'title="falls at 3.2 s (com_height, first cop); margin 25 cm, lean 29 deg, 7.9 kJ"' in text
+    falls = "falls 3.2 s into the walk (sank too low, first limit met: CoP)"
+    assert f'title="{falls}; margin 25 cm, lean 29 deg, 7.9 kJ"' in text
 
 
 def test_nothing_is_asked_for_elsewhere(written):

@@ -74,7 +74,7 @@ def test_a_standing_robot_is_measured_by_what_it_catches_without_a_step_too(foun
 def test_a_fall_is_replayed_by_the_push_that_it_was(found):
     options = FrontierOptions(policies=("p", "q"), vx=0.2, body="trunk", profile="hardware", grid=20.0)
     (line,) = frontier.falls_table(found, command_of("frontier", options)).rows
-    assert line[:4] == ("p", "0°, forward", "160 N (com_height)", "cop; contact 0.75, cop 0.50")
+    assert line[:4] == ("p", "0°, forward", "160 N (sank too low)", "CoP; contact 0.75, CoP 0.50")
     play = parse("play", shlex.split(line[4])[2:])
     assert not play.stand
     stands = command_of("frontier", FrontierOptions(policies=("p",), stand=True))

@@ -22,6 +22,21 @@ def test_the_leader_is_the_one_that_recovers_most(evaluation):
     assert all(words in said for words in ("+50.0 points", "p = 0.12"))
 
 
+def test_the_best_learned_policy_is_held_against_the_best_planner(evaluation):
+    found = evaluation({"net": "rrrrrr", "net-seed1": "rrrrrf", "plan": "rrrfff", "other": "rrffff"})
+    assert headline.rival(found) == "plan"  # of another recipe
+    for name in ("net", "net-seed1", "other"):
+        for row in found.rows[name]:
+            row["policy_sha256"] = "1"
+    assert headline.rival(found) == "plan"  # without weights
+    assert headline.verdict(found).startswith("net recovers from 6 of 6 pushes (100.0 %), 3 more than plan:")
+    for row in found.rows["plan"]:
+        row["policy_sha256"] = "2"
+    assert headline.rival(found) == "plan"
+    assert headline.rival(evaluation({"net": "rr", "net-seed1": "rf"})) == "net-seed1"
+    assert headline.rival(evaluation({"net": "rr"})) is None
+
+
 def test_a_lead_that_is_sure():
     # 12 : 0 and 9 : 1, p = 2 / 2^12 and 2 (1 + 10) / 2^10
     assert headline.sureness(PairedCounts(20, 12, 0, 5)).startswith("a lead that chance hardly makes")
@@ -41,7 +56,7 @@ def test_one_policy_and_equal_policies(evaluation):
 def test_recovered_and_survived_have_their_own_cells(evaluation):
     (cells,) = headline.rates_table(evaluation({"p": "rssf"})).rows
     # Wilson of 1 of 4, and of 3 of 4, its mirror image
-    assert cells == ("p", "25.0 % (1)", "4.6 to 69.9 %", "75.0 % (3)", "30.1 to 95.4 %", "-", "0")
+    assert cells == ("p", "25.0 % (1)", "4.6-69.9", "75.0 % (3)", "30.1-95.4", "-", "0")
 
 
 @pytest.mark.parametrize(
@@ -76,7 +91,7 @@ def test_the_best_is_told_apart_from_each_other_one(evaluation):
     assert [one.impulse for one in pair.only_a] == sorted(one.impulse for one in pair.only_a)
     by_id = {one.scenario_id: one for one in pair.only_a}
     assert by_id["quick-0003"].loser == "stays up, does not settle"
-    assert by_id["quick-0002"].loser == "falls at 3.2 s (com_height, first cop)"
+    assert by_id["quick-0002"].loser == "falls 3.2 s into the walk (sank too low, first limit met: CoP)"
     assert by_id["quick-0002"].commands[1] == (
         "push-recovery play --suite quick --profile hardware --scenario quick-0002 --policy p "
         "--out quick-0002-p.png"
@@ -94,7 +109,7 @@ def test_a_line_for_every_push(evaluation):
     assert [line.signs[0][1] for line in lines] == [
         effort,
         f"stays up, does not settle; {effort}",
-        f"falls at 3.2 s (com_height, first cop); {effort}",
+        f"falls 3.2 s into the walk (sank too low, first limit met: CoP); {effort}",
     ]
     for rows in found.rows.values():
         for row in rows:
@@ -109,7 +124,9 @@ def test_a_scenario_in_words():
     assert words.endswith(f" within {push.duration:.2f} s, double, turning")
     assert outcome_words(
         {"recovered": False, "survived": False, "failure_reason": "low", "end_time": 1.0}
-    ) == ("falls at 1.0 s (low)")
+    ) == ("falls 1.0 s into the walk (low)")
+    fell = {"recovered": False, "survived": False, "failure_reason": "pelvis_tilt", "end_time": 3.25}
+    assert outcome_words(fell, 2.0) == "falls 1.2 s after the first push (tipped over)"
 
 
 def test_files_are_told_by_folder_and_stem_where_that_tells_them_apart():

@@ -93,10 +93,13 @@ def test_the_polar_map_is_closed_and_carries_its_unit(figures, tmp_path):
     pictures.draw_limits(CURVES, LIMITS, tmp_path, stem="fig7_jump", title="jump", unit="N s")
     (axes,) = figures[0].axes
     lines = {line.get_label(): line for line in axes.lines}
-    drawn = lines["two-stage"].get_xydata()
-    assert np.array_equal(drawn[0], drawn[-1])
-    assert len(drawn) == len(CURVES["two-stage"]) + 1
-    assert np.allclose(drawn[1], [math.pi / 2, 300.0])  # counter-clockwise from forward, which is up
+    drawn, every = lines["two-stage"].get_xydata(), lines["two-stage"].get_markevery()
+    assert np.allclose(drawn[-1] - drawn[0], [2.0 * math.pi, 0.0])
+    given = drawn[::every]
+    assert len(given) == len(CURVES["two-stage"]) + 1
+    assert np.allclose(given[1], [math.pi / 2, 300.0])  # counter-clockwise from forward, which is up
+    assert every == 30  # 3 degrees
+    assert np.allclose(drawn[10], (2.0 * given[0] + given[1]) / 3.0)  # no chord: linear in the angle
     assert axes.get_theta_direction() == 1
     assert axes.get_theta_offset() == pytest.approx(math.pi / 2)
     assert "limit F*: foot + flywheel" in lines

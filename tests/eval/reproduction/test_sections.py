@@ -138,6 +138,12 @@ def small(monkeypatch):
     monkeypatch.setattr(scenarios, "EXTRA_VARIANTS", ())
 
 
+@pytest.mark.parametrize(("asked", "solved"), [(4, 4), (8, 8), (36, 12)])
+def test_the_programs_are_solved_in_the_directions_asked_for_up_to_twelve(asked, solved):
+    angles = {job.psi_deg for job in studies.limit_jobs(asked)}
+    assert angles == {360.0 * k / solved for k in range(solved)}
+
+
 def test_the_command_resumes_with_the_same_numbers(small, tmp_path, capsys):
     argv = ["reproduce", "limits", "--workers", "1", "--directions", "4", "--out", str(tmp_path)]
     assert main([*argv, "--json"]) == 0

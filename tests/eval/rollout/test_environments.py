@@ -55,7 +55,7 @@ def test_policies_side_by_side_walk_their_own_robots(preset):
         expected = rollout(env, load_policy(arm, env), SCENARIO, label)
         assert runner.run((label, SCENARIO)) == expected
         assert list(runner.run_all(label, [SCENARIO])) == [expected]
-        assert named_rollout(env_id, arm, SCENARIO) == replace(expected, policy=arm)
+        assert named_rollout(arm, SCENARIO, env_id) == replace(expected, policy=arm)
         common = make_env(env_id)
         differs = rollout(common, load_policy(arm, common), SCENARIO, label) != expected
         assert differs == (label == "mine")

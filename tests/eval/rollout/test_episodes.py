@@ -14,11 +14,11 @@ from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.cli.score import Evaluate
+from push_recovery.eval.rollout import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout import episodes as loop
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import Observer, rollout
 from push_recovery.eval.rollout.load_policy import load_policy, policy_names
-from push_recovery.eval.rollout.names import ANALYTIC_ARMS, TABLE_ARMS
 from push_recovery.eval.rollout.outcome import Ending
 from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import SLOTS, Runner

@@ -62,7 +62,7 @@ def test_every_function_takes_the_name(shipped, tmp_path):
     env = make_env(toy.ENV_ID)
     for made in (load_policy("scratch", env), make_policy("scratch", env)):
         assert made.network.weights[0].min() == -0.5  # type: ignore[attr-defined]
-    assert rollout(toy.ENV_ID, "residual", SUITE.scenarios[0]).policy == "residual"
+    assert rollout("residual", SUITE.scenarios[0], toy.ENV_ID).policy == "residual"
     labelled = evaluate({"mine": "residual"}, SUITE, toy.ENV_ID, out=tmp_path / "e").rows["mine"]
     assert {row["policy_sha256"] for row in labelled} == {policy_sources("residual")["residual"].digest()}
     assert compare("residual", "scratch", SUITE, toy.ENV_ID, out=tmp_path / "c").b == "scratch"

@@ -19,8 +19,8 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import AT_REST, HARDWARE, IN_PLACE, Command
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout import DEFAULT_ENV
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.rollout.names import DEFAULT_ENV
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score import frontier as scans
 from push_recovery.eval.score.frontier import FrontierSettings
@@ -226,15 +226,15 @@ def test_scan_keeps_the_limits_of_every_failed_force():
         "force_N": 320.0, "failure_reason": "low", "first_limit": "cop",
         "limits_met": {"cop": 1.0, "contact": 1.1}, "limit_shares": {"cop": 0.25, "contact": 0.32},
     }  # fmt: skip
-    assert scans.fall_cell(row["falls"]) == "cop; contact 0.32, cop 0.25"
+    assert scans.fall_cell(row["falls"]) == "CoP; contact 0.32, CoP 0.25"
 
 
 def test_a_fall_is_told_by_the_limit_met_first_and_the_three_met_longest():
     """Of equal ones in the order of the limits."""
     shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
     falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
-    longest = sorted(("contact", "leg_reach"), key=LIMIT_NAMES.index)
-    assert scans.fall_cell(falls) == f"sole_edge; {longest[0]} 0.50, {longest[1]} 0.50, cop 0.25"
+    longest = [name.replace("_", " ") for name in sorted(("contact", "leg_reach"), key=LIMIT_NAMES.index)]
+    assert scans.fall_cell(falls) == "sole edge; {} 0.50, {} 0.50, CoP 0.25".format(*longest)
     assert scans.fall_cell([{"first_limit": None, "limit_shares": {}}]) == scans.fall_cell([]) == "-"
 
 

@@ -9,7 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
-from push_recovery.eval.rollout.names import DEFAULT_ENV
+from push_recovery.eval.rollout import DEFAULT_ENV
 from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.report import write_evaluation_reports

@@ -95,18 +95,18 @@ def test_recovered_and_survived_are_counted_in_each_group():
     lost = [{"recovered": False, "survived": False}] * 4
     found = Evaluation(Suite("kinds", "1", EVERY_KIND), "env", {"p": rows, "q": lost}, Path("out"), 0.0)
     table = report.kinds_table(found)
-    assert table.columns == ("kind of push", "p", "q")
-    assert {group: of_p for group, of_p, _ in table.rows} == {
-        "pelvis": "1 / 1 of 1",
-        "pelvis and trunk": "0 / 1 of 1",
-        "trunk": "1 / 1 of 2",
-        "double": "0 / 1 of 2",
-        "single": "2 / 2 of 2",
-        "backward": "0 / 1 of 1",
-        "forward": "1 / 1 of 2",
-        "in place": "1 / 1 of 1",
+    assert table.columns == ("kind of push", "pushes", "p", "q")
+    assert {group: (count, of_p) for group, count, of_p, _ in table.rows} == {
+        "pelvis": ("1", "1/1"),
+        "pelvis and trunk": ("1", "0/1"),
+        "trunk": ("2", "1/1"),
+        "double": ("2", "0/1"),
+        "single": ("2", "2/2"),
+        "backward": ("1", "0/1"),
+        "forward": ("2", "1/1"),
+        "in place": ("1", "1/1"),
     }
-    assert table.rows[0][2] == "0 / 0 of 1"
+    assert table.rows[0][3] == "0/0"
 
 
 def test_a_kind_of_one_group_only_tells_nothing():
@@ -144,7 +144,7 @@ def test_recovered_survived_and_why_not(evaluation):
     ]  # fmt: skip
     assert report.reasons_of(found) == ["not_settled", "com_height", "of_its_own"]
     assert report.reasons_table(found).rows == [
-        ("p", "2", "1", "1", "1", "cop 2"), ("q", "0", "0", "1", "1", "cop 2")
+        ("p", "2", "1", "1", "1", "CoP 2"), ("q", "0", "0", "1", "1", "CoP 2")
     ]  # fmt: skip
 
 
@@ -169,21 +169,22 @@ def test_limits_are_told_of_falls_and_of_recoveries(evaluation):
     summary = limit_summary(LIMIT_ROWS)
     assert summary["falls"]["cop"] == {"first": 2, "met": pytest.approx(2 / 3), "time": pytest.approx(0.2)}
     assert summary["recovered"] == {"cop": {"first": 1, "met": 0.5, "time": 0.1}}
-    assert report.first_limits(LIMIT_ROWS) == "cop 2, contact 1"
+    assert report.first_limits(LIMIT_ROWS) == "CoP 2, contact 1"
     assert report.first_limits(LIMIT_ROWS[3:]) == "-"
-    assert report.reasons_table(found).rows[0] == ("p", "2", "1", "3", "cop 2, contact 1")
+    assert report.reasons_table(found).rows[0] == ("p", "2", "1", "3", "CoP 2, contact 1")
+    assert report.reasons_table(found).columns[2:4] == ("did not settle", "low")
     table = report.limits_table(found)
     assert table.columns == ("limit", "met while", "p", "q")
     assert table.rows == [
-        ("cop", report.LIMITS["cop"], "20 % / 10 %", "0 % / 0 %"),
-        ("contact", report.LIMITS["contact"], "20 % / 0 %", "0 % / 0 %"),
+        ("CoP", report.LIMITS["cop"], "20/10", "0/0"),
+        ("contact", report.LIMITS["contact"], "20/0", "0/0"),
     ]
     of_p, of_q = report.limit_details(found)
     assert of_p.columns == (
         "limit", "first in falls", "met in falls", "time in falls", "met in recovered", "time in recovered"
     )  # fmt: skip
     assert of_p.rows == [
-        ("cop", "2", "0.67", "0.20", "0.50", "0.10"), ("contact", "1", "0.67", "0.20", "0.00", "0.00")
+        ("CoP", "2", "0.67", "0.20", "0.50", "0.10"), ("contact", "1", "0.67", "0.20", "0.00", "0.00")
     ]  # fmt: skip
     assert not of_q
 

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.eval.record.learning_curve import LearningCurve, learning_curve, save_learning_curves
+from push_recovery.eval.record.plot import LearningCurve, learning_curve, save_learning_curves
 
 POINTS = [
     {"timesteps": 0, "seconds": 1.0, "scenarios": 40, "recovered": 0.5, "survived": 0.6, "mean_reward": 0.0},
