@@ -62,11 +62,9 @@ def test_only_a_robot_told_to_stand_steps_beyond_the_box_of_all_others(stage, co
     """And whatever it plans, its environment means the same step; a kick of 2 m/s needs the longer ones."""
     env, policy = stage("PushRecovery/G1-v0")
     limits, reach = env.limits, policy.config.standing_reach
-    forward = Kick((2.0, 0.0, 0.0), 0.5)
-    errors = ModelErrors(collisions=True)
-    seen, _ = env.reset(
-        options={"scenario": Scenario("kick", (), command, 4.0, kicks=(forward,), errors=errors)}
-    )
+    kicks, errors = (Kick((2.0, 0.0, 0.0), 0.5),), ModelErrors(collisions=True)
+    scenario = Scenario("kick", (), command, duration=4.0, kicks=kicks, errors=errors)
+    seen, _ = env.reset(options={"scenario": scenario})
     longest, over = 0.0, False
     while not over:
         plan = policy.plan(seen)
