@@ -288,7 +288,8 @@ class StepPlanner:
             capture_point=float(config.foothold != "optimal"),
             **config.numbers(StepConstants._fields),
         )
-        self._constants, self._box = np.array(constants), limits.box
+        self._constants = np.array(constants)
+        self._boxes = nominal_gait.step_boxes(limits, config.standing_reach)
         self._latest = LATEST / robot.omega  # [s]
 
     def plan(self, observations: Floats, rows: Floats) -> int:
@@ -297,7 +298,7 @@ class StepPlanner:
         Raises:
             InvalidValueError: an observation is not finite, or far too large to be a robot's.
         """
-        standing = plan_steps(observations, rows, self._constants, self._box)
+        standing = plan_steps(observations, rows, self._constants, self._boxes)
         if standing >= 0:
             return standing
         if not np.isfinite(observations).all():
@@ -475,14 +476,14 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def plan_steps(observations, rows, constants, box):  # pragma: no cover
+def plan_steps(observations, rows, constants, boxes):  # pragma: no cover
     """Plans (n, ROW_SIZE) of observations (n, 36); returns how many of the robots stand on both feet.
 
     It is -1, and there is no plan, where an entry is out of all bounds.
 
     Entries lie within +-LARGEST, and the times since the step began within +-LATEST / omega [s].
     """
-    c, low, high = constants_of(constants), box[0], box[1]
+    c = constants_of(constants)
     bounded, latest, standing = True, LATEST / c.omega, 0
     for i in range(observations.shape[0]):
         standing += 1 if observations[i, ELAPSED] < 0.0 else 0
@@ -491,5 +492,6 @@ def plan_steps(observations, rows, constants, box):  # pragma: no cover
             bounded = bounded and abs(observations[i, j]) <= LARGEST  # NaN is not
     if bounded:
         for i in range(observations.shape[0]):
-            plan_step(observations[i], c, low, high, rows[i])
+            box = nominal_gait.box_at(observations[i], boxes)
+            plan_step(observations[i], c, box[0], box[1], rows[i])
     return standing if bounded else -1

@@ -169,7 +169,10 @@ def observe(
     phys: Physics, gait: Gait, k: int, contacts: Contacts, mass: float, s: GaitSettings, command: Array,
     previous: Array, capture: Array, o: Array, world: Array,
 ) -> float:  # fmt: skip
-    """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m]."""
+    """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m].
+
+    `capture` are `CaptureConstants` of a robot that walks and of one told to stand.
+    """
     frame = canonical_frame(gait.heading[k], gait.stance[k])
     omega, velocity = kinematics.base_angular_velocity(phys, k), kinematics.com_velocity(phys, k)
     o[observation.ELAPSED] = gait.elapsed[k]
@@ -185,7 +188,7 @@ def observe(
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
-    other = o[_SWING : _SWING + 2]
+    other, capture = o[_SWING : _SWING + 2], capture[int(gait.stand[k])]
     if gait.elapsed[k] < 0.0:
         return margin_on_both_feet(other, dcm, angle, rate, capture)
     left = max(s.double_support - gait.elapsed[k], 0.0)

@@ -196,7 +196,8 @@ def read_residual(values: Any) -> ResidualBase:
     return replace(residual, config=_record(PlannerConfig, _with_newer(residual.config), "planner config"))
 
 
-NEWER = {"standing_horizon": 0.6, "standing_carry": 0.1}  # fields that the files of earlier versions lack
+# Fields that the files of earlier versions lack
+NEWER = {"standing_horizon": 0.6, "standing_carry": 0.1, "standing_reach": 0.0}
 
 
 def _with_newer(config: Any) -> Any:

@@ -20,7 +20,7 @@ from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.jit import RangeThreads
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
-from ...controllers.model.nominal_gait import NominalStart
+from ...controllers.model.nominal_gait import NominalStart, step_boxes
 from ...controllers.model.observation import OBSERVATION_SIZE, ON_BOTH_FEET, WORLD_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig, load_preset, named_preset
@@ -203,7 +203,7 @@ class BipedCore:
         self.com = np.zeros((n, 2))  # true, in the world [m]
         exact = exact_sensing(self.physics, self.contacts, self.simulations.handles)
         self.senses = Senses(n, exact, self._own_sensors, sensing)
-        self._limits, self._capture = limits, capture_constants(robot, limits)
+        self._limits = limits
         self.limits_record = empty_record(n, plan_limits(robot, limits, PlannerConfig(), 0.0))
         self.own = self._own_parts()
         self.configure(BipedSettings())
@@ -244,6 +244,9 @@ class BipedCore:
     def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
         """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
         self.settings = settings.gait._replace(double_support=planner.double_support)
+        standing = self._limits.reaching(planner.standing_reach)
+        self._capture = np.array([capture_constants(self.robot, own) for own in (self._limits, standing)])
+        self._boxes = step_boxes(self._limits, planner.standing_reach)
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
         threads, motors = range(self._threads.threads), self.body.motors
         whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
@@ -255,8 +258,8 @@ class BipedCore:
     def _bind(self) -> None:
         """Write the address tables anew, for each sensing one a thread: whenever an array is replaced."""
         exchange = Exchange(
-            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
-            self.truth, self.com,
+            self.command, self.previous_action, self._capture, self._boxes, self.observation, self.margin,
+            self.world, self.truth, self.com,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.limits_record, self.schedule, self.known, self.floors

@@ -55,7 +55,8 @@ def overlays_of(episodes: BipedEpisodes) -> dict[str, Array]:
     While the robot stands, no step is planned, so that both are (0, 2), and the "capture region" (k, 2) is
     where the DCM can be caught without one: the hull of both soles, widened by what the trunk's swing gives.
     """
-    core, limits, truth = episodes.core, episodes.limits, episodes.core.truth[0]
+    core, truth = episodes.core, episodes.core.truth[0]
+    limits = episodes.standing_limits if core.gait.stand[0] else episodes.limits
     lean, rate = truth[observation.TRUNK_ANGLE], truth[observation.TRUNK_RATE]
     elapsed = float(truth[observation.ELAPSED])
     offset = recoverable_offset(episodes.robot, limits, max(elapsed, 0.0), lean, rate)

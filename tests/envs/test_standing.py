@@ -7,10 +7,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.nominal_gait import rescale_step
 from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.standing import max_standing_force
-from push_recovery.controllers.whole_body.kinematics import FOOT_BODY
-from push_recovery.envs.scenario.push import Push
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT
+from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.push import Kick, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
 
 from push_recovery import make_policy
@@ -53,6 +55,44 @@ def walked(env, policy, scenario):
 def pushed(force, psi, command=STAND, **changes):
     vector = force * math.cos(psi), force * math.sin(psi), 0.0
     return Scenario("pushed", (Push(vector, 0.1, 0.5),), command, duration=5.0, **changes)
+
+
+@pytest.mark.parametrize("command", [STAND, Command()])
+def test_only_a_robot_told_to_stand_steps_beyond_the_box_of_all_others(stage, command):
+    """And whatever it plans, its environment means the same step; a kick of 2 m/s needs the longer ones."""
+    env, policy = stage("PushRecovery/G1-v0")
+    limits, reach = env.limits, policy.config.standing_reach
+    kicks, errors = (Kick((2.0, 0.0, 0.0), 0.5),), ModelErrors(collisions=True)
+    scenario = Scenario("kick", (), command, duration=4.0, kicks=kicks, errors=errors)
+    seen, _ = env.reset(options={"scenario": scenario})
+    longest, over = 0.0, False
+    while not over:
+        plan = policy.plan(seen)
+        seen, _, fell, late, _ = env.step(policy.predict(seen)[0])
+        over, held = fell or late, env.core.gait.plan[0]
+        if plan.duration - seen[0] > 0.1 and seen[0] > 0.0:
+            assert held[:3] == pytest.approx(plan.gait[:3], abs=1e-6)
+            longest = max(longest, plan.step[0])
+    stands = command == STAND
+    assert longest == pytest.approx(reach if stands else limits.length_max, abs=1e-6)
+    assert fell != stands
+
+
+def test_a_step_keeps_its_place_when_its_box_changes():
+    old, new, action = np.array([[-1.0] * 7, [1.0] * 7]), np.array([[-2.0] * 7, [6.0] * 7]), np.full(7, 0.5)
+    rescale_step(action, old, new)
+    assert action[:2] == pytest.approx([-0.375, -0.375])  # 0.5 of [-2, 6] is 2.5 of 8 from its lower end
+    assert (action[2:] == 0.5).all()
+
+
+def test_the_reach_is_within_that_of_both_legs(stage):
+    """Hips as low as the CoM may sink, each leg as far aside as it is long."""
+    env, policy = stage("PushRecovery/G1-v0")
+    env.reset(options={"scenario": Scenario("stand", (), STAND)})
+    s, state = env.core.settings, env.core.true_state(0)
+    above_com = state.xanchor[0, LEG_JOINT[0], 2] - state.com[0, 0, 2]
+    hip = s.com_height - s.height_drop + above_com - state.ankle_height[0]
+    assert 0.9 < policy.config.standing_reach / (2.0 * math.sqrt(s.reach**2 - hip**2)) < 1.0
 
 
 @pytest.mark.parametrize("name", ROBOTS)
