@@ -3,9 +3,12 @@
 Pushes are chosen by the success on their kind: most are neither always nor never recovered from.
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,9 +16,11 @@ from ..controllers.model.observation import side_sign
 from ..controllers.model.robot import Similarity
 from ..controllers.policies.interface import Policy
 from ..envs.episode.episodes import GaitEpisodes
-from ..envs.scenario.distribution import PushDistribution
-from ..envs.scenario.push import polar_push
+from ..envs.scenario.distribution import PushDistribution, ScenarioDistribution
+from ..envs.scenario.push import GaitEvent, Push, polar_push
+from ..envs.scenario.scenario import Scenario
 from ..envs.snapshot import RobotSnapshot
+from ..eval.score.draw import SuiteDistribution, count_of
 
 DIRECTIONS = 8  # bins of the angle
 WIDTH = 20.0  # of a bin of impulses, of the biped [N s]
@@ -55,7 +60,11 @@ class SuccessTable:
 
 
 def take_walks(
-    episodes: GaitEpisodes, planner: Policy, pushes: PushDistribution, count: int, rng: np.random.Generator
+    episodes: GaitEpisodes,
+    planner: Policy,
+    pushes: ScenarioDistribution,
+    count: int,
+    rng: np.random.Generator,
 ) -> list[RobotSnapshot]:
     """Snapshots of `count` walks under a planner, each of another robot and command, at a random moment.
 
@@ -82,7 +91,9 @@ def take_walks(
 
 @dataclass
 class Starts(ABC):
-    """Begins episodes whose pushes are chosen by the success on their kind, one `SuccessTable` for each body.
+    """Begins episodes whose pushes are chosen by the success on their kind, a `SuccessTable` for each.
+
+    A kind is a body, and where pushes are `like` those of suites a body and how often it is pushed.
 
     A share of them is drawn from other, easy pushes instead, so that nothing that is easy is forgotten.
     """
@@ -93,12 +104,13 @@ class Starts(ABC):
     easy_share: float  # in [0, 1]
     floor: float  # least probability of taking a push
     rng: np.random.Generator
+    like: SuiteDistribution | None = field(default=None, kw_only=True)  # of most, in place of `pushes`
 
     def __post_init__(self) -> None:
         width = WIDTH * Similarity.of(self.episodes.robot).impulse
         largest = self.pushes.impulse_max
-        self.tables = {body: SuccessTable(largest, self.floor, width) for body in self.pushes.bodies}
-        self._bins: list[tuple[str, Bin] | None] = [None] * self.episodes.n  # body, bin of its table
+        self.tables = defaultdict[str, SuccessTable](lambda: SuccessTable(largest, self.floor, width))
+        self._bins: list[tuple[str, Bin] | None] = [None] * self.episodes.n  # kind, bin of its table
 
     @abstractmethod
     def begin(self, k: int) -> None:
@@ -107,19 +119,24 @@ class Starts(ABC):
     def ended(self, k: int, recovered: bool) -> None:
         """Count the end of the episode of robot k where its push is not an easy one."""
         if (found := self._bins[k]) is not None:
-            body, kind = found
-            self.tables[body].update(kind, recovered)
+            kind, place = found
+            self.tables[kind].update(place, recovered)
 
     def _is_easy(self, k: int) -> bool:
         """Whether robot k gets an easy push, whose end does not count."""
         self._bins[k] = None
         return self.rng.random() < self.easy_share
 
-    def _takes(self, k: int, body: str, psi: float, impulse: float) -> bool:
+    def _takes(self, k: int, kind: str, psi: float, impulse: float) -> bool:
         """Whether robot k gets this push, direction [rad] and impulse [N s]; its end counts then."""
-        kind = self.tables[body].bin_of(psi, impulse)
-        self._bins[k] = body, kind
-        return self.rng.random() < self.tables[body].probability(kind)
+        place = self.tables[kind].bin_of(psi, impulse)
+        self._bins[k] = kind, place
+        return self.rng.random() < self.tables[kind].probability(place)
+
+    def _kind(self, scenario: Scenario) -> str:
+        """The kind of a scenario's pushes."""
+        body = scenario.pushes[0].body
+        return body if self.like is None else f"{body} {count_of(scenario)}"
 
 
 @dataclass
@@ -135,9 +152,8 @@ class ResetStarts(Starts):
             self.episodes.begin(k, self.episodes.drawn(self.easy, self.rng))
             return
         while True:
-            scenario = self.episodes.drawn(self.pushes, self.rng)
-            first, impulse = scenario.pushes[0], math.hypot(*(p.impulse_magnitude for p in scenario.pushes))
-            if self._takes(k, first.body, first.direction, impulse):
+            scenario = self.episodes.drawn(self.like or self.pushes, self.rng)
+            if self._takes(k, self._kind(scenario), scenario.pushes[0].direction, total_impulse(scenario)):
                 break
         self.episodes.begin(k, scenario)
 
@@ -157,12 +173,27 @@ class PushStarts(Starts):
         if self._is_easy(k):
             self._put(k, walk, self.easy, *self._draw(self.easy))
             return
+        if self.like is not None:
+            self._begin_like(k, walk, self.like)
+            return
         while True:
             impulse, psi, body = self._draw(self.pushes)
             if self._takes(k, body, relative(psi, walk), impulse):
                 break
             walk = self._walk()
         self._put(k, walk, self.pushes, impulse, psi, body)
+
+    def _begin_like(self, k: int, walk: RobotSnapshot, like: SuiteDistribution) -> None:
+        """Push robot k as a scenario says whose first push comes now."""
+        while True:
+            drawn = like.sample(self.rng)
+            if self._takes(k, self._kind(drawn), relative_push(drawn.pushes[0], walk), total_impulse(drawn)):
+                break
+            walk = self._walk()
+        start = walk.time + float(self.rng.random()) / self.episodes.control_hz
+        pushes = pushes_from(drawn, walk, start)
+        scenario = replace(walk.scenario, pushes=pushes, duration=None, settle_time=drawn.settle_time)
+        self.episodes.restore(k, walk, scenario)
 
     def _walk(self) -> RobotSnapshot:
         return self.walks[self.rng.integers(len(self.walks))]
@@ -188,3 +219,31 @@ def relative(psi: float, walk: RobotSnapshot) -> float:
     """A direction [rad] in the canonical frame of a walk: of its heading, and mirrored on the left foot."""
     turned = side_sign(walk.rows[STANCE].item()) * (psi - walk.rows[HEADING].item())
     return math.remainder(turned, math.tau)
+
+
+def relative_push(push: Push, walk: RobotSnapshot) -> float:
+    """Direction [rad] of a push in the canonical frame of a walk."""
+    turned = walk.rows[HEADING].item() if push.frame == "heading" else 0.0
+    return relative(push.direction + turned, walk)
+
+
+def total_impulse(scenario: Scenario) -> float:
+    """Root of the sum of the pushes' squared impulses [N s]: of the one push that does as much."""
+    return math.hypot(*(push.impulse_magnitude for push in scenario.pushes))
+
+
+def pushes_from(scenario: Scenario, walk: RobotSnapshot, start: float) -> tuple[Push, ...]:
+    """The pushes of a scenario in a walk: the first at `start` [s], the others as many steps later.
+
+    Raises:
+        ValueError: a later push is not at a moment of the gait.
+    """
+    first, *later = scenario.pushes
+    events = [push.start for push in scenario.pushes if isinstance(push.start, GaitEvent)]
+    steps = [event.step_index(scenario.stance_side) for event in events]
+    pushes = [replace(first, start=start)]
+    for push, event, step in zip(later, events[1:], steps[1:], strict=True):
+        index = int(walk.rows[STEPS].item()) + step - steps[0]
+        moved = GaitEvent(index, walk.scenario.side_of_step(index), event.fraction)
+        pushes.append(replace(push, start=moved))
+    return tuple(pushes)

@@ -15,7 +15,7 @@ from push_recovery.eval.score import draw
 from push_recovery.eval.score.suites import get_suite
 
 MOST = 1.0 - 1e-9
-MIDDLE = draw.Point(*[0.5] * draw.FACTORS)
+MIDDLE = draw.Point(*[0.5] * len(draw.Point._fields))
 
 
 def scenario(**changes: float) -> Scenario:
@@ -91,7 +91,7 @@ def test_commands_by_level_and_side(level, sides, command, name):
 
 
 def test_every_kind_is_there_as_often_as_stated():
-    scenarios = draw.varied_scenarios("any", 1, 5)
+    scenarios = draw.DRAWS["varied"].stratified("any", 1, 5)
     assert [s.id for s in scenarios[:2]] == ["any-0000", "any-0001"]
     assert len(scenarios) == 256
     assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
@@ -166,12 +166,12 @@ BASE = Scenario("base", (PUSH,), Command(0.2), "left", noise_seed=3)
 @pytest.mark.parametrize("kind", draw.SHIFTS)
 def test_nothing_else_changes(kind):
     """Command, stance, times and noise are those that the same point has in `hard`'s way of drawing."""
-    found = draw.shifted_scenarios(kind, "s", 1, 9)
+    found = draw.DRAWS[kind].stratified("s", 1, 9)
     assert [s.id for s in found[:2]] == ["s-0000", "s-0001"]
     assert len({s.pushes + (s.errors,) for s in found}) == len(found) == 256
-    assert found == draw.shifted_scenarios(kind, "s", 1, 9)
-    assert found != draw.shifted_scenarios(kind, "s", 1, 10)
-    assert get_suite(kind).scenarios[:1] == draw.shifted_scenarios(kind, kind, 1, draw.SHIFTS[kind].seed)[:1]
+    assert found == draw.DRAWS[kind].stratified("s", 1, 9)
+    assert found != draw.DRAWS[kind].stratified("s", 1, 10)
+    assert get_suite(kind).scenarios[:1] == draw.DRAWS[kind].stratified(kind, 1, draw.SHIFTS[kind].seed)[:1]
     for scenario in found:
         assert scenario.pushes[0].start.step == 4 or kind == "shift-repeated"
         assert scenario.settle_time == 4.0
@@ -227,7 +227,7 @@ def test_another_floor():
         ([0.9, 0.0, 0.0], ModelErrors(floor_step=0.005)),
     ):
         assert draw.another_floor(BASE, point).errors == errors
-    kinds = [set(s.errors.names) for s in draw.shifted_scenarios("shift-floor", "s", 1, 2)]
+    kinds = [set(s.errors.names) for s in draw.DRAWS["shift-floor"].stratified("s", 1, 2)]
     counts = [sum(bool(names & wanted) for names in kinds)
               for wanted in ({"friction"}, {"slope_forward", "slope_left"}, {"floor_step"})]  # fmt: skip
     assert sum(counts) == 256
