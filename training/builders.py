@@ -139,10 +139,10 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     like = None if settings.drawn_like is None else settings.drawn_like.scaled(size)
     choice = episodes, pushes, easy, settings.easy_share, settings.least_acceptance, pushing
     if settings.starts == "reset":
-        return starts.ResetStarts(*choice, like=like)
+        return starts.ResetStarts(*choice, like=like, retries=settings.retries)
     planner = two_stage.make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
     walks = starts.take_walks(episodes, planner, like or pushes, settings.walks, walking)
-    return starts.PushStarts(*choice, walks, like=like)
+    return starts.PushStarts(*choice, walks, like=like, retries=settings.retries)
 
 
 def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:

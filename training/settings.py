@@ -34,7 +34,14 @@ ENV_OF_KIND = {
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
-LATER: dict[str, Any] = {"initial": None, "critic": [], "algorithm": "ppo", "like": [], "target_kl": None}
+LATER: dict[str, Any] = {
+    "initial": None,
+    "critic": [],
+    "algorithm": "ppo",
+    "like": [],
+    "target_kl": None,
+    "retries": 0,
+}
 # of runs before these settings
 Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
@@ -96,6 +103,7 @@ class TrainingSettings:
     easy_share: float = 0.05  # share of episodes that have an easy push
     least_acceptance: float = 0.1
     """chance that a push is taken whose kind is always or never recovered from; 1: all are taken alike"""
+    retries: int = 0  # how often a push that was lost comes again
     walks: int = 1500  # number of walks that are put back, each of another robot and command
 
     # Proximal policy optimisation, or another algorithm
@@ -125,7 +133,7 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         require_choice("kind of training", self.kind, tuple(ENV_OF_KIND))
-        for name in ("timesteps", "value_first"):
+        for name in ("timesteps", "value_first", "retries"):
             require_integer(f"training setting {name}", getattr(self, name))
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
                   "evaluation_scenarios", "walks")  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import defaultdict
+from collections import defaultdict, deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ EARLIEST, LATEST = 1.2, 3.6  # of a snapshot since reset: at least three steps, 
 LONG = 60.0  # of a scenario without pushes, which no walk reaches the end of [s]
 STANCE, HEADING, STEPS = "gait.stance", "gait.heading", "gait.steps"  # rows of a snapshot
 Bin = tuple[int, int]  # of direction, of impulse
+Start = tuple[RobotSnapshot | None, Scenario]  # a walk that is put back, or none, and what comes then
 
 
 class SuccessTable:
@@ -93,7 +94,9 @@ def take_walks(
 class Starts(ABC):
     """Begins episodes whose pushes are chosen by the success on their kind, a `SuccessTable` for each.
 
-    A kind is a body, and where pushes are `like` those of suites a body and how often it is pushed.
+    A kind is a body, and where pushes are `like` those of suites a body and how often it is pushed. What is
+    lost comes again `retries` times, so that a push that is lost with probability q has 1 + retries q times
+    its share of the episodes.
 
     A share of them is drawn from other, easy pushes instead, so that nothing that is easy is forgotten.
     """
@@ -105,22 +108,39 @@ class Starts(ABC):
     floor: float  # least probability of taking a push
     rng: np.random.Generator
     like: SuiteDistribution | None = field(default=None, kw_only=True)  # of most, in place of `pushes`
+    retries: int = field(default=0, kw_only=True)
 
     def __post_init__(self) -> None:
         width = WIDTH * Similarity.of(self.episodes.robot).impulse
         largest = self.pushes.impulse_max
         self.tables = defaultdict[str, SuccessTable](lambda: SuccessTable(largest, self.floor, width))
         self._bins: list[tuple[str, Bin] | None] = [None] * self.episodes.n  # kind, bin of its table
+        self._begun: list[Start | None] = [None] * self.episodes.n
+        self._again: deque[Start] = deque()
+
+    def begin(self, k: int) -> None:
+        """Begin an episode with robot k: one that was lost, or a new one."""
+        if self._again:
+            self._bins[k], (walk, scenario) = None, self._again.popleft()
+        else:
+            self._begun[k] = walk, scenario = self._new(k)
+        if walk is None:
+            self.episodes.begin(k, scenario)
+        else:
+            self.episodes.restore(k, walk, scenario)
 
     @abstractmethod
-    def begin(self, k: int) -> None:
-        """Begin an episode with robot k."""
+    def _new(self, k: int) -> Start:
+        """Draw an episode for robot k."""
 
     def ended(self, k: int, recovered: bool) -> None:
-        """Count the end of the episode of robot k where its push is not an easy one."""
+        """Count the end of the episode of robot k where its push is new and not an easy one."""
         if (found := self._bins[k]) is not None:
             kind, place = found
             self.tables[kind].update(place, recovered)
+            begun = self._begun[k]
+            if not recovered and begun is not None:
+                self._again.extend([begun] * self.retries)
 
     def _is_easy(self, k: int) -> bool:
         """Whether robot k gets an easy push, whose end does not count."""
@@ -146,16 +166,14 @@ class ResetStarts(Starts):
     The direction of a kind is that in the world, since nobody knows yet which step will be pushed in.
     """
 
-    def begin(self, k: int) -> None:
-        """Begin a scenario that is drawn."""
+    def _new(self, k: int) -> Start:
+        """Draw a scenario."""
         if self._is_easy(k):
-            self.episodes.begin(k, self.episodes.drawn(self.easy, self.rng))
-            return
+            return None, self.episodes.drawn(self.easy, self.rng)
         while True:
             scenario = self.episodes.drawn(self.like or self.pushes, self.rng)
             if self._takes(k, self._kind(scenario), scenario.pushes[0].direction, total_impulse(scenario)):
-                break
-        self.episodes.begin(k, scenario)
+                return None, scenario
 
 
 @dataclass
@@ -167,24 +185,21 @@ class PushStarts(Starts):
 
     walks: list[RobotSnapshot]  # that are put back
 
-    def begin(self, k: int) -> None:
-        """Put robot k into a walk that is pushed."""
+    def _new(self, k: int) -> Start:
+        """Draw a walk and its pushes."""
         walk = self._walk()
         if self._is_easy(k):
-            self._put(k, walk, self.easy, *self._draw(self.easy))
-            return
+            return self._pushed(walk, self.easy, *self._draw(self.easy))
         if self.like is not None:
-            self._begin_like(k, walk, self.like)
-            return
+            return self._pushed_like(k, walk, self.like)
         while True:
             impulse, psi, body = self._draw(self.pushes)
             if self._takes(k, body, relative(psi, walk), impulse):
-                break
+                return self._pushed(walk, self.pushes, impulse, psi, body)
             walk = self._walk()
-        self._put(k, walk, self.pushes, impulse, psi, body)
 
-    def _begin_like(self, k: int, walk: RobotSnapshot, like: SuiteDistribution) -> None:
-        """Push robot k as a scenario says whose first push comes now."""
+    def _pushed_like(self, k: int, walk: RobotSnapshot, like: SuiteDistribution) -> Start:
+        """A walk that is pushed as a scenario says whose first push comes now."""
         while True:
             drawn = like.sample(self.rng)
             if self._takes(k, self._kind(drawn), relative_push(drawn.pushes[0], walk), total_impulse(drawn)):
@@ -192,8 +207,7 @@ class PushStarts(Starts):
             walk = self._walk()
         start = walk.time + float(self.rng.random()) / self.episodes.control_hz
         pushes = pushes_from(drawn, walk, start)
-        scenario = replace(walk.scenario, pushes=pushes, duration=None, settle_time=drawn.settle_time)
-        self.episodes.restore(k, walk, scenario)
+        return walk, replace(walk.scenario, pushes=pushes, duration=None, settle_time=drawn.settle_time)
 
     def _walk(self) -> RobotSnapshot:
         return self.walks[self.rng.integers(len(self.walks))]
@@ -204,15 +218,15 @@ class PushStarts(Starts):
         psi = float(self.rng.uniform(pushes.direction_min, pushes.direction_max))
         return impulse, psi, pushes.body(self.rng)
 
-    def _put(
-        self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
-    ) -> None:
+    def _pushed(
+        self, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
+    ) -> Start:
+        """A walk that is pushed within the period to come."""
         start = walk.time + float(self.rng.random()) / self.episodes.control_hz
         duration, step = pushes.duration(self.rng), int(walk.rows[STEPS].item())
         first = polar_push(impulse / duration, psi, duration, start, body)
         drawn = pushes.with_later(first, walk.scenario, step, self.rng)
-        scenario = replace(walk.scenario, pushes=drawn, duration=None, settle_time=pushes.settle_time)
-        self.episodes.restore(k, walk, scenario)
+        return walk, replace(walk.scenario, pushes=drawn, duration=None, settle_time=pushes.settle_time)
 
 
 def relative(psi: float, walk: RobotSnapshot) -> float:

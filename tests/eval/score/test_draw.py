@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.robot import REFERENCE
+from push_recovery.controllers.model.robot import REFERENCE, Similarity
+from push_recovery.envs.scenario.distribution import ErrorRanges
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -161,6 +162,36 @@ def test_later_pushes_on_a_stander():
 
 PUSH = Push((600.0, -800.0, 0.0), 0.1, GaitEvent(4, "right", 0.25))  # 100 N s
 BASE = Scenario("base", (PUSH,), Command(0.2), "left", noise_seed=3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "suite", "expected"),
+    [
+        ("varied", draw.varied_scenario, (draw.Point, draw.TARGETS)),
+        ("quick", draw.varied_scenario, (draw.Point, draw.harder(200.0, 140.0))),
+        ("standing", draw.standing_scenario, (draw.Standing,)),
+    ],
+)
+def test_a_scenario_like_a_suite_is_that_of_a_uniform_point(kind, suite, expected):
+    """The seed of the noise comes first, then the point, then the errors."""
+    point, *targets = expected
+    errors = ErrorRanges(friction=(0.5, 0.9))
+    found = draw.SuiteDistribution((kind,), 2.5, errors).sample(np.random.default_rng(5), "mine")
+    rng = np.random.default_rng(5)
+    assert rng.integers(1) == 0  # of the one kind
+    noise_seed = int(rng.integers(2**31))
+    whole = suite("mine", point(*rng.random(len(point._fields)).tolist()), noise_seed, *targets)
+    assert found == replace(whole, settle_time=2.5, errors=errors.sample(rng))
+
+
+def test_kinds_are_drawn_equally_often_and_scaled():
+    """A quick push has the frame of the heading, a hard one the world's."""
+    like = draw.SuiteDistribution(("quick", "hard", "hard"), 2.5)
+    rng, again = np.random.default_rng(3), np.random.default_rng(3)
+    scenarios = [like.sample(rng) for _ in range(300)]
+    assert 60 <= sum(s.pushes[0].frame == "heading" for s in scenarios) <= 140
+    size = Similarity.of(replace(REFERENCE, mass=30.0, com_height=0.4))
+    assert [like.scaled(size).sample(again) for _ in range(20)] == [s.scaled(size) for s in scenarios[:20]]
 
 
 @pytest.mark.parametrize("kind", draw.SHIFTS)
