@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from push_recovery.eval.score.draw import BLOCK, HARD, pelvis_scenarios
+from push_recovery.eval.score.draw import BLOCK, DRAWS
 from push_recovery.eval.score.suites import Suite
 
 SEED = 20270115
@@ -18,7 +18,7 @@ BLOCKS = 4  # of which the first is taken
 def main() -> None:
     """Write the suite."""
     path, seed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else SEED
-    drawn = pelvis_scenarios("dev", HARD, BLOCKS, seed)[:BLOCK]
+    drawn = DRAWS["hard"].stratified("dev", BLOCKS, seed)[:BLOCK]
     suite = Suite(f"dev-{BLOCK}", "1" if seed == SEED else f"seed {seed}", drawn)
     suite.save(path)
     print(f"{path}: {len(drawn)} pushes, sha256 {suite.sha256[:12]}")

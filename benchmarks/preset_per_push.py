@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout import default_workers
-from push_recovery.eval.score.draw import HARD, pelvis_scenarios
+from push_recovery.eval.score.draw import DRAWS
 from push_recovery.eval.tuning.scorer import BIPED, RECOVERED, Scorer
 from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
 
@@ -59,7 +59,7 @@ def main() -> None:
     settings = TuningSettings(BIPED, "two-stage", space="planner")
     space, rng = space_of(settings), np.random.default_rng(SEED)
     points = [np.zeros(len(space.dimensions)), *rng.normal(size=(count - 1, len(space.dimensions)))]
-    scenarios = pelvis_scenarios("choice", HARD, 4, SEED)
+    scenarios = DRAWS["hard"].stratified("choice", 4, SEED)
     rows = []
     with tempfile.TemporaryDirectory() as folder, Scorer(BIPED, "two-stage", default_workers()) as scorer:
         for number, point in enumerate(points):

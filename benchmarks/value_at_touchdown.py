@@ -19,7 +19,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import nominal_dcm_kernel, started_dcm_kernel
 from push_recovery.eval.rollout import default_workers
-from push_recovery.eval.score.draw import HARD, pelvis_scenarios
+from push_recovery.eval.score.draw import DRAWS
 from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import mannwhitneyu
@@ -44,7 +44,7 @@ def touchdowns(cells: int) -> tuple[Array, NDArray[np.bool_]]:
         started_dcm_kernel(obs, level, 0.0, robot.omega, started)
         return np.concatenate([started - start, obs[TRUNK_ANGLE], obs[TRUNK_RATE]]) / UNITS
 
-    scenarios, states, recovered = pelvis_scenarios("value", HARD, cells, SEED), [], []
+    scenarios, states, recovered = DRAWS["hard"].stratified("value", cells, SEED), [], []
     for first in range(0, len(scenarios), ROBOTS):
         chunk = scenarios[first : first + ROBOTS]
         for k, scenario in enumerate(chunk):

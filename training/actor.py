@@ -11,21 +11,33 @@ from ..controllers.policies.mlp import NetworkInputs, input_size
 from ..controllers.policies.residual import Below, ResidualRule
 from ..controllers.validation import require_choice
 from ..envs.episode.episodes import GaitEpisodes
+from ..envs.scenario.push import FRAMES
 
 Array = NDArray[np.float64]
 Actions = NDArray[np.float32]
 
 IMPULSE = 100.0  # that counts as 1 [N s]
+WAITED = 1 << 20  # steps, more than an episode has
 SENSING_ERROR = 0.05  # that counts as 1, in the units of the observation
 
 
 def impulse_to_come(episodes: GaitEpisodes) -> Array:
     """Impulse that the pushes have still to deliver (n, 2), x and y of the canonical frame, over IMPULSE."""
     pushes, motion = episodes.core.pushes, episodes.motion()
-    left = (pushes.force * pushes.duration[..., None] - pushes.delivered).sum(axis=1)[:, :2] / IMPULSE
-    cos, sin = np.cos(motion.heading), np.sin(motion.heading)
-    forward, to_the_left = cos * left[:, 0] + sin * left[:, 1], cos * left[:, 1] - sin * left[:, 0]
-    return np.stack([forward, side_sign(motion.side) * to_the_left], axis=1)
+    left = (pushes.force * pushes.duration[..., None] - pushes.delivered)[..., :2] / IMPULSE
+    turned = np.where(pushes.frame == FRAMES.index("heading"), 0.0, motion.heading[:, None])  # (n, P)
+    cos, sin = np.cos(turned), np.sin(turned)
+    forward, to_the_left = cos * left[..., 0] + sin * left[..., 1], cos * left[..., 1] - sin * left[..., 0]
+    return np.stack([forward.sum(axis=1), side_sign(motion.side) * to_the_left.sum(axis=1)], axis=1)
+
+
+def pushes_to_come(episodes: GaitEpisodes) -> Array:
+    """Of the pushes that wait for their step (n, 3): how many, steps to the next and to the last, over 4."""
+    pushes, steps = episodes.core.pushes, episodes.motion().steps
+    waiting = (pushes.step >= 0) & np.isinf(pushes.start)  # (n, P)
+    pause = np.where(waiting, pushes.step - steps[:, None], 0)
+    following = np.where(waiting, pause, WAITED).min(axis=1) % WAITED
+    return np.stack([waiting.sum(axis=1), following, pause.max(axis=1)], axis=1) / 4.0
 
 
 def sensing_error(episodes: GaitEpisodes) -> Array:
@@ -36,6 +48,7 @@ def sensing_error(episodes: GaitEpisodes) -> Array:
 # Blocks that only the value network sees, since they are known in training alone: sizes and values
 CRITIC: dict[str, tuple[int, Callable[[GaitEpisodes], Array]]] = {
     "push": (2, impulse_to_come),
+    "schedule": (3, pushes_to_come),
     "sensing": (OBSERVATION_SIZE, sensing_error),
 }
 

@@ -136,12 +136,13 @@ def make_starts(settings: TrainingSettings, episodes: GaitEpisodes, seed: int) -
     size = Similarity.of(episodes.robot)
     pushes, easy = settings.drawn_pushes.scaled(size), settings.easy_pushes.scaled(size)
     walking, pushing = (np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2))
+    like = None if settings.drawn_like is None else settings.drawn_like.scaled(size)
     choice = episodes, pushes, easy, settings.easy_share, settings.least_acceptance, pushing
     if settings.starts == "reset":
-        return starts.ResetStarts(*choice)
+        return starts.ResetStarts(*choice, like=like, retries=settings.retries)
     planner = two_stage.make_policy(settings.policy, episodes.robot, episodes.limits, episodes.preset)
-    walks = starts.take_walks(episodes, planner, pushes, settings.walks, walking)
-    return starts.PushStarts(*choice, walks)
+    walks = starts.take_walks(episodes, planner, like or pushes, settings.walks, walking)
+    return starts.PushStarts(*choice, walks, like=like, retries=settings.retries)
 
 
 def make_vec_env(settings: TrainingSettings, env: gym.Env, seed: int) -> VecNormalize:

@@ -13,7 +13,7 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.files import write_atomically
 from ..controllers.model.robot import SAME, Similarity
 from ..controllers.policies.interface import Policy
-from ..envs.scenario.distribution import PushDistribution
+from ..envs.scenario.distribution import PushDistribution, ScenarioDistribution
 from ..envs.scenario.scenario import Scenario, get_profile
 from ..eval.rollout.episodes import rollout_all
 from ..eval.rollout.workers import SLOTS
@@ -35,13 +35,16 @@ class CurvePoint:
     mean_reward: float  # per episode
 
 
-def curve_scenarios(count: int, profile: str = "exact", size: Similarity = SAME) -> list[Scenario]:
-    """The first `count` scenarios of the curve: pushes like those of `hard`, the same ones in every run.
+def curve_scenarios(
+    count: int, profile: str = "exact", size: Similarity = SAME, pushes: ScenarioDistribution = PUSHES
+) -> list[Scenario]:
+    """The first `count` scenarios of the curve: the same ones in every run.
 
-    `profile` is that of the robots, `size` their size against the robot of 60 kg.
+    `profile` is that of the robots, `size` their size against the robot of 60 kg; `pushes` are by default
+    like those of `hard`.
     """
     streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profile(profile)
-    drawn = [PUSHES.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
+    drawn = [pushes.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
     return [robots.applied(scenario).scaled(size) for scenario in drawn]
 
 

@@ -39,6 +39,7 @@ class PPOAlgorithm(Algorithm):
             gamma=settings.gamma,
             gae_lambda=settings.gae_lambda,
             clip_range=settings.clip_range,
+            target_kl=settings.target_kl,
             policy_kwargs={
                 "net_arch": {"pi": list(settings.policy_layers), "vf": list(settings.value_layers)},
                 "activation_fn": torch.nn.Tanh,

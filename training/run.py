@@ -25,12 +25,14 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file, sync_names, write_atomically
 from ..controllers.policies.learned import NetworkPolicy, policy_paths
 from ..controllers.validation import parse_json
+from ..envs.scenario.scenario import SETTLE_TIME
 from ..eval.output import progress, rows
 from ..eval.rollout import environments
 from ..eval.rollout.load_policy import named_file
+from ..eval.score.draw import SuiteDistribution
 from . import builders
 from .algorithm import Tensors, make_algorithm
-from .curve import CurvePoint, curve_scenarios, read_curve, score, write_curve
+from .curve import PUSHES, CurvePoint, curve_scenarios, read_curve, score, write_curve
 from .from_sb3 import export_policy
 from .imitation import ImitationSettings, imitate_once
 from .recipes import command_of
@@ -159,7 +161,8 @@ class Run:
         self._seconds_before = 0.0 if checkpoint is None else checkpoint.seconds
         self.env = builders.make_plain_env(settings.env_id)
         size = environments.size_of(self.env)
-        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size)
+        pushes = SuiteDistribution(settings.like, SETTLE_TIME) if settings.like else PUSHES
+        self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size, pushes)
         anew = checkpoint is None and settings.initial is not None
         first = initial_policy(settings, own) if anew else None
         self._report = report

@@ -15,6 +15,7 @@ from ..controllers.policies.residual import DEFAULT_GATE, check_gate, check_resi
 from ..controllers.validation import require_choice, require_integer
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.scenario import get_profile
+from ..eval.score.draw import DRAWS, SuiteDistribution
 from .actor import check_critic
 from .reward import REWARDS
 
@@ -33,7 +34,15 @@ ENV_OF_KIND = {
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
-LATER: dict[str, Any] = {"initial": None, "critic": [], "algorithm": "ppo"}  # runs before these settings
+LATER: dict[str, Any] = {
+    "initial": None,
+    "critic": [],
+    "algorithm": "ppo",
+    "like": [],
+    "target_kl": None,
+    "retries": 0,
+}
+# of runs before these settings
 Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 
@@ -70,7 +79,8 @@ class TrainingSettings:
     inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
     """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
     critic: Annotated[tuple[str, ...], arg(metavar="[BLOCK ...]")] = ()
-    """what only the value network sees besides: push (the impulse to come), sensing (the sensors' errors)"""
+    """what only the value network sees besides: push (the impulse to come), schedule (when
+    later pushes come), sensing (the sensors' errors)"""
 
     # What is trained on, and for what
     starts: Literal["push", "reset"] | None = None
@@ -85,11 +95,15 @@ class TrainingSettings:
     randomisation"""
     pushes: Annotated[PushDistribution, AvoidSubcommands] = TRAINING_PUSHES
     """pushes of most training episodes; scores use other pushes"""
+    like: Annotated[tuple[str, ...], arg(metavar="[KIND ...]")] = ()
+    """kinds of suites, as in `suite new --like`, that pushes and commands are drawn like, all equally often,
+    instead of from `pushes`, and that the learning curve is of"""
     easy: Annotated[tuple[float, float], arg(metavar="LOW HIGH")] = (5.0, 80.0)
     """impulses of the other episodes, so that nothing easy is forgotten [N s]"""
     easy_share: float = 0.05  # share of episodes that have an easy push
     least_acceptance: float = 0.1
     """chance that a push is taken whose kind is always or never recovered from; 1: all are taken alike"""
+    retries: int = 0  # how often a push that was lost comes again
     walks: int = 1500  # number of walks that are put back, each of another robot and command
 
     # Proximal policy optimisation, or another algorithm
@@ -100,6 +114,8 @@ class TrainingSettings:
     gamma: float = 0.99  # discount per learned action
     gae_lambda: float = 0.95  # lambda of the generalised advantage estimate
     clip_range: float = 0.2  # range to which the ratio of probabilities is clipped
+    target_kl: Annotated[float | None, arg(metavar="{None|X}")] = None
+    """divergence from the policy of the rollout at which an update ends before its last pass"""
     learning_rate: float = 3e-4  # rate of Adam at the start; it falls linearly to that at the end
     learning_rate_end: float = 1e-5  # rate of Adam at the end
     policy_layers: Widths = (128, 128)  # widths of the hidden layers of the policy
@@ -117,7 +133,7 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         require_choice("kind of training", self.kind, tuple(ENV_OF_KIND))
-        for name in ("timesteps", "value_first"):
+        for name in ("timesteps", "value_first", "retries"):
             require_integer(f"training setting {name}", getattr(self, name))
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
                   "evaluation_scenarios", "walks")  # fmt: skip
@@ -136,6 +152,9 @@ class TrainingSettings:
         for name, valid in (("starts", STARTS), ("reward", REWARDS), ("algorithm", ALGORITHMS)):
             if (value := getattr(self, name)) is not None:
                 require_choice(f"training setting {name}", value, tuple(valid))
+        self._check("target_kl", self.target_kl is None or 0 < self.target_kl < math.inf, "None or positive")
+        for kind in self.like:
+            require_choice("kind of suite", kind, tuple(DRAWS))
         get_profile(self.profile)
         if isinstance(self.pushes, dict):
             self._set("pushes", PushDistribution.from_dict(self.pushes))
@@ -182,6 +201,12 @@ class TrainingSettings:
         """Pushes of most training episodes, on robots with `errors` where any are given."""
         ranges = {name: (low, high) for name, low, high in self.errors}
         return replace(self.pushes, errors=ErrorRanges.from_dict(ranges)) if ranges else self.pushes
+
+    @property
+    def drawn_like(self) -> SuiteDistribution | None:
+        """The same, of the kinds of suites in `like`; None where there are none."""
+        pushes = self.drawn_pushes
+        return SuiteDistribution(self.like, pushes.settle_time, pushes.errors) if self.like else None
 
     @property
     def easy_pushes(self) -> PushDistribution:

@@ -3,9 +3,12 @@
 Pushes are chosen by the success on their kind: most are neither always nor never recovered from.
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections import defaultdict, deque
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,9 +16,11 @@ from ..controllers.model.observation import side_sign
 from ..controllers.model.robot import Similarity
 from ..controllers.policies.interface import Policy
 from ..envs.episode.episodes import GaitEpisodes
-from ..envs.scenario.distribution import PushDistribution
-from ..envs.scenario.push import polar_push
+from ..envs.scenario.distribution import PushDistribution, ScenarioDistribution
+from ..envs.scenario.push import GaitEvent, Push, polar_push
+from ..envs.scenario.scenario import Scenario
 from ..envs.snapshot import RobotSnapshot
+from ..eval.score.draw import SuiteDistribution, count_of
 
 DIRECTIONS = 8  # bins of the angle
 WIDTH = 20.0  # of a bin of impulses, of the biped [N s]
@@ -25,6 +30,7 @@ EARLIEST, LATEST = 1.2, 3.6  # of a snapshot since reset: at least three steps, 
 LONG = 60.0  # of a scenario without pushes, which no walk reaches the end of [s]
 STANCE, HEADING, STEPS = "gait.stance", "gait.heading", "gait.steps"  # rows of a snapshot
 Bin = tuple[int, int]  # of direction, of impulse
+Start = tuple[RobotSnapshot | None, Scenario]  # a walk that is put back, or none, and what comes then
 
 
 class SuccessTable:
@@ -55,7 +61,11 @@ class SuccessTable:
 
 
 def take_walks(
-    episodes: GaitEpisodes, planner: Policy, pushes: PushDistribution, count: int, rng: np.random.Generator
+    episodes: GaitEpisodes,
+    planner: Policy,
+    pushes: ScenarioDistribution,
+    count: int,
+    rng: np.random.Generator,
 ) -> list[RobotSnapshot]:
     """Snapshots of `count` walks under a planner, each of another robot and command, at a random moment.
 
@@ -82,7 +92,11 @@ def take_walks(
 
 @dataclass
 class Starts(ABC):
-    """Begins episodes whose pushes are chosen by the success on their kind, one `SuccessTable` for each body.
+    """Begins episodes whose pushes are chosen by the success on their kind, a `SuccessTable` for each.
+
+    A kind is a body, and where pushes are `like` those of suites a body and how often it is pushed. What is
+    lost comes again `retries` times, so that a push that is lost with probability q has 1 + retries q times
+    its share of the episodes.
 
     A share of them is drawn from other, easy pushes instead, so that nothing that is easy is forgotten.
     """
@@ -93,33 +107,56 @@ class Starts(ABC):
     easy_share: float  # in [0, 1]
     floor: float  # least probability of taking a push
     rng: np.random.Generator
+    like: SuiteDistribution | None = field(default=None, kw_only=True)  # of most, in place of `pushes`
+    retries: int = field(default=0, kw_only=True)
 
     def __post_init__(self) -> None:
         width = WIDTH * Similarity.of(self.episodes.robot).impulse
         largest = self.pushes.impulse_max
-        self.tables = {body: SuccessTable(largest, self.floor, width) for body in self.pushes.bodies}
-        self._bins: list[tuple[str, Bin] | None] = [None] * self.episodes.n  # body, bin of its table
+        self.tables = defaultdict[str, SuccessTable](lambda: SuccessTable(largest, self.floor, width))
+        self._bins: list[tuple[str, Bin] | None] = [None] * self.episodes.n  # kind, bin of its table
+        self._begun: list[Start | None] = [None] * self.episodes.n
+        self._again: deque[Start] = deque()
+
+    def begin(self, k: int) -> None:
+        """Begin an episode with robot k: one that was lost, or a new one."""
+        if self._again:
+            self._bins[k], (walk, scenario) = None, self._again.popleft()
+        else:
+            self._begun[k] = walk, scenario = self._new(k)
+        if walk is None:
+            self.episodes.begin(k, scenario)
+        else:
+            self.episodes.restore(k, walk, scenario)
 
     @abstractmethod
-    def begin(self, k: int) -> None:
-        """Begin an episode with robot k."""
+    def _new(self, k: int) -> Start:
+        """Draw an episode for robot k."""
 
     def ended(self, k: int, recovered: bool) -> None:
-        """Count the end of the episode of robot k where its push is not an easy one."""
+        """Count the end of the episode of robot k where its push is new and not an easy one."""
         if (found := self._bins[k]) is not None:
-            body, kind = found
-            self.tables[body].update(kind, recovered)
+            kind, place = found
+            self.tables[kind].update(place, recovered)
+            begun = self._begun[k]
+            if not recovered and begun is not None:
+                self._again.extend([begun] * self.retries)
 
     def _is_easy(self, k: int) -> bool:
         """Whether robot k gets an easy push, whose end does not count."""
         self._bins[k] = None
         return self.rng.random() < self.easy_share
 
-    def _takes(self, k: int, body: str, psi: float, impulse: float) -> bool:
+    def _takes(self, k: int, kind: str, psi: float, impulse: float) -> bool:
         """Whether robot k gets this push, direction [rad] and impulse [N s]; its end counts then."""
-        kind = self.tables[body].bin_of(psi, impulse)
-        self._bins[k] = body, kind
-        return self.rng.random() < self.tables[body].probability(kind)
+        place = self.tables[kind].bin_of(psi, impulse)
+        self._bins[k] = kind, place
+        return self.rng.random() < self.tables[kind].probability(place)
+
+    def _kind(self, scenario: Scenario) -> str:
+        """The kind of a scenario's pushes."""
+        body = scenario.pushes[0].body
+        return body if self.like is None else f"{body} {count_of(scenario)}"
 
 
 @dataclass
@@ -129,17 +166,14 @@ class ResetStarts(Starts):
     The direction of a kind is that in the world, since nobody knows yet which step will be pushed in.
     """
 
-    def begin(self, k: int) -> None:
-        """Begin a scenario that is drawn."""
+    def _new(self, k: int) -> Start:
+        """Draw a scenario."""
         if self._is_easy(k):
-            self.episodes.begin(k, self.episodes.drawn(self.easy, self.rng))
-            return
+            return None, self.episodes.drawn(self.easy, self.rng)
         while True:
-            scenario = self.episodes.drawn(self.pushes, self.rng)
-            first, impulse = scenario.pushes[0], math.hypot(*(p.impulse_magnitude for p in scenario.pushes))
-            if self._takes(k, first.body, first.direction, impulse):
-                break
-        self.episodes.begin(k, scenario)
+            scenario = self.episodes.drawn(self.like or self.pushes, self.rng)
+            if self._takes(k, self._kind(scenario), scenario.pushes[0].direction, total_impulse(scenario)):
+                return None, scenario
 
 
 @dataclass
@@ -151,18 +185,29 @@ class PushStarts(Starts):
 
     walks: list[RobotSnapshot]  # that are put back
 
-    def begin(self, k: int) -> None:
-        """Put robot k into a walk that is pushed."""
+    def _new(self, k: int) -> Start:
+        """Draw a walk and its pushes."""
         walk = self._walk()
         if self._is_easy(k):
-            self._put(k, walk, self.easy, *self._draw(self.easy))
-            return
+            return self._pushed(walk, self.easy, *self._draw(self.easy))
+        if self.like is not None:
+            return self._pushed_like(k, walk, self.like)
         while True:
             impulse, psi, body = self._draw(self.pushes)
             if self._takes(k, body, relative(psi, walk), impulse):
+                return self._pushed(walk, self.pushes, impulse, psi, body)
+            walk = self._walk()
+
+    def _pushed_like(self, k: int, walk: RobotSnapshot, like: SuiteDistribution) -> Start:
+        """A walk that is pushed as a scenario says whose first push comes now."""
+        while True:
+            drawn = like.sample(self.rng)
+            if self._takes(k, self._kind(drawn), relative_push(drawn.pushes[0], walk), total_impulse(drawn)):
                 break
             walk = self._walk()
-        self._put(k, walk, self.pushes, impulse, psi, body)
+        start = walk.time + float(self.rng.random()) / self.episodes.control_hz
+        pushes = pushes_from(drawn, walk, start)
+        return walk, replace(walk.scenario, pushes=pushes, duration=None, settle_time=drawn.settle_time)
 
     def _walk(self) -> RobotSnapshot:
         return self.walks[self.rng.integers(len(self.walks))]
@@ -173,18 +218,46 @@ class PushStarts(Starts):
         psi = float(self.rng.uniform(pushes.direction_min, pushes.direction_max))
         return impulse, psi, pushes.body(self.rng)
 
-    def _put(
-        self, k: int, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
-    ) -> None:
+    def _pushed(
+        self, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
+    ) -> Start:
+        """A walk that is pushed within the period to come."""
         start = walk.time + float(self.rng.random()) / self.episodes.control_hz
         duration, step = pushes.duration(self.rng), int(walk.rows[STEPS].item())
         first = polar_push(impulse / duration, psi, duration, start, body)
         drawn = pushes.with_later(first, walk.scenario, step, self.rng)
-        scenario = replace(walk.scenario, pushes=drawn, duration=None, settle_time=pushes.settle_time)
-        self.episodes.restore(k, walk, scenario)
+        return walk, replace(walk.scenario, pushes=drawn, duration=None, settle_time=pushes.settle_time)
 
 
 def relative(psi: float, walk: RobotSnapshot) -> float:
     """A direction [rad] in the canonical frame of a walk: of its heading, and mirrored on the left foot."""
     turned = side_sign(walk.rows[STANCE].item()) * (psi - walk.rows[HEADING].item())
     return math.remainder(turned, math.tau)
+
+
+def relative_push(push: Push, walk: RobotSnapshot) -> float:
+    """Direction [rad] of a push in the canonical frame of a walk."""
+    turned = walk.rows[HEADING].item() if push.frame == "heading" else 0.0
+    return relative(push.direction + turned, walk)
+
+
+def total_impulse(scenario: Scenario) -> float:
+    """Root of the sum of the pushes' squared impulses [N s]: of the one push that does as much."""
+    return math.hypot(*(push.impulse_magnitude for push in scenario.pushes))
+
+
+def pushes_from(scenario: Scenario, walk: RobotSnapshot, start: float) -> tuple[Push, ...]:
+    """The pushes of a scenario in a walk: the first at `start` [s], the others as many steps later.
+
+    Raises:
+        ValueError: a later push is not at a moment of the gait.
+    """
+    first, *later = scenario.pushes
+    events = [push.start for push in scenario.pushes if isinstance(push.start, GaitEvent)]
+    steps = [event.step_index(scenario.stance_side) for event in events]
+    pushes = [replace(first, start=start)]
+    for push, event, step in zip(later, events[1:], steps[1:], strict=True):
+        index = int(walk.rows[STEPS].item()) + step - steps[0]
+        moved = GaitEvent(index, walk.scenario.side_of_step(index), event.fraction)
+        pushes.append(replace(push, start=moved))
+    return tuple(pushes)

@@ -32,7 +32,7 @@ from ...controllers.policies.residual import ResidualGate
 from ...controllers.settings import preset_config, preset_names
 from ...controllers.validation import require_integer, require_kind, require_number
 from ..scenario.arrays import Pushes
-from ..scenario.distribution import PushDistribution
+from ..scenario.distribution import ScenarioDistribution
 from ..scenario.push import SIDES
 from ..scenario.scenario import EXACT, Profile, Scenario
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, take_rows
@@ -209,7 +209,7 @@ class GaitEpisodes(ABC, Generic[C]):
     def failure(self) -> Ints:
         """Why the robots have fallen, (n,) index into `failures`."""
 
-    def drawn(self, pushes: PushDistribution, rng: np.random.Generator) -> Scenario:
+    def drawn(self, pushes: ScenarioDistribution, rng: np.random.Generator) -> Scenario:
         """A scenario from a distribution, on a robot of this profile."""
         return self.profile.applied(pushes.sample(rng))
 

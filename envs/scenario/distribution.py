@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -114,6 +114,14 @@ TURNS = 100.0 * math.pi  # bound of a direction, both ways [rad]
 COMMAND_KINDS = ("in_place", "forward", "backward", "sideways")
 PUSHES_MAX = 100  # of a scenario
 LATEST_NEXT = 4  # steps after a push in which the next one comes
+
+
+class ScenarioDistribution(Protocol):
+    """What scenarios are drawn from."""
+
+    def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
+        """Draw one scenario."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -259,7 +259,8 @@ class SuiteCommand(JsonOption):
     action: Positional[Literal["new"]]
     """new: draw a suite."""
     like: Annotated[str, arg(metavar="NAME")] = "varied"
-    """Pushes that are drawn: standard, hard, varied, or one of the shifts (docs/evaluation.md#suites)."""
+    """Pushes that are drawn: standard, hard, quick, varied, standing, or one of the shifts
+    (docs/evaluation.md#suites)."""
     seed: Count = field(metadata=within(0))
     """Seed of the draw; the same seed gives the same suite on every machine."""
     scenarios: Count = field(default=256, metadata=within(1, 65536))

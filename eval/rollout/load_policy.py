@@ -221,8 +221,8 @@ def make_policy(name: str, env: Any) -> Policy:
 
 
 def policy_names() -> tuple[str, ...]:
-    """Names that `make_policy` knows: analytic policies, sampling MPC, and those that ship."""
-    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *shipped_names(), *PACKAGED)
+    """Names that `make_policy` knows: analytic ones, sampling MPC, those of packages, those that ship."""
+    return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *PACKAGED, *shipped_names())
 
 
 def policy_names_for(env: Any) -> tuple[str, ...]:

@@ -16,20 +16,23 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...controllers.model.robot import REFERENCE, RobotModel
+from ...controllers.model.robot import REFERENCE, SAME, RobotModel, Similarity
 from ...controllers.model.standing import Feet, max_standing_force
-from ...envs.scenario.distribution import COMMAND_KINDS, PushDistribution
+from ...envs.scenario.distribution import COMMAND_KINDS, ErrorRanges, PushDistribution
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, Push, Side, other_side
 from ...envs.scenario.scenario import AT_REST, FASTEST_TURN, Command, Scenario
 
 LEVELS = 16  # of each factor
 BLOCK = LEVELS**2  # scenarios in which every pair of factors has every pair of levels once
+BASE = 5  # coordinates of a push at the pelvis
 ForceOf = Callable[[float, float, str], float]  # [N], of a share in [0, 1], psi and the stance side
+Points = NDArray[np.float64]  # in the unit cube, or one of them
 
 
 def gf16_multiply(a: int, b: int) -> int:
@@ -83,6 +86,25 @@ def stratified_uniforms(blocks: int, factors: int, seed: int) -> np.ndarray:
     return points.reshape(-1, factors)
 
 
+@dataclass(frozen=True)
+class Draw:
+    """How scenarios of one kind are drawn: each is made of a point of the unit cube."""
+
+    coordinates: int
+    scenario: Callable[[str, Points, int], Scenario]  # of an id, a point (coordinates,) and the noise seed
+
+    def stratified(self, name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
+        """256 scenarios a block, every pair of factors stratified in each."""
+        points = stratified_uniforms(blocks, self.coordinates, seed)
+        return tuple(self.scenario(f"{name}-{i:04d}", u, i) for i, u in enumerate(points))
+
+    def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
+        """One scenario of a point that is uniform in the cube, whatever was drawn before."""
+        noise_seed = int(rng.integers(2**31))
+        point = rng.random(self.coordinates)
+        return self.scenario(scenario_id or f"random-{noise_seed:08x}", point, noise_seed)
+
+
 def uniform_force(ranges: PushDistribution) -> ForceOf:
     """Forces whose impulse is uniform in the range of a distribution, all round."""
 
@@ -117,11 +139,10 @@ def stratified_scenario(
     )
 
 
-def pelvis_scenarios(name: str, ranges: PushDistribution, blocks: int, seed: int) -> tuple[Scenario, ...]:
-    """256 scenarios a block with one push each from `ranges`, every pair of factors stratified in each."""
-    points, force = stratified_uniforms(blocks, 5, seed), uniform_force(ranges)
-    drawn = (stratified_scenario(f"{name}-{i:04d}", ranges, force, u, i) for i, u in enumerate(points))
-    return tuple(drawn)
+def pelvis_draw(ranges: PushDistribution) -> Draw:
+    """One push each from `ranges`, through the CoM of the pelvis."""
+    force = uniform_force(ranges)
+    return Draw(BASE, lambda name, u, noise_seed: stratified_scenario(name, ranges, force, u, noise_seed))
 
 
 FIRST_STEP = 4  # pushes start no earlier
@@ -146,6 +167,9 @@ TARGETS: Targets = {
     "pelvis": Target((50.0, 160.0), (-0.08, -0.10, -0.08), (0.08, 0.10, 0.08)),
     "trunk": Target((30.0, 110.0), (-0.10, -0.16, -0.15), (0.10, 0.16, 0.25)),
 }
+
+
+HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
 
 
 def harder(pelvis: float, trunk: float) -> Targets:
@@ -191,13 +215,12 @@ class Point(NamedTuple):
     second_time: float
 
 
-FACTORS = len(Point._fields)
-
-
-def varied_scenarios(name: str, blocks: int, seed: int, targets: Targets = TARGETS) -> tuple[Scenario, ...]:
-    """256 scenarios a block, every pair of factors stratified in each."""
-    points = stratified_uniforms(blocks, FACTORS, seed).tolist()
-    return tuple(varied_scenario(f"{name}-{i:04d}", Point(*u), i, targets) for i, u in enumerate(points))
+def varied_draw(targets: Targets = TARGETS) -> Draw:
+    """Pushes of every kind on robots that walk."""
+    return Draw(
+        len(Point._fields),
+        lambda name, u, noise_seed: varied_scenario(name, Point(*u.tolist()), noise_seed, targets),
+    )
 
 
 def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Targets = TARGETS) -> Scenario:
@@ -287,12 +310,6 @@ STANDING_TIMES, PAUSES = (0.5, 1.5), (0.5, 2.0)  # of the first push, and from o
 STRIDES = (-0.25, 0.25)  # of feet astride [m]
 
 
-def standing_scenarios(name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
-    """256 scenarios of robots that stand a block, every pair of factors stratified in each."""
-    points = stratified_uniforms(blocks, len(Standing._fields), seed).tolist()
-    return tuple(standing_scenario(f"{name}-{i:04d}", Standing(*u), i) for i, u in enumerate(points))
-
-
 def feet_at_first(robot: RobotModel, stance: Side, stride: float) -> Feet:
     """Where the feet of a robot that stands are at first, from its stance foot, in the world's axes."""
     return Feet((stride, -robot.pelvis_width if stance == "left" else robot.pelvis_width))
@@ -327,7 +344,6 @@ def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenari
 
 HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)
 BEYOND = replace(HARD, impulse_min=210.0, impulse_max=250.0)  # no recipe trains beyond 210 N s
-BASE = 5  # coordinates of the push that is shifted
 TRUNK_SHARE = 0.6  # of the pelvis' impulse: 48-120 N s, after which about as many robots stand
 REPEATED_SHARE = 0.55  # of the impulse, each of several pushes
 MOST_PUSHES, LONGEST_GAP = 5, 3  # of repeated pushes: how many at most, and steps from one to the next
@@ -421,6 +437,17 @@ class Shift:
     seed: int  # of the named suite
     ranges: PushDistribution = HARD
 
+    @property
+    def draw(self) -> Draw:
+        """Pushes of `ranges` with the change."""
+        pushed = pelvis_draw(self.ranges)
+
+        def scenario(name: str, u: Points, noise_seed: int) -> Scenario:
+            base = pushed.scenario(name, u[:BASE], noise_seed)
+            return base if self.change is None else self.change(base, u[BASE:].tolist())
+
+        return Draw(BASE + self.coordinates, scenario)
+
 
 SHIFTS: Mapping[str, Shift] = {
     "shift-duration": Shift(longer_or_shorter, 1, 20261201),
@@ -432,12 +459,39 @@ SHIFTS: Mapping[str, Shift] = {
 }
 
 
-def shifted_scenarios(kind: str, name: str, blocks: int, seed: int) -> tuple[Scenario, ...]:
-    """256 scenarios a block of a kind of SHIFTS, every pair of factors stratified in each."""
-    shift = SHIFTS[kind]
-    force = uniform_force(shift.ranges)
-    drawn = []
-    for i, u in enumerate(stratified_uniforms(blocks, BASE + shift.coordinates, seed)):
-        scenario = stratified_scenario(f"{name}-{i:04d}", shift.ranges, force, u[:BASE], i)
-        drawn.append(scenario if shift.change is None else shift.change(scenario, u[BASE:].tolist()))
-    return tuple(drawn)
+RANGES: Mapping[str, PushDistribution] = {"standard": PushDistribution(), "hard": HARD}
+DRAWS: Mapping[str, Draw] = {  # by kind of suite
+    **{kind: pelvis_draw(ranges) for kind, ranges in RANGES.items()},
+    "varied": varied_draw(),
+    "quick": varied_draw(harder(*HARDEST)),
+    "standing": Draw(
+        len(Standing._fields),
+        lambda name, u, noise_seed: standing_scenario(name, Standing(*u.tolist()), noise_seed),
+    ),
+    **{kind: shift.draw for kind, shift in SHIFTS.items()},
+}
+
+
+@dataclass(frozen=True)
+class SuiteDistribution:
+    """Scenarios like those of some suites, all equally likely, as the suites' own generator draws them.
+
+    Where `errors` are given, the robot's are drawn from them.
+    """
+
+    kinds: tuple[str, ...]  # of suites, keys of DRAWS
+    settle_time: float  # of the biped [s]
+    errors: ErrorRanges | None = None
+    size: Similarity = SAME  # of the robot that they are for
+
+    def sample(self, rng: np.random.Generator, scenario_id: str | None = None) -> Scenario:
+        """Draw one scenario."""
+        kind = self.kinds[int(rng.integers(len(self.kinds)))]
+        scenario = replace(DRAWS[kind].sample(rng, scenario_id), settle_time=self.settle_time)
+        if self.errors is not None:
+            scenario = replace(scenario, errors=self.errors.sample(rng))
+        return scenario.scaled(self.size)
+
+    def scaled(self, size: Similarity) -> Self:
+        """The same scenarios for a robot of another size."""
+        return replace(self, size=size)

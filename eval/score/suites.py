@@ -24,23 +24,13 @@ from ..protocols.kick import every_kick
 from ..rollout import DEFAULT_ENV
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
-from .draw import (
-    BLOCK,
-    HARD,
-    SHIFTS,
-    harder,
-    pelvis_scenarios,
-    shifted_scenarios,
-    standing_scenarios,
-    varied_scenarios,
-)
+from .draw import BLOCK, DRAWS, RANGES, SHIFTS, pelvis_draw
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
 STANDING_SEED = 20261125
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 OF_ROBOT = "@"  # between the name of a suite and that of the robot that it was scaled for
-HARDEST = 200.0, 140.0  # impulses of `quick` at the pelvis and at the trunk [N s]
 PROFILED = {  # suites of a profile that have names of their own
     "varied+hardware": "hardware",
     "varied-sealed+hardware": "hardware-sealed",
@@ -168,9 +158,9 @@ def of_size(suite: Suite, robot: str, size: Similarity) -> Suite:
     return Suite(f"{suite.name}{OF_ROBOT}{robot}", suite.version, scenarios)
 
 
-def _stratified_suite(name: str, ranges: PushDistribution, seed: int) -> Suite:
-    """1024 pushes from `ranges`, one each, in four blocks of 256."""
-    return Suite(name, VERSION, pelvis_scenarios(name, ranges, BLOCKS, seed))
+def _drawn(name: str, kind: str, seed: int, blocks: int = BLOCKS, version: str = VERSION) -> Suite:
+    """256 scenarios a block of a kind of DRAWS."""
+    return Suite(name, version, DRAWS[kind].stratified(name, blocks, seed))
 
 
 def sealed_seed() -> int:
@@ -178,38 +168,30 @@ def sealed_seed() -> int:
     return int(hashlib.sha256(f"{code_digest()} {shipped_digest()}".encode()).hexdigest(), 16)
 
 
-def _shift_suite(name: str) -> Suite:
-    return Suite(name, VERSION, shifted_scenarios(name, name, 1, SHIFTS[name].seed))
-
-
 SUITES: dict[str, Callable[[], Suite]] = {
     name: cache(maker)
     for name, maker in {
         # 256 pushes of every kind like those of `varied`, up to harder ones
-        "quick": lambda: Suite("quick", "2", varied_scenarios("quick", 1, QUICK_SEED, harder(*HARDEST))),
+        "quick": lambda: _drawn("quick", "quick", QUICK_SEED, 1, "2"),
         # 1024 of 5-80 N s, 0.1 s at the pelvis, after four nominal steps
-        "standard": lambda: _stratified_suite("standard", PushDistribution(), SEED),
+        "standard": lambda: _drawn("standard", "standard", SEED),
         # the same, but 80-200 N s: pushes that separate strong controllers
-        "hard": lambda: _stratified_suite("hard", HARD, HARD_SEED),
-        # 1024 of every kind, see `varied_scenarios`
-        "varied": lambda: Suite("varied", VERSION, varied_scenarios("varied", BLOCKS, VARIED_SEED)),
+        "hard": lambda: _drawn("hard", "hard", HARD_SEED),
+        # 1024 of every kind, see `varied_scenario`
+        "varied": lambda: _drawn("varied", "varied", VARIED_SEED),
         # these, by the same ids, on robots of the profile `hardware`
         "hardware": lambda: with_profile(SUITES["varied"](), HARDWARE),
         # 1024 of every kind on robots that stand, see `standing_scenario`
-        "standing": lambda: Suite("standing", VERSION, standing_scenarios("standing", BLOCKS, STANDING_SEED)),
+        "standing": lambda: _drawn("standing", "standing", STANDING_SEED),
         # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
-        "varied-sealed": lambda: Suite(
-            "varied-sealed", VERSION, varied_scenarios("varied-sealed", BLOCKS, sealed_seed())
-        ),
+        "varied-sealed": lambda: _drawn("varied-sealed", "varied", sealed_seed()),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
-        "hard-sealed": lambda: _stratified_suite("hard-sealed", HARD, sealed_seed()),
-        "standing-sealed": lambda: Suite(
-            "standing-sealed", VERSION, standing_scenarios("standing-sealed", BLOCKS, sealed_seed())
-        ),
+        "hard-sealed": lambda: _drawn("hard-sealed", "hard", sealed_seed()),
+        "standing-sealed": lambda: _drawn("standing-sealed", "standing", sealed_seed()),
         # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
         "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
         # 256 pushes like those of `hard`, one thing changed of each
-        **{name: partial(_shift_suite, name) for name in SHIFTS},
+        **{name: partial(_drawn, name, name, shift.seed, 1) for name, shift in SHIFTS.items()},
         # 1200 jumps of the velocity in place
         "kick": lambda: Suite("kick", VERSION, every_kick("stated")),
         "kick-coded": lambda: Suite("kick-coded", VERSION, every_kick("coded")),
@@ -254,11 +236,7 @@ def get_suite(name_or_file: str, env_id: str = DEFAULT_ENV) -> Suite:
     raise UnknownNameError("suite", name_or_file, [*SUITES, "FILE.json"])
 
 
-RANGES: Mapping[str, PushDistribution] = {"standard": PushDistribution(), "hard": HARD}
-DRAWN: Mapping[str, Callable[[str, int, int], tuple[Scenario, ...]]] = {
-    "varied": varied_scenarios, "standing": standing_scenarios
-}  # fmt: skip
-KINDS = (*RANGES, *DRAWN, *SHIFTS)
+KINDS = tuple(DRAWS)
 LARGEST = 65536  # scenarios
 # Fields of a distribution that these suites do not draw: one push all round at the pelvis, of one duration
 UNUSED = {
@@ -291,16 +269,12 @@ def new_suite(
     validation.require_integer("seed", seed)
     validation.require_integer("scenarios", scenarios, 1, LARGEST)
     label, blocks = name or f"{like}-{seed}", math.ceil(scenarios / BLOCK)
-    if like in RANGES:
-        drawn = pelvis_scenarios(label, _ranges(like, pushes or {}), blocks, seed)
-    elif pushes:
+    if pushes and like not in RANGES:
         raise InvalidValueError(
             f"only {' and '.join(RANGES)} take other ranges of pushes, not {like!r}: got {dict(pushes)}"
         )
-    elif like in SHIFTS:
-        drawn = shifted_scenarios(like, label, blocks, seed)
-    else:
-        drawn = DRAWN[like](label, blocks, seed)
+    draw = pelvis_draw(_ranges(like, pushes)) if pushes else DRAWS[like]
+    drawn = draw.stratified(label, blocks, seed)
     return Suite(label, "1", drawn[:scenarios])
 
 

@@ -18,7 +18,7 @@ from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from ...envs.scenario.scenario import EXACT, FASTEST_TURN, HARDWARE, Command, Profile, Scenario
 from ..protocols.tour import FASTEST_X, FASTEST_Y, SLOWEST_X, tour_scenario
-from ..score.draw import BLOCK, stratified_scenario, stratified_uniforms, varied_scenarios
+from ..score.draw import BLOCK, DRAWS, stratified_scenario, stratified_uniforms
 from ..score.suites import OF_ROBOT, Suite, of_size
 
 TAKEN = (12, 14, 16)  # punches of a run, all under the whole ceiling
@@ -85,7 +85,7 @@ def _pelvis_pushes(name: str, scenarios: int) -> list[Scenario]:
 
 def _varied_pushes(name: str, scenarios: int) -> list[Scenario]:
     """Drawn like `varied`, the robots of TURNS in turn."""
-    drawn = varied_scenarios(name, BLOCKS, SEEDS[name])[:scenarios]
+    drawn = DRAWS["varied"].stratified(name, BLOCKS, SEEDS[name])[:scenarios]
     own = [replace(s, noise_seed=SEEDS[name] + 4096 * i) for i, s in enumerate(drawn)]
     return [TURNS[i % len(TURNS)].applied(s) for i, s in enumerate(own)]
 

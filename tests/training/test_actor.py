@@ -10,10 +10,11 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.residual import ResidualRule
+from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.training.actor import Actor, check_critic, impulse_to_come, sensing_error
+from push_recovery.training.actor import Actor, check_critic, impulse_to_come, pushes_to_come, sensing_error
 from push_recovery.training.builders import completed, make_env, make_robots
 from push_recovery.training.settings import TrainingSettings
 
@@ -63,6 +64,36 @@ def test_a_turned_robot_sees_the_push_in_its_own_frame():
     outward = -1.0 if episodes.motion().side[0] == 0 else 1.0
     expected = 0.5 * math.cos(heading), -outward * 0.5 * math.sin(heading)
     np.testing.assert_allclose(impulse_to_come(episodes)[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("frame", "turned"), [("world", 1.0), ("heading", 0.0)])
+def test_a_push_in_the_frame_of_the_heading_turns_with_the_robot_until_it_starts(frame, turned):
+    episodes = BipedEpisodes(1)
+    push = polar_push(500.0, 0.0, 0.1, 9.0, frame=frame)
+    episodes.begin(0, Scenario("x", pushes=(push,), command=Command(turn=0.3)))
+    for _ in range(150):
+        episodes.step(NOTHING)
+    heading = turned * episodes.motion().heading[0]
+    outward = -1.0 if episodes.motion().side[0] == 0 else 1.0
+    expected = 0.5 * math.cos(heading), -outward * 0.5 * math.sin(heading)
+    np.testing.assert_allclose(impulse_to_come(episodes)[0], expected, atol=1e-12)
+
+
+def test_later_pushes_are_counted_until_their_step_comes():
+    """In steps 1 and 5, and one at a time, which waits for no step: over 4, two, one and five steps ahead."""
+    episodes = BipedEpisodes(1)
+    moments = (0.0, GaitEvent(1, "right", 0.5), GaitEvent(5, "right", 0.0))
+    pushes = tuple(polar_push(1.0, 0.0, 0.1, moment) for moment in moments)
+    episodes.begin(0, Scenario("x", pushes=pushes))
+    np.testing.assert_allclose(pushes_to_come(episodes)[0], [2 / 4, 1 / 4, 5 / 4])
+    planner = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    for step, expected in ((2, [1 / 4, 3 / 4, 3 / 4]), (5, [0.0, 0.0, 0.0])):
+        for _ in range(200):
+            episodes.walk(planner)
+            if episodes.motion().steps[0] == step:
+                break
+        episodes.walk(planner)
+        np.testing.assert_allclose(pushes_to_come(episodes)[0], expected)
 
 
 def test_the_error_of_sensing_is_what_observation_and_truth_differ_by():

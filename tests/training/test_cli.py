@@ -14,6 +14,7 @@ from push_recovery.eval.cli.main import main, parse
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.eval.score.draw import SuiteDistribution
 from push_recovery.training import cli
 from push_recovery.training.cli import is_complete, train_recipe
 from push_recovery.training.recipes import RECIPES, difference
@@ -207,6 +208,17 @@ def test_every_setting_is_an_option():
     assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
 
 
+def test_pushes_like_those_of_suites_are_on_the_robots_of_the_run_for_its_time():
+    words = "joint-residual --like quick hard --errors friction 0.4 0.9 --pushes.settle-time 1.5 --retries 2"
+    settings = parse("train", words.split()).settings
+    assert settings.drawn_like == SuiteDistribution(("quick", "hard"), 1.5, ErrorRanges(friction=(0.4, 0.9)))
+    assert TrainingSettings().drawn_like is None
+    assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+    new = {"like", "retries", "target_kl"}
+    older = {name: value for name, value in TrainingSettings().to_json().items() if name not in new}
+    assert TrainingSettings.from_json(older) == TrainingSettings()
+
+
 @pytest.mark.parametrize("log_std", [None, -2.0, (-1.0,) * 7])
 def test_settings_survive_json(log_std):
     pushes = PushDistribution(impulse_max=30.0)
@@ -227,6 +239,8 @@ def test_settings_say_what_is_wrong():
         {"easy_share": 1.1},
         {"least_acceptance": 0.0},
         {"walks": 0},
+        {"retries": -1},
+        {"target_kl": 0.0},
         {"gate": [0.1, 0.0]},
     ):
         with pytest.raises(InvalidValueError, match=next(iter(wrong))):
@@ -234,6 +248,8 @@ def test_settings_say_what_is_wrong():
     for wrong in ({"starts": "walk"}, {"reward": "none"}, {"profile": "real"}):
         with pytest.raises(UnknownNameError, match=next(iter(wrong))):
             TrainingSettings.from_json(good | wrong)
+    with pytest.raises(UnknownNameError, match="'hrad'"):
+        TrainingSettings.from_json(good | {"like": ["hard", "hrad"]})
     with pytest.raises(UnknownNameError, match="frictoin"):
         TrainingSettings.from_json(good | {"errors": [["frictoin", 0.4, 1.0]]})
     with pytest.raises(InvalidValueError, match="impulse_max"):

@@ -179,7 +179,7 @@ def settings(toy):
     return TrainingSettings(
         kind="scratch", env_id=toy, n_envs=2, n_steps=24, batch_size=16, n_epochs=3, hold=1, gamma=0.87,
         gae_lambda=0.77, clip_range=0.13, learning_rate=3e-3, learning_rate_end=1e-3, policy_layers=(5, 4),
-        value_layers=(6,), log_std=-0.7, normalise_reward=False,
+        value_layers=(6,), log_std=-0.7, normalise_reward=False, target_kl=0.07,
     )  # fmt: skip
 
 
@@ -191,6 +191,7 @@ def test_every_setting_is_handed_over(settings, vec_env_of):
     model = PPOAlgorithm(settings, venv, 3).model
     assert (model.n_steps, model.batch_size, model.n_epochs) == (24, 16, 3)
     assert (model.gamma, model.gae_lambda, model.seed) == (0.87, 0.77, 3)
+    assert model.target_kl == 0.07
     assert model.clip_range(1.0) == model.clip_range(0.0) == 0.13
     assert (model.lr_schedule(1.0), model.lr_schedule(0.0)) == pytest.approx((3e-3, 1e-3))
     parts = model.policy.mlp_extractor

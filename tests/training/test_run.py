@@ -13,6 +13,7 @@ from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
+from push_recovery.eval.score.draw import SuiteDistribution
 from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
 from push_recovery.training.run import Progress, Run, find_checkpoints, load_checkpoint, resume, train
 from push_recovery.training.settings import TrainingSettings
@@ -323,7 +324,11 @@ def test_an_untrained_residual_scores_exactly_as_its_base(tmp_path, training_run
 
 def test_the_curve_has_the_same_distinct_scenarios_in_every_run():
     assert curve_scenarios(8) == curve_scenarios(16)[:8]
+    like = curve_scenarios(8, pushes=SuiteDistribution(("quick",), 4.0))
+    assert {s.pushes[0].frame for s in like} == {"heading"}
     assert len({s.pushes for s in curve_scenarios(16)}) == 16
+    (first,) = curve_scenarios(1)[0].pushes  # as in runs that are over
+    np.testing.assert_allclose(first.force, (-992.9920588535983, -494.7803917752399, 0.0), rtol=1e-12)
 
 
 FELL = {"failure_reason": "low", "recovered_at": 1.0}  # it had recovered, and fell all the same

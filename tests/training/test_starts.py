@@ -1,5 +1,6 @@
 """Walks that are put back at the moment of a push."""
 
+import itertools
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from push_recovery.envs.joint.env import JointResidualEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.score.draw import SuiteDistribution
 from push_recovery.training.starts import (
     DIRECTIONS,
     EARLIEST,
@@ -92,8 +94,8 @@ def test_uncorrected_joints_walk_as_their_planner_does(episodes, walks):
             np.testing.assert_array_equal(mine.rows[name], planned.rows[name])
 
 
-def starts(episodes, walks, easy_share, floor=1.0, seed=0):
-    return PushStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(seed), walks)
+def starts(episodes, walks, easy_share, floor=1.0, seed=0, **options):
+    return PushStarts(episodes, HARD, EASY, easy_share, floor, np.random.default_rng(seed), walks, **options)
 
 
 def scenario_of(episodes, k):
@@ -187,6 +189,95 @@ def test_later_pushes_come_in_the_steps_after_that_of_the_walk(episodes, walks):
 def test_directions_are_of_the_heading_and_mirrored_on_the_left_foot(stance, psi, expected):
     walk = SimpleNamespace(rows={"gait.stance": np.array(stance), "gait.heading": np.array(0.2)})
     assert relative(psi, walk) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("kind", "impulses", "following"),
+    [
+        (PushStarts, [76.19560423507, 60.93064537112, 60.70328653556, 74.31544350510, 5.81633810382,
+                      61.22832082920], 0.8740770261495044),
+        (ResetStarts, [77.05493774705, 72.23314052436, 5.83004772980, 60.66665129211, 5.40249829810,
+                       63.19068772877], 0.5476351992137353),
+    ],
+)  # fmt: skip
+def test_pushes_of_runs_that_are_over_are_drawn_again(episodes, walks, kind, impulses, following):
+    """First pushes of older code, and the number that its stream goes on with."""
+    bodies = ("pelvis", "trunk")
+    pushes = replace(HARD, bodies=bodies, pushes_max=3, push_duration=0.05, push_duration_ratio=4.0)
+    rng, more = np.random.default_rng(7), (walks,) if kind is PushStarts else ()
+    beginning, seen = kind(episodes, pushes, EASY, 0.3, 0.3, rng, *more), []
+    for i in range(6):
+        beginning.begin(0)
+        seen.append(scenario_of(episodes, 0).pushes[0].impulse_magnitude)
+        beginning.ended(0, i % 2 == 0)
+    np.testing.assert_allclose(seen, impulses, rtol=1e-12)
+    assert rng.random() == following
+
+
+LIKE = SuiteDistribution(("quick",), 1.5)
+
+
+def test_a_walk_is_pushed_as_a_suite_says_as_many_steps_apart(episodes, walks):
+    """All but the moments is the scenario's own; three of four pushes come on the same foot as the first."""
+    beginning = starts(episodes, walks, 0.0, like=LIKE)
+    rng, counts = np.random.default_rng(0), set()
+    for _ in range(30):
+        walk = walks[rng.integers(6)]
+        rng.random()  # whether it is an easy one
+        drawn = LIKE.sample(rng)
+        rng.random()  # whether it is taken, which all are
+        beginning.begin(0)
+        now, scenario = episodes.motion().time[0], scenario_of(episodes, 0)
+        assert scenario == replace(walk.scenario, pushes=scenario.pushes, duration=None, settle_time=1.5)
+        assert now <= scenario.pushes[0].start == now + 0.01 * rng.random()
+        timeless = [[replace(p, start=0.0) for p in one.pushes] for one in (drawn, scenario)]
+        assert timeless[0] == timeless[1]
+        counts.add(len(drawn.pushes))
+        step, side = episodes.core.gait.steps.item(0), episodes.core.gait.stance.item(0)
+        for before, push in itertools.pairwise(drawn.pushes):
+            pause = push.start.step - before.start.step_index(drawn.stance_side)
+            moved = scenario.pushes[drawn.pushes.index(push)].start
+            assert moved.step == (step := step + pause)
+            assert moved.side == ("left", "right")[side := (side + pause) % 2]
+            assert moved.fraction == push.start.fraction
+    assert counts == {1, 2, 4}
+
+
+def test_each_body_and_number_of_pushes_has_a_table_of_its_own(episodes, walks):
+    """Single ones at the trunk, a quarter of all, are always recovered from: 1 in 61 is one of them."""
+    beginning = starts(episodes, walks, 0.0, floor=0.05, like=LIKE)
+    beginning.tables["trunk single"].shares[:] = 1.0
+    seen = []
+    for _ in range(300):
+        beginning.begin(0)
+        seen.append(beginning._bins[0][0])
+    bodies, numbers = ("pelvis", "trunk"), ("single", "double", "repeated")
+    assert set(seen) == {f"{body} {number}" for body in bodies for number in numbers}
+    assert seen.count("trunk single") <= 14
+    assert 65 <= seen.count("pelvis single") <= 135
+
+
+def test_what_is_lost_comes_again_as_often_as_stated_and_counts_once(episodes, walks):
+    beginning = starts(episodes, walks, 0.0, retries=2, like=LIKE)
+    seen = []
+    for recovered in (False, False, False, True, True):
+        beginning.begin(0)
+        seen.append(scenario_of(episodes, 0))
+        beginning.ended(0, recovered)
+    assert seen[0] == seen[1] == seen[2]
+    assert len({scenario.pushes for scenario in seen}) == 3
+    shares = np.concatenate([table.shares.ravel() for table in beginning.tables.values()])
+    assert sorted(shares[shares != 0.5]) == [0.475, 0.525, 0.525]
+
+
+def test_no_easy_push_comes_again(episodes, walks):
+    beginning = starts(episodes, walks, 1.0, retries=2)
+    seen = set()
+    for _ in range(5):
+        beginning.begin(0)
+        seen.add(scenario_of(episodes, 0).pushes)
+        beginning.ended(0, False)
+    assert len(seen) == 5
 
 
 class Clockwork:

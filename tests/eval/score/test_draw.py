@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.robot import REFERENCE
+from push_recovery.controllers.model.robot import REFERENCE, Similarity
+from push_recovery.envs.scenario.distribution import ErrorRanges
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -15,7 +16,7 @@ from push_recovery.eval.score import draw
 from push_recovery.eval.score.suites import get_suite
 
 MOST = 1.0 - 1e-9
-MIDDLE = draw.Point(*[0.5] * draw.FACTORS)
+MIDDLE = draw.Point(*[0.5] * len(draw.Point._fields))
 
 
 def scenario(**changes: float) -> Scenario:
@@ -91,7 +92,7 @@ def test_commands_by_level_and_side(level, sides, command, name):
 
 
 def test_every_kind_is_there_as_often_as_stated():
-    scenarios = draw.varied_scenarios("any", 1, 5)
+    scenarios = draw.DRAWS["varied"].stratified("any", 1, 5)
     assert [s.id for s in scenarios[:2]] == ["any-0000", "any-0001"]
     assert len(scenarios) == 256
     assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
@@ -163,15 +164,45 @@ PUSH = Push((600.0, -800.0, 0.0), 0.1, GaitEvent(4, "right", 0.25))  # 100 N s
 BASE = Scenario("base", (PUSH,), Command(0.2), "left", noise_seed=3)
 
 
+@pytest.mark.parametrize(
+    ("kind", "suite", "expected"),
+    [
+        ("varied", draw.varied_scenario, (draw.Point, draw.TARGETS)),
+        ("quick", draw.varied_scenario, (draw.Point, draw.harder(200.0, 140.0))),
+        ("standing", draw.standing_scenario, (draw.Standing,)),
+    ],
+)
+def test_a_scenario_like_a_suite_is_that_of_a_uniform_point(kind, suite, expected):
+    """The seed of the noise comes first, then the point, then the errors."""
+    point, *targets = expected
+    errors = ErrorRanges(friction=(0.5, 0.9))
+    found = draw.SuiteDistribution((kind,), 2.5, errors).sample(np.random.default_rng(5), "mine")
+    rng = np.random.default_rng(5)
+    assert rng.integers(1) == 0  # of the one kind
+    noise_seed = int(rng.integers(2**31))
+    whole = suite("mine", point(*rng.random(len(point._fields)).tolist()), noise_seed, *targets)
+    assert found == replace(whole, settle_time=2.5, errors=errors.sample(rng))
+
+
+def test_kinds_are_drawn_equally_often_and_scaled():
+    """A quick push has the frame of the heading, a hard one the world's."""
+    like = draw.SuiteDistribution(("quick", "hard", "hard"), 2.5)
+    rng, again = np.random.default_rng(3), np.random.default_rng(3)
+    scenarios = [like.sample(rng) for _ in range(300)]
+    assert 60 <= sum(s.pushes[0].frame == "heading" for s in scenarios) <= 140
+    size = Similarity.of(replace(REFERENCE, mass=30.0, com_height=0.4))
+    assert [like.scaled(size).sample(again) for _ in range(20)] == [s.scaled(size) for s in scenarios[:20]]
+
+
 @pytest.mark.parametrize("kind", draw.SHIFTS)
 def test_nothing_else_changes(kind):
     """Command, stance, times and noise are those that the same point has in `hard`'s way of drawing."""
-    found = draw.shifted_scenarios(kind, "s", 1, 9)
+    found = draw.DRAWS[kind].stratified("s", 1, 9)
     assert [s.id for s in found[:2]] == ["s-0000", "s-0001"]
     assert len({s.pushes + (s.errors,) for s in found}) == len(found) == 256
-    assert found == draw.shifted_scenarios(kind, "s", 1, 9)
-    assert found != draw.shifted_scenarios(kind, "s", 1, 10)
-    assert get_suite(kind).scenarios[:1] == draw.shifted_scenarios(kind, kind, 1, draw.SHIFTS[kind].seed)[:1]
+    assert found == draw.DRAWS[kind].stratified("s", 1, 9)
+    assert found != draw.DRAWS[kind].stratified("s", 1, 10)
+    assert get_suite(kind).scenarios[:1] == draw.DRAWS[kind].stratified(kind, 1, draw.SHIFTS[kind].seed)[:1]
     for scenario in found:
         assert scenario.pushes[0].start.step == 4 or kind == "shift-repeated"
         assert scenario.settle_time == 4.0
@@ -227,7 +258,7 @@ def test_another_floor():
         ([0.9, 0.0, 0.0], ModelErrors(floor_step=0.005)),
     ):
         assert draw.another_floor(BASE, point).errors == errors
-    kinds = [set(s.errors.names) for s in draw.shifted_scenarios("shift-floor", "s", 1, 2)]
+    kinds = [set(s.errors.names) for s in draw.DRAWS["shift-floor"].stratified("s", 1, 2)]
     counts = [sum(bool(names & wanted) for names in kinds)
               for wanted in ({"friction"}, {"slope_forward", "slope_left"}, {"floor_step"})]  # fmt: skip
     assert sum(counts) == 256

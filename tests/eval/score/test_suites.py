@@ -272,10 +272,16 @@ def test_a_suite_follows_from_its_seed(like):
     assert not drawn & others
 
 
-def test_the_draw_is_that_of_the_named_suite():
-    drawn = suites.new_suite("hard", suites.HARD_SEED, 1024, "hard")
-    assert drawn.sha256 == get_suite("hard").sha256
-    assert suites.new_suite("shift-floor", 20261207, name="shift-floor") == get_suite("shift-floor")
+@pytest.mark.parametrize(
+    ("like", "seed"),
+    [
+        ("quick", suites.QUICK_SEED), ("standard", suites.SEED), ("hard", suites.HARD_SEED),
+        ("varied", suites.VARIED_SEED), ("standing", suites.STANDING_SEED), ("shift-floor", 20261207),
+    ],
+)  # fmt: skip
+def test_the_draw_is_that_of_the_named_suite(like, seed):
+    named = get_suite(like).scenarios
+    assert suites.new_suite(like, seed, len(named), like).scenarios == named
 
 
 def test_other_ranges():
