@@ -72,7 +72,7 @@ FORMS = "", "Residual", "Joint", "JointResidual", "FullBody"  # what follows the
 
 
 def register_robot(name: str, robot: str) -> tuple[str, ...]:
-    """Register `PushRecovery/NAME-v0`, its forms such as `MineResidual`; returns their ids.
+    """Register `PushRecovery/NAME-v0`, its other forms, one for each of FORMS; returns their ids.
 
     The ids are known to this process. A module that calls this at its top is named in front of the id where
     others shall find it, as in `push-recovery evaluate --env my_robot:PushRecovery/Mine-v0`.

@@ -334,7 +334,7 @@ REFUSED = {
         "was trained in: "
         "hand over the model itself, not its policy",
     ),
-    "a graph": (lambda: "mine.onnx", PENDULUM, "unknown policy 'mine.onnx'"),
+    "a graph": (lambda: "mine.onnx", PENDULUM, "there is no file 'mine.onnx'"),
 }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def ids():
 
 
 def test_the_ids_make_that_robot_alone_and_side_by_side(ids):
-    forms = "", "Residual", "Joint", "JointResidual"
+    forms = "", "Residual", "Joint", "JointResidual", "FullBody"
     assert ids == tuple(f"PushRecovery/NoWaistRoll{form}-v0" for form in forms)
     for env_id in ids:
         env, robots = gym.make(env_id), gym.make_vec(env_id, 2, vectorization_mode="vector_entry_point")

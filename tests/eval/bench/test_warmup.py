@@ -32,7 +32,10 @@ def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monk
     assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
 
 
-@pytest.mark.parametrize("name", [name for name in warmup.names() if not re.search("Residual|Joint", name)])
+GAITS = [name for name in warmup.names() if not re.search("Residual|Joint|FullBody", name)]
+
+
+@pytest.mark.parametrize("name", GAITS)
 def test_every_arm_that_is_run_can_be_made(name):
     env = make_env(name)
     for arm in warmup.arms(name):
@@ -42,7 +45,7 @@ def test_every_arm_that_is_run_can_be_made(name):
     assert set(ARMS) - set(warmup.arms(name)) == without
 
 
-@pytest.mark.parametrize("name", ["BipedResidual", "BipedJoint", "BipedJointResidual"])
+@pytest.mark.parametrize("name", ["BipedResidual", "BipedJoint", "BipedJointResidual", "BipedFullBody"])
 def test_what_no_arm_acts_in_runs_alone_and_side_by_side(monkeypatch, name):
     done = []
     for call in ("rollout", "rollout_all"):

@@ -19,6 +19,12 @@ class Clock:
         return self.now
 
 
+@pytest.fixture(autouse=True)
+def compiled(monkeypatch):
+    """No kernel has been compiled lately, whatever other tests of this process do."""
+    monkeypatch.setattr(progress, "compiles_lately", lambda: False)
+
+
 def told(lines, out):
     """The line that `tell` writes."""
     before = len(out.getvalue())
