@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 from onnx import numpy_helper
-from push_recovery.eval.robot_tools.policy_check import Controls, find_fault, robot_of
+from push_recovery.eval.robot_tools.policy_check import Controls, diagnose, robot_of
 from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, PolicyContract, read_contract
 
 SWAPS = ((0, 1), (3, 4), (9, 10), (0, 6), (12, 13), (3, 9))  # places in the network's output
@@ -80,10 +80,8 @@ def main() -> None:
                   for seed, noise in enumerate(NOISES)]  # fmt: skip
         for name, kind, case in cases:
             began = time.perf_counter()
-            found = controls.run_all(case)
-            passed = all(one.passed for one in found.values())
-            repair = None if passed else find_fault(case, controls, found)
-            said = "works" if passed else "weak" if repair is None else "contract"
+            found = diagnose(case, controls)
+            said, repair = found.verdict.split()[0], found.repair
             right, total = right + (said == kind), total + 1
             what = "" if repair is None else f"{repair.field}, {repair.what}"
             seconds = time.perf_counter() - began

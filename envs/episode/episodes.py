@@ -136,7 +136,7 @@ class GaitEpisodes(ABC, Generic[C]):
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
         self._episodes = period_end.Episodes(
             pushes=np.zeros(n, np.int64), changed=np.zeros(n), fixed=np.full(n, np.nan), settle=np.zeros(n),
-            uphill=np.zeros((n, 2)), before=np.zeros((n, GAIT_SIZE)), planned=self.planned,
+            uphill=np.zeros((n, 2)), before=np.zeros((n, GAIT_SIZE)), planned=self.planned, event=np.zeros(n),
             terms=np.zeros((n, len(period_end.REWARD_TERMS))), total=np.zeros(n),
         )  # fmt: skip
         self._ends = np.zeros((2, n), np.bool_)  # failed, truncated

@@ -167,6 +167,7 @@ class Episodes(NamedTuple):
     uphill: Floats2  # (n, 2) what the slope moves the DCM by, world axes [m]
     before: Floats2  # (n, 7) action in force in the period before, written for the next one
     planned: Floats1  # (n,) step duration T that the last action asked for [s], written
+    event: Floats1  # (n,) end of the last push, or last change of the command if later [s], written
     terms: Floats2  # (n, 7) of the reward, in the order of REWARD_TERMS, written
     total: Floats1  # (n,) reward, written
 
@@ -223,6 +224,7 @@ def end_period(t, c, gaits, ends):  # pragma: no cover
         uphill[0], uphill[1] = layout.canonical(frame, episodes.uphill[k, 0], episodes.uphill[k, 1])
         started_dcm_kernel(obs, uphill, double_support, omega, started)
         event = max(last_push_end(robots, k, episodes.pushes[k]), episodes.changed[k])
+        episodes.event[k] = event
         if obs[layout.ELAPSED] < 0.0:
             monitor.steps[k] = robots.steps[k]
             for axis in range(2):

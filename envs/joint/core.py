@@ -182,6 +182,11 @@ class JointCore(BipedCore):
         """Actions asked of the joints, and the constants of their drives."""
         return self.own.joints
 
+    @property
+    def asked(self) -> Array:
+        """Actions of the period, which the next one begins with, (n, joints) in [-1, 1]."""
+        return self.joints.asked
+
     def _own_parts(self) -> Any:
         """Make the parts of robots whose joints have been asked for nothing yet."""
         return JointParts(self._make_joints())

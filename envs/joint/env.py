@@ -174,9 +174,9 @@ class JointEpisodes(OnJointsEpisodes):
         self._rewards.before[k] = 0.0
 
     def step(self, actions: NDArray[np.float32]) -> Period:
-        """One planning period under targets (n, 14) in [-1, 1]; `planned` is the nominal step's duration."""
+        """One planning period under targets in [-1, 1]; `planned` is the nominal step's duration."""
         core = self.core
-        core.joints.asked[:] = actions
+        core.asked[:] = actions
         core.step(core.gait.plan, core.previous_action)  # which are nobody's
         return self._end_period(core.gait.plan)
 

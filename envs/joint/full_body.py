@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ...controllers import joint_control
 from ...controllers.array_table import COMMON, Floats1, Floats2, Floats3, part_of
@@ -35,14 +35,13 @@ from ...controllers.validation import require_kind, require_number
 from ...controllers.whole_body.kinematics import NU, NV, PELVIS, TRUNK, Array, Physics
 from ...controllers.whole_body.limits import JOINT_TORQUE, Bounds, write_torque_range
 from ...controllers.whole_body.swing import TURN
-from ..biped.core import BipedCore
 from ..biped.env import BipedConfig, BipedEnv
 from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables
 from ..biped.posture import SUNK, posture
 from ..episode.episodes import Period
 from ..episode.recovery import SPEED_TOLERANCE
 from ..episode.vector_env import vector_maker
-from ..robots.compiled_robot import FREQUENCY, CompiledRobot
+from ..robots.compiled_robot import FREQUENCY, CompiledRobot, moved_inertia
 from ..robots.description import RobotDescription, robot_description
 from ..robots.indices import MISSING
 from ..scenario.push import GaitEvent, Push
@@ -110,17 +109,10 @@ class FullBodyParts(NamedTuple):
     drives: Drives
 
 
-class Own(NamedTuple):
-    """The parts as the loop reads them."""
-
-    joints: Joints
-    drives: Drives
-
-
 @njit(cache=True, forceinline=True)
-def own_of(t: Tables) -> Own:
+def own_of(t: Tables) -> FullBodyParts:
     """Read the parts beside the arena."""
-    return Own(part_of(t.own, FullBodyParts, "joints"), part_of(t.own, FullBodyParts, "drives"))
+    return FullBodyParts(part_of(t.own, FullBodyParts, "joints"), part_of(t.own, FullBodyParts, "drives"))
 
 
 @njit(cache=True, forceinline=True)
@@ -168,7 +160,9 @@ def begin_servos(t: Tables, c: Array, k: int, gait: Array, action: Array) -> Non
 
 
 @njit(cache=True, forceinline=True)
-def servo_torques(own: Own, plant: Plant, controller: Controller, k: int, share: float, dt: float) -> int:
+def servo_torques(
+    own: FullBodyParts, plant: Plant, controller: Controller, k: int, share: float, dt: float
+) -> int:
     """Servos of all joints of robot k."""
     joints, drives = own
     joint_control.follow_contacts(plant.physics, plant.gait, k, controller.settings, joints)
@@ -236,14 +230,24 @@ class FullBodyCore(JointCore):
     """n robots under targets of all their joints."""
 
     actuation: ClassVar[Actuation] = SERVOS
-    servos: Servos | None = None  # that the next core is built with
+    servos: Servos | None = None
     own: FullBodyParts
     stride = 0.0  # of the robot that is reset next, see `Scenario.stride` [m]
+
+    def __init__(self, *biped: Any, servos: Servos | None = None):
+        """Build the robots: arguments of `BipedCore`, and their drives; None: see `own_servos`."""
+        self.servos = servos
+        super().__init__(*biped)
 
     @property
     def drives(self) -> Drives:
         """Targets and constants of all joints."""
         return self.own.drives
+
+    @property
+    def asked(self) -> Array:
+        """Actions of the period, (n, M) in [-1, 1]."""
+        return self.drives.asked
 
     def _own_parts(self) -> FullBodyParts:
         """Make the parts of robots that hold their posture."""
@@ -290,10 +294,8 @@ class FullBodyCore(JointCore):
 
 def joint_inertia(body: CompiledRobot) -> Array:
     """Inertia that each joint moves, the robot at rest in its reference posture, (M,) [kg m^2]."""
-    data, model = body.in_reference_posture(), body.model
-    mujoco.mj_forward(model, data)
-    inertia = data.M[model.M_rowadr + model.M_rownnz - 1]
-    dofs = (*body.indices.dof[BASE:], *body.indices.held_dof)
+    inertia, indices = moved_inertia(body.in_reference_posture()), body.indices
+    dofs = (*indices.dof[BASE:], *indices.held_dof)
     return np.array([0.0 if dof == MISSING else inertia[dof] for dof in dofs])
 
 
@@ -372,20 +374,16 @@ class FullBodyEpisodes(JointEpisodes):
     """Episodes of n robots under targets of all joints."""
 
     name = "PushRecovery/BipedFullBody-v0"
-    core_of: ClassVar[type[BipedCore]] = FullBodyCore
     config_of = FullBodyConfig
     core: Any  # a FullBodyCore
     config: FullBodyConfig
 
     def __init__(self, n: int, config: BipedConfig | None = None, threads: int = 1, **changes: Any):
         """Build the robots, see `BipedEpisodes`."""
-        config = FullBodyConfig() if config is None else require_kind("config", config, FullBodyConfig)
-        config = replace(config, **changes)
-        servos = config.servos
-        if servos is not None:
-            require_kind("servos", servos, Servos)
-        core = type("FullBodyCore", (self.core_of,), {"servos": servos})
-        self.core_of = core  # type: ignore[misc]
+        given = BipedConfig() if config is None else require_kind("config", config, BipedConfig)
+        config = FullBodyConfig(**(vars(given) | changes))
+        servos = None if config.servos is None else require_kind("servos", config.servos, Servos)
+        self.core_of = partial(FullBodyCore, servos=servos)  # type: ignore[misc]
         super().__init__(n, replace(config, robot=driven(config.robot)), threads)
         size = self.core.drives.target.shape[1]
         self.action_size, self.observation_size = size, self.core.drives.observation.shape[1]  # type: ignore[misc]
@@ -436,23 +434,12 @@ class FullBodyEpisodes(JointEpisodes):
             changes=tuple(replace(change, command=moving(change.command)) for change in scenario.changes),
         )
 
-    def step(self, actions: NDArray[np.float32]) -> Period:
-        """One planning period under targets (n, M) in [-1, 1]."""
-        core = self.core
-        core.drives.asked[:] = actions
-        core.step(core.gait.plan, core.previous_action)  # which are nobody's
-        return self._end_period(core.gait.plan)
-
     def _end_period(self, gaits: Array) -> Period:
         period, state, core = super()._end_period(gaits), self.monitor.state, self.core
-        pushes = core.pushes
-        count = np.arange(pushes.start.shape[1]) < self._episodes.pushes[:, None]
-        ends = np.where(count, pushes.start + pushes.duration, 0.0).max(axis=1)
-        event = np.maximum(ends, self._episodes.changed)
         upright = core.judged.xmat[:, [PELVIS, TRUNK], 8].min(axis=1)
         lean = np.arccos(np.clip(upright, -1.0, 1.0))
         gait = core.gait
-        moment = Moment(core.com, gait.heading, gait.time, event, core.command, lean)
+        moment = Moment(core.com, gait.heading, gait.time, self._episodes.event, core.command, lean)
         state.speed_error[:] = self._steady.look(moment)
         state.recovered_at[:] = self._steady.since
         return period
@@ -489,9 +476,7 @@ class FullBodyEnv(BipedEnv):
             servos: its drives; None: see `own_servos`.
             biped: arguments of `BipedEnv`.
         """
-        self.make_episodes = lambda n, config: FullBodyEpisodes(
-            n, FullBodyConfig(**vars(config), servos=servos)
-        )
+        self.make_episodes = partial(FullBodyEpisodes, servos=servos)
         super().__init__(**biped)
 
 

@@ -43,8 +43,7 @@ def hold_joints(model: mujoco.MjModel, plan: BodyPlan) -> None:
         return
     data = mujoco.MjData(model)
     put_held(model, plan, data)
-    mujoco.mj_forward(model, data)
-    inertia = data.M[model.M_rowadr + model.M_rownnz - 1].copy()  # diagonal of the mass matrix [kg m^2]
+    inertia = moved_inertia(data)
     for name, angle in plan.held:
         joint = hinge(model, name)
         low, high = model.jnt_range[joint]
@@ -56,6 +55,16 @@ def hold_joints(model: mujoco.MjModel, plan: BodyPlan) -> None:
         stiffness, damping = moved * FREQUENCY**2, 2.0 * moved * FREQUENCY
         model.actuator_biastype[motor] = mujoco.mjtBias.mjBIAS_AFFINE
         model.actuator_biasprm[motor, :3] = stiffness * angle, -stiffness, -damping
+
+
+def moved_inertia(data: mujoco.MjData) -> Array:
+    """Inertia that each degree of freedom moves in the posture of `data`, the others at rest, (nv,) [kg m^2].
+
+    It is the diagonal of the mass matrix.
+    """
+    model = data.model
+    mujoco.mj_forward(model, data)
+    return data.M[model.M_rowadr + model.M_rownnz - 1].copy()
 
 
 def put_held(model: mujoco.MjModel, plan: BodyPlan, data: mujoco.MjData) -> None:

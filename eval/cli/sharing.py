@@ -212,31 +212,24 @@ class PolicyCommand(JsonOption):
         from ..robot_tools import policy_check
 
         robot = self.robot or policy_check.robot_of(contract)
-        controls = policy_check.Controls(robot)
-        found = controls.run_all(contract)
+        found = policy_check.diagnose(contract, policy_check.Controls(robot))
         rows = [
             (name, f"{c.command.vx:g}, {c.command.vy:g}, {c.command.turn:g}",
              "-" if c.fell_at is None else f"{c.fell_at:.2f}",
              f"{c.velocity[0]:.2f}, {c.velocity[1]:.2f}, {c.turn:.2f}", f"{c.drift:.3f}",
              "yes" if c.passed else "no")
-            for name, c in found.items()
+            for name, c in found.controls.items()
         ]  # fmt: skip
         columns = ("control", "told [m/s, m/s, rad/s]", "fell at [s]", "did", "moved [m]", "passed")
-        passed, repair = all(one.passed for one in found.values()), None
-        if not passed:
-            repair = policy_check.find_fault(contract, controls, found)
-        if passed:
-            verdict = "works: it stands and walks as told"
-        elif repair is not None:
-            verdict = f"contract at fault: {repair.field}, {repair.what}, and it passes every control"
-        else:
-            verdict = (
-                "weak policy, or a contract that is wrong in more than one thing: no single change helps"
-            )
-        content = {"robot": robot, "verdict": verdict.partition(":")[0], "passed": passed,
+        repair = found.repair
+        why = "it stands and walks as told" if found.passed else "no single change helps"
+        if repair is not None:
+            why = f"{repair.field}, {repair.what}, and it passes every control"
+        content = {"robot": robot, "verdict": found.verdict, "passed": found.passed,
                    "field": None if repair is None else repair.field,
-                   "controls": {name: c.to_dict() for name, c in found.items()}}  # fmt: skip
-        self.show(content, [Table(f"{contract.name} on {robot}, unpushed", columns, rows)], [verdict, *lines])
+                   "controls": {name: c.to_dict() for name, c in found.controls.items()}}  # fmt: skip
+        lines = [f"{found.verdict}: {why}", *lines]
+        self.show(content, [Table(f"{contract.name} on {robot}, unpushed", columns, rows)], lines)
 
 
 def _contract_table(contract: Any) -> Any:

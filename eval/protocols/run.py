@@ -94,7 +94,8 @@ class PushProtocol:
     @property
     def watcher(self) -> str:
         """Key of WATCHERS."""
-        return next((key for key in (f"{self.name} {self.form}",) if key in WATCHERS), self.name)
+        of_form = f"{self.name} {self.form}"
+        return of_form if of_form in WATCHERS else self.name
 
     @property
     def stands(self) -> bool:

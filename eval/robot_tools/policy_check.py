@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...envs.joint.full_body import FullBodyEnv, driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.robots.description import robot_description
@@ -50,12 +50,12 @@ def robot_of(contract: PolicyContract) -> str:
     for name in ROBOTS:
         try:
             contract.present(joint_names(compiled_robot(driven(name))))
-        except (InvalidValueError, ValueError, ImportError):
+        except PushRecoveryError:
             continue
         return name
     raise InvalidValueError(
         f"none of {', '.join(ROBOTS)} has the joints of policy {contract.name!r}, such as "
-        f"{contract.joints[0]!r}; name the robot with --env"
+        f"{contract.joints[0]!r}; name the robot with --robot"
     )
 
 
@@ -206,3 +206,32 @@ def find_fault(given: PolicyContract, controls: Controls, found: dict[str, Contr
         if all(controls.run(repair.contract, one, SECONDS).passed for one in CONTROLS.values()):
             return repair
     return None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What became of the controls of a contract, and the one change that mends it, if there is one."""
+
+    controls: dict[str, Control]
+    repair: Repair | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every control was passed."""
+        return all(control.passed for control in self.controls.values())
+
+    @property
+    def verdict(self) -> str:
+        """What to make of it, in words."""
+        if self.passed:
+            return "works"
+        if self.repair is not None:
+            return "contract at fault"
+        return "weak policy, or a contract that is wrong in more than one thing"
+
+
+def diagnose(contract: PolicyContract, controls: Controls) -> Diagnosis:
+    """Run all controls of a contract; where one is not passed, look for the fault."""
+    found = controls.run_all(contract)
+    passed = all(control.passed for control in found.values())
+    return Diagnosis(found, None if passed else find_fault(contract, controls, found))

@@ -105,8 +105,7 @@ class Contender:
                 f"policy {contract.name!r} has a network in TorchScript, and loading one may run its code: "
                 "where you trust it, evaluate and compare take --trust"
             )
-        self._shared = self._load()
-        self._alone = getattr(self._shared, "is_recurrent", False)
+        self._shared, self._turned = self._load(), gaitkeeper("terms").quat_to_mat
 
     def _load(self) -> Any:
         if self._script:
@@ -123,7 +122,7 @@ class Contender:
         actions = np.zeros((len(seen), self._size), np.float32)
         for i, row in enumerate(seen):
             if begins[i]:
-                network = self._load() if self._alone else self._shared
+                network = self._load() if self._shared.is_recurrent else self._shared
                 kept[i] = Episode(self.contract.contract, network, len(self._scale))
             targets = self._offset + self._scale * self._decide(kept[i], row)
             if self._clip is not None:
@@ -142,7 +141,7 @@ class Contender:
 
     def observe(self, episode: Episode, row: Array, command: Array) -> Array:
         """What the network sees of a robot in state `row` (13 + 2 M,) under a command (3,)."""
-        turn = gaitkeeper("terms").quat_to_mat(row[full_body.QUATERNION])
+        turn = self._turned(row[full_body.QUATERNION])
         angles, rates = row[full_body.ANGLES :][self._own], row[full_body.ANGLES + self._size :][self._own]
         absent = np.zeros(len(self._absent))
         return episode.builder.step(

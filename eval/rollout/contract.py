@@ -21,9 +21,10 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -35,9 +36,7 @@ from ...envs.joint.full_body import Servos
 EXTRA = "contenders"
 NETWORKS = (".onnx", ".pt", ".jit")  # of ONNX and TorchScript
 SUFFIXES = (*NETWORKS, ".yaml", ".yml")
-REACH = (
-    2.0 * np.pi
-)  # of an action of 1: targets further from the posture ask for the motor's full torque [rad]
+REACH = 2.0 * np.pi  # of an action of 1, far enough for a motor's full torque [rad]
 GROUP = "policy_io.observation_groups.policy"
 NAMES, POSE, RATE = "policy_io.joints.names", "control.default_joint_pos", "timing.policy_dt"
 SCALE, OFFSET = "control.actions.joint_pos.scale", "control.actions.joint_pos.offset"
@@ -57,10 +56,10 @@ def gaitkeeper(module: str) -> Any:
     """
     if find_spec("gaitkeeper") is None:
         raise MissingExtraError("gaitkeeper", EXTRA)
-    return __import__(f"gaitkeeper.{module}", fromlist=["gaitkeeper"])
+    return import_module(f"gaitkeeper.{module}")
 
 
-def is_contract(name: object) -> bool:
+def is_contract(name: object) -> TypeGuard[str]:
     """Whether a policy argument means a contract or the network of one."""
     return isinstance(name, str) and (name in PACKAGED or Path(name).suffix in SUFFIXES)
 
@@ -80,7 +79,7 @@ def contract_name(policy: object) -> str | None:
     """Name of the contract that a policy means; None for one of another kind."""
     if isinstance(policy, Trusted):
         return policy.name
-    return policy if isinstance(policy, str) and is_contract(policy) else None
+    return policy if is_contract(policy) else None
 
 
 @dataclass(frozen=True)
@@ -107,8 +106,7 @@ def contract_file(name: str) -> Path:
     """The file of a contract: the path itself, or that of a packaged policy.
 
     Raises:
-        MissingExtraError: the package of a policy is not installed.
-        InvalidValueError: no such file.
+        InvalidValueError: no such file, or the package of a policy is not installed.
     """
     path = Path(name)
     if name in PACKAGED:
@@ -206,9 +204,9 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
         changes: fields by their dotted paths, above what the files say.
 
     Raises:
-        MissingExtraError: gaitkeeper or a policy's package is not installed.
-        InvalidValueError: a file that cannot be read; a field that is missing, contradicts another or does
-            not fit the network, by its name.
+        MissingExtraError: gaitkeeper is not installed.
+        InvalidValueError: a policy's package is not installed; a file that cannot be read; a field that is
+            missing, contradicts another or does not fit the network, by its name.
     """
     path = contract_file(name)
     try:

@@ -45,7 +45,7 @@ def draw(n):
         pushes=rng.integers(0, 3, n), changed=np.where(rng.random(n) < 0.5, 0.0, rng.uniform(0.0, 4.0, n)),
         fixed=np.where(rng.random(n) < 0.5, np.nan, rng.uniform(0.0, 4.0, n)),
         settle=rng.uniform(0.0, 2.0, n), uphill=np.zeros((n, 2)), before=rng.uniform(-1.0, 1.0, (n, 7)),
-        planned=np.zeros(n), terms=np.zeros((n, 7)), total=np.zeros(n),
+        planned=np.zeros(n), event=np.zeros(n), terms=np.zeros((n, 7)), total=np.zeros(n),
     )  # fmt: skip
     return robots, episodes, rng.uniform(0.2, 0.7, (n, 7))
 
