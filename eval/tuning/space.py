@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, UnknownNameError
 from ...controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
+from ...controllers.settings import PlannerConfig
 from ...controllers.validation import require_choice
 
 DIGITS = 6  # significant digits of a value: short in a file, far finer than what matters
@@ -189,15 +190,31 @@ ROBOT = (
     _price("swing_turn_price"), _price("waist_price"),
 )  # fmt: skip
 
+# Of a variant that never changes its step time, which is the middle of the box: 5 ms above the least [s]
+FIXED_DURATION = _limit("duration_max", 0.12, 0.9, 0.01)
+
+
+def robot_dimensions(policy: str) -> tuple[Dimension, ...]:
+    """Fields of gait box, gait machine and whole-body control; a step time that is fixed is one field."""
+    config = _planner_config(policy)
+    if config.adapt_duration and config.foothold == "optimal":
+        return ROBOT
+    return *(d for d in ROBOT if d.name not in ("duration_min", "duration_max")), FIXED_DURATION
+
+
+def _planner_config(policy: str) -> PlannerConfig:
+    require_choice("policy to tune", policy, VARIANTS)
+    planner = make_policy(policy)
+    assert isinstance(planner, TwoStagePolicy)  # noqa: S101
+    return planner.config
+
+
 OF_TRUNK = {*(dimension.name for dimension in TRUNK), "waist_price"}
 
 
 def planner_dimensions(policy: str) -> tuple[Dimension, ...]:
     """The fields of PlannerConfig that a variant of the planner uses; other policies are refused."""
-    require_choice("policy to tune", policy, VARIANTS)
-    planner = make_policy(policy)
-    assert isinstance(planner, TwoStagePolicy)  # noqa: S101
-    config = planner.config
+    config = _planner_config(policy)
     mpc = config.foothold == "linear_mpc"
     weights = WEIGHTS if config.adapt_duration else WEIGHTS[1:]
     return (

@@ -35,7 +35,7 @@ from ..score.suites import Suite
 from . import pushes
 from .pushes import TUNING, VARIED
 from .scorer import BIPED, PENDULUM, RECOVERED, Scorer, check_env, own_episodes
-from .space import OF_TRUNK, ROBOT, Space, planner_dimensions, select
+from .space import OF_TRUNK, Space, planner_dimensions, robot_dimensions, select
 
 SPACES = ("planner", "robot", "both")
 FEWEST_SCENARIOS = 8
@@ -114,7 +114,9 @@ def space_of(settings: TuningSettings) -> Space:
     biped's own value. What turns a trunk is left out where there is no waist.
     """
     planner, robot = settings.space != "robot", settings.space != "planner"
-    dimensions = (planner_dimensions(settings.policy) if planner else ()) + (ROBOT if robot else ())
+    dimensions = (planner_dimensions(settings.policy) if planner else ()) + (
+        robot_dimensions(settings.policy) if robot else ()
+    )
     start = _values(settings.preset, settings.policy)
     if settings.env_id not in (BIPED, PENDULUM):
         own, model = _values(BIPED_PRESET, settings.policy), own_episodes(settings.env_id).robot

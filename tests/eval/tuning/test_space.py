@@ -10,7 +10,15 @@ from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.tuning import space
-from push_recovery.eval.tuning.space import ROBOT, VARIANTS, Dimension, Space, planner_dimensions, select
+from push_recovery.eval.tuning.space import (
+    ROBOT,
+    VARIANTS,
+    Dimension,
+    Space,
+    planner_dimensions,
+    robot_dimensions,
+    select,
+)
 
 LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
@@ -97,3 +105,14 @@ def test_arms_without_gains_are_refused():
     message = r"unknown policy to tune 'passive' \(valid: raibert, herdt, fixed-time, stage-1, stage-1\+cop"
     with pytest.raises(UnknownNameError, match=message):
         planner_dimensions("passive")
+
+
+@pytest.mark.parametrize("policy", ["raibert", "fixed-time", "herdt"])
+def test_a_step_time_that_is_fixed_is_searched_down_to_the_shortest_step(policy):
+    fields = {d.name: d for d in robot_dimensions(policy)}
+    assert "duration_min" not in fields
+    assert fields["duration_max"].low == 0.12
+    assert fields["duration_max"].unit == 0.01
+    moved = {d.name: d for d in robot_dimensions("two-stage")}
+    assert (moved["duration_min"].low, moved["duration_max"].low) == (0.08, 0.4)
+    assert fields.keys() == moved.keys() - {"duration_min"}
