@@ -42,7 +42,7 @@ def evaluate(
         suite: a suite, its name, or its file; by default `quick`, and `quick-1` on the pendulum.
         env: id of a gait environment.
         errors: what robot and floor are off from the planner's model, in every scenario.
-        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
+        profile: of the robot, "exact", "hardware" or "weighed"; `errors` stand where both say something.
         workers: processes, which change no result. More than one start this script anew, so that it needs
             `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
             cluster.
@@ -119,7 +119,7 @@ def frontier(
         body: that is pushed.
         command: velocity that is walked at, or to stand.
         errors: what robot and floor are off from the planner's model.
-        profile: of the robot, "exact" or "hardware"; `errors` stand where both say something.
+        profile: of the robot, "exact", "hardware" or "weighed"; `errors` stand where both say something.
         workers: processes, see `evaluate`.
         out: directory of the results; by default one under runs/ named after the configuration.
         overwrite: start over where the directory holds results.
@@ -149,7 +149,7 @@ def rollout(
         env: a gait environment, or its id. Three arguments in the order of old, environment, policy and
             scenario, are understood, too.
         policy_name: of the outcome; by default the name, or the object's class.
-        profile: of the robot, "exact" or "hardware"; what the scenario says itself stands.
+        profile: of the robot, "exact", "hardware" or "weighed"; what the scenario says itself stands.
 
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.

@@ -89,7 +89,7 @@ class TrainingSettings:
     reward: Annotated[str | None, arg(metavar="{None,recovery,environment}")] = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
     the environment's own reward; None: recovery where robots share one core, but environment for joint"""
-    profile: str = "exact"  # profile of the robots: exact or hardware
+    profile: str = "exact"  # profile of the robots: exact, hardware or weighed
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
     """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
     randomisation"""

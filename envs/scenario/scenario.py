@@ -9,6 +9,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
@@ -248,27 +250,44 @@ def _all_of(name: str, values: object, kind: type) -> tuple[Any, ...]:
     return checked
 
 
+MASS_STEP = 0.005  # of drawn masses: each has a MuJoCo model of its own
+
+
 @dataclass(frozen=True)
 class Profile:
-    """Model errors, physics and sensing of every robot that it is applied to."""
+    """Model errors, physics and sensing of every robot that it is applied to.
+
+    Mass and the trunk's CoM are drawn from the noise seed of the scenario alone, uniform in their bounds.
+    """
 
     name: str
     errors: ModelErrors = EXACT_MODEL
     physics: PhysicsOptions = PLAIN_PHYSICS
     sensing: str = EXACT_SENSING
+    mass_within: float = 0.0  # relative, both ways
+    trunk_com_within: float = 0.0  # [m], each axis, both ways
 
     def applied(self, scenario: Scenario) -> Scenario:
         """The scenario on such a robot, of the same id and noise seed; what it says itself stands."""
         return replace(
             scenario,
-            errors=replace(self.errors, **changed_fields(scenario.errors)),
+            errors=replace(self._drawn(scenario.noise_seed), **changed_fields(scenario.errors)),
             physics=replace(self.physics, **changed_fields(scenario.physics)),
             sensing=self.sensing if scenario.sensing == EXACT_SENSING else scenario.sensing,
         )
 
+    def _drawn(self, noise_seed: int) -> ModelErrors:
+        if not (self.mass_within or self.trunk_com_within):
+            return self.errors
+        heavy, *off = np.random.default_rng([noise_seed, *map(ord, self.name)]).uniform(-1.0, 1.0, 4).tolist()
+        mass = round(MASS_STEP * round(heavy * self.mass_within / MASS_STEP), 6)
+        x, y, z = (round(share * self.trunk_com_within, 4) for share in off)
+        return replace(self.errors, mass=self.errors.mass + mass, trunk_com=(x, y, z))
+
     def scaled(self, scale: Similarity) -> Profile:
         """The same profile for a robot of another size."""
-        return replace(self, errors=self.errors.scaled(scale))
+        within = self.trunk_com_within * scale.length
+        return replace(self, errors=self.errors.scaled(scale), trunk_com_within=within)
 
 
 EXACT = Profile("exact")
@@ -287,7 +306,9 @@ HARDWARE = Profile(
     PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0),
     ONBOARD,
 )
-PROFILES: Mapping[str, Profile] = MappingProxyType({profile.name: profile for profile in (EXACT, HARDWARE)})
+# the same, whose mass and trunk are known as well as scales and a balance tell
+WEIGHED = replace(HARDWARE, name="weighed", mass_within=0.02, trunk_com_within=0.01)
+PROFILES: Mapping[str, Profile] = MappingProxyType({one.name: one for one in (EXACT, HARDWARE, WEIGHED)})
 
 
 def get_profile(name: str) -> Profile:

@@ -39,15 +39,19 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     """Let robots that are at rest stand on both feet (otherwise they step in place)."""
 
     arms: Annotated[
-        Literal["own", "walking"] | None, arg(metavar="NAME", help_behavior_hint="(default: own)")
+        Literal["own", "held", "walking"] | None, arg(metavar="NAME", help_behavior_hint="(default: own)")
     ] = None
-    """Arms of a G1 on tour: left to the policy, or walking at random, as the benchmark has them; then a
-    policy must drive all joints (docs/contenders.md)."""
+    """Arms of a G1 on tour: left to the policy, or, as the benchmark's harness has them, held or walking at
+    random; then a policy must drive all joints (docs/contenders.md)."""
+    punches: bool = True
+    """Punch the robot on tour (otherwise it only walks)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.arms is not None and self.protocol != "tour":
             raise InvalidValueError(f"--arms is for tour, not {self.protocol}")
+        if not self.punches and self.protocol != "tour":
+            raise InvalidValueError(f"--no-punches is for tour, not {self.protocol}")
         if self.form is not None and self.protocol != "kick":
             raise InvalidValueError(f"--form is for kick, not {self.protocol}")
         if self.episodes is not None and self.episodes > MOST[self.protocol]:
@@ -59,8 +63,11 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         """Run it, print one table or object, write the reports."""
         from ..protocols import kick, report, run, tour
 
-        walking = self.arms == "walking"
-        robot, form = run.biped_of(self.env_id, walking), run.WALKING if walking else self.form or "stated"
+        driven = self.arms in run.ARMS
+        robot, form = (
+            run.biped_of(self.env_id, driven),
+            f"arms {self.arms}" if driven else self.form or "stated",
+        )
         if self.protocol == "tour":
             scenarios = tuple(tour.tour_scenario(one, robot) for one in range(self.episodes or 64))
         else:
@@ -69,6 +76,7 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         asked = run.PushProtocol(self.protocol, form, robot.robot, scenarios)
         asked = asked.with_collisions() if self.collisions else asked
         asked = asked.standing() if self.stand else asked
+        asked = asked if self.punches else asked.unpushed()
         found = run.run_protocol(
             asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
         )

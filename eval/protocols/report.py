@@ -10,7 +10,7 @@ from ...controllers.model.robot import GRAVITY, Similarity
 from ..output.statistics import wilson_interval
 from ..output.tables import Table, markdown_page, write_reports
 from .kick import FORCES, LEVELS, jump_of
-from .run import WALKING, PushProtocol, Results, Row
+from .run import PushProtocol, Results, Row
 from .tour import CEILING, FASTEST_X, FASTEST_Y, LENGTH, PUNCH_DURATION, force_share
 
 # RecoverFormer (Unitree G1), share of episodes without a fall [%] by level, paper's Table I of commit 70eabd2
@@ -73,11 +73,18 @@ TOUR_NOTE = (
     "MuJoCo Warp at 2 ms; a fall there is a pelvis below 0.20 m. Its 26 other policies complete 8 % at most. "
     "A punch of a leg acts at the same joint here, on thigh, shank or foot, one of the waist on the trunk at "
     "the waist, one of an arm on the same link of it; a robot without arms gets those on the trunk, 0.24 m "
-    "over the waist and 0.10 m aside. Arms are held; no harness moves them. The robot begins in a nominal "
+    "over the waist and 0.10 m aside. The robot begins in a nominal "
     "step without the three seconds in a crane, turns at 0.6 rad/s at most, knows its "
     "model and true state, and falls by this project's criterion, which is the stricter one. Errors stand "
     "at the ends of the segments that were begun; energy and vibration are not counted. "
 )
+
+
+ARM_NOTES = {
+    "arms held": "The arms are held at the stance of the benchmark's harness, by the policy's own gains.",
+    "arms walking": "The arms walk at random, as the benchmark's harness has it, by the policy's own gains.",
+}
+OWN_ARMS = "The arms are the policy's where it drives all joints, and held otherwise; no harness moves them."
 
 
 def tour_note(protocol: PushProtocol) -> str:
@@ -90,7 +97,8 @@ def tour_note(protocol: PushProtocol) -> str:
     )
     return (
         f"{TOUR_NOTE}This robot weighs {robot.mass:.1f} kg and meets {meets}; it walks forward at up to "
-        f"{FASTEST_X * velocity:.2f} and aside at {FASTEST_Y * velocity:.2f} m/s, and {rest} at a waypoint.\n"
+        f"{FASTEST_X * velocity:.2f} and aside at {FASTEST_Y * velocity:.2f} m/s, and {rest} at a waypoint. "
+        f"{ARM_NOTES.get(protocol.form, OWN_ARMS)}\n"
     )
 
 
@@ -205,7 +213,7 @@ def result_tables(results: Results) -> list[Table]:
 
 def _variant(results: Results) -> str:
     protocol = results.protocol
-    arms = f", {WALKING}" * (protocol.form == WALKING)
+    arms = f", {protocol.form}" * (protocol.watcher != protocol.name) + ", no punches" * (not protocol.pushed)
     return arms + ", bodies collide" * protocol.collisions + ", robots at rest stand" * protocol.stands
 
 

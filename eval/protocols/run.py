@@ -24,7 +24,7 @@ from .kick import KickWatcher
 from .tour import TourWatcher
 
 FORMAT = 2  # of the rows
-WALKING = "arms walking"  # form of a tour
+ARMS = ("held", "walking")  # that a harness drives on a tour, whose form is then "arms ..."
 KEY = ("policy", "scenario_id")  # of a row
 SCORED = ("recovered", "survived", "failure_reason", "end_time")
 
@@ -33,7 +33,7 @@ Job = tuple[str, str, tuple[Scenario, ...]]  # protocol, label of a policy, scen
 
 
 WATCHERS = {  # by name and form: look at robots one by one; may write their commands
-    "kick": KickWatcher, "tour": TourWatcher, f"tour {WALKING}": partial(TourWatcher, arms=True)
+    "kick": KickWatcher, "tour": TourWatcher, **{f"tour arms {a}": partial(TourWatcher, arms=a) for a in ARMS}
 }  # fmt: skip
 
 
@@ -90,6 +90,15 @@ class PushProtocol:
     def standing(self) -> Self:
         """The same of robots that stand on both feet where they are at rest (`Command.stand`)."""
         return replace(self, scenarios=tuple(replace(one, command=AT_REST) for one in self.scenarios))
+
+    def unpushed(self) -> Self:
+        """The same without any push."""
+        return replace(self, scenarios=tuple(replace(one, pushes=()) for one in self.scenarios))
+
+    @property
+    def pushed(self) -> bool:
+        """Whether any robot is pushed or kicked."""
+        return any(scenario.pushes or scenario.kicks for scenario in self.scenarios)
 
     @property
     def watcher(self) -> str:

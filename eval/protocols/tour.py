@@ -9,7 +9,7 @@ waypoint is the benchmark's: a velocity proportional to the error, within a robo
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -266,29 +266,29 @@ class Follower:
 class TourWatcher:
     """Writes each robot's command from the true pose of its pelvis, as the benchmark's harness does.
 
-    With `arms` it also moves the arms of robots all of whose joints are driven, see `WalkingArms`.
+    With `arms` it also holds or moves the arms of robots all of whose joints are driven, see `HarnessArms`.
     """
 
-    def __init__(self, arms: bool = False) -> None:
+    def __init__(self, arms: Literal["held", "walking"] | None = None) -> None:
         self._tours: dict[int, Tour] = {}
-        self._arms: dict[int, WalkingArms] = {}
-        self._walk = arms
+        self._arms: dict[int, HarnessArms] = {}
+        self._harness = arms
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k begins a tour where it stands.
 
         Raises:
-            InvalidValueError: arms that shall walk are held.
+            InvalidValueError: arms that the harness shall drive are held by whole-body control.
         """
         run_id, velocity = int(scenario.id.rpartition("-")[2]), Similarity.of(core.robot).velocity
         self._tours[k] = Tour(waypoints(run_id), pose_of(core, k), velocity, scenario.command.stand)
-        if self._walk:
-            self._arms[k] = WalkingArms(core, run_id)
+        if self._harness:
+            self._arms[k] = HarnessArms(core, run_id, self._harness == "walking")
 
     def look(self, core: BipedCore, k: int) -> None:
         """Write the command of robot k; the planning period after the next one is planned on it."""
         core.command[k] = self._tours[k].command(float(core.gait.time[k]), pose_of(core, k))
-        if self._walk:
+        if self._harness:
             self._arms[k].move(core, k)
 
     def end(self, core: BipedCore, k: int, outcome: Outcome) -> dict[str, Any]:
@@ -300,26 +300,33 @@ class TourWatcher:
         }
 
 
-class WalkingArms:
-    """Arms that walk at random, as the benchmark's harness has them: targets from the stream of a run id.
+class HarnessArms:
+    """Arms that the benchmark's harness drives: at its stance, or walking at random from the run id's stream.
 
-    They are those of gaitkeeper's `bench_arm_walk`: a new pose every 0.5 s, the right arm as the left one in
-    a mirror, and hands neither behind the standing ones nor above the chin. The gains are the policy's own.
+    The walk is that of gaitkeeper's `bench_arm_walk`: a new pose every 0.5 s, the right arm as the left one
+    in a mirror, hands neither behind the standing ones nor above the chin. The gains are the policy's own.
     """
 
-    def __init__(self, core: Any, run_id: int):
+    def __init__(self, core: Any, run_id: int, walk: bool):
         drives = getattr(core, "drives", None)
         if drives is None:
             raise InvalidValueError(
-                "arms walk only under a policy that drives all joints, such as holosoma-g1-ppo; planners "
-                "hold them: leave out --arms walking"
+                "the harness drives the arms only under a policy that drives all joints, such as "
+                "holosoma-g1-ppo; planners hold them: leave out --arms"
             )
         bench, model = gaitkeeper("tour"), core.body.model
         names = joint_names(core.body)
         if missing := [name for name in bench.BENCH_ARMS if name not in names]:
+            robot = core.body.description.name
             raise InvalidValueError(
-                f"arms walk on a G1 of 29 joints; {core.body.description.name} lacks {missing[0]}"
+                f"the harness drives arms of a G1 of 29 joints; {robot} lacks {missing[0]}"
             )
+        if not walk:
+            self._columns = [names.index(name) for name in bench.BENCH_ARMS]
+            stance = dict(zip(bench.BENCH_MOTORS, bench.BENCH_STANCE, strict=True))
+            self._times = np.zeros(1)
+            self._angles = np.array([[stance[name] for name in bench.BENCH_ARMS]])
+            return
         limits = {name: tuple(model.joint(name).range) for name in bench.BENCH_ARMS}
         spec = core.body.description.spec
         file = model_file(spec.robot.model) if isinstance(spec, AdaptedSpec) else None

@@ -15,7 +15,7 @@ from ..output.statistics import Array, PairedCounts, wilson_interval
 from ..output.tables import Table
 from ..record.words import sector_of
 from ..score.evaluate import Evaluation
-from ..score.report import TURNED_NOTE, Evaluations, count_cells, p_words, points, ranked
+from ..score.report import TURNED_NOTE, Evaluations, count_cells, origin_columns, p_words, points, ranked
 from . import page
 from .page import Command
 
@@ -69,18 +69,19 @@ def sureness(pairs: PairedCounts) -> str:
 
 
 def rates_table(evaluation: Evaluation) -> Table:
-    """Shares recovered from and survived in per cent, with Wilson's intervals."""
-    lines = []
+    """Shares recovered from and survived in per cent, with Wilson's intervals; where policies come from."""
+    lines, (origins, origin_note) = [], origin_columns(evaluation)
     for name in evaluation.rows:
         score, cells = evaluation.score(name), []
         for count in (score.recovered, score.survived):
             low, high = wilson_interval(count, score.episodes)
             cells += [f"{100.0 * count / score.episodes:.1f} % ({count})",
                       f"{100.0 * low:.1f}-{100.0 * high:.1f}"]  # fmt: skip
-        lines.append((name, *cells, *count_cells(score.turned, score.bent)))
+        own = (words[name] for words in origins.values())
+        lines.append((name, *cells, *count_cells(score.turned, score.bent), *own))
     interval = "95 % interval [%]"
-    columns = ("policy", "recovered", interval, "survived", interval, "turned", "bent")
-    return Table("Recovered and survived", columns, lines, TURNED_NOTE)
+    columns = ("policy", "recovered", interval, "survived", interval, "turned", "bent", *origins)
+    return Table("Recovered and survived", columns, lines, f"{TURNED_NOTE} {origin_note}".strip())
 
 
 def rate_figure(evaluations: Evaluations) -> str:

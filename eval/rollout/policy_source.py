@@ -6,23 +6,32 @@ import os
 import pickle
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
+from ...controllers.settings import ARMS, load_preset
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
 from .contract import contract_name, read_contract
-from .environments import make_env_for
-from .load_policy import acting, import_attribute, is_attribute, is_policy_file, load_policy, source_of
+from .environments import make_env, make_env_for
+from .load_policy import (
+    acting,
+    import_attribute,
+    is_attribute,
+    is_policy_file,
+    load_policy,
+    source_of,
+    training_note,
+)
 
 
 @dataclass(frozen=True)
@@ -86,6 +95,32 @@ def guessed_seconds(
         sources[name].cost * progress.episode_seconds(env_id, scenarios, workers)
         for name, scenarios in missing.items()
     )
+
+
+def search_words(env_id: str, policy: str) -> str:
+    """How much search or training a policy is the result of; a dash where nothing is known.
+
+    Trials of planners are those that their preset states, under the key `trials` of `found`; a training
+    without actions is one by imitation.
+
+    Args:
+        env_id: names the preset.
+        policy: as rows have it: a name, or a policy file.
+    """
+    with suppress(PushRecoveryError):
+        origin = acting(policy)
+        if is_policy_file(origin):
+            note = training_note(policy_paths(origin)[1])
+            actions = note.get("timesteps") if isinstance(note, dict) else None
+            if isinstance(actions, int):
+                return f"{actions / 1e6:.1f} M actions" if actions else "imitation"
+        elif origin in ARMS:
+            with closing(make_env(env_id)) as env:
+                found: Any = load_preset(env.unwrapped.preset).found.get("trials")  # type: ignore[attr-defined]
+            trials = found.get(origin) if isinstance(found, dict) else None
+            if isinstance(trials, int):
+                return f"{trials} trials"
+    return "-"
 
 
 def policy_sources(policies: Any) -> dict[str, PolicySource]:

@@ -11,6 +11,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.outcome import MEASURES, Measure, Row, Score, limit_words, reason_words
+from ..rollout.policy_source import search_words
 from ..rollout.strategy import STRATEGIES, strategy_of
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
@@ -28,6 +29,10 @@ DRIVEN_NOTE = (
     "Targets of: how many joints, arms included, a policy moves that was trained elsewhere and knows neither "
     "model nor velocity; it stands at rest, and its recovered asks for one second within 0.15 m/s of the "
     "command and 20 degrees of upright, wherever its feet are. Others move legs and waist and know the model."
+)
+SEARCH_NOTE = (
+    "Found by: trials of the search for a planner's settings, or actions of a policy's training; imitation "
+    "is training without any."
 )
 PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and corrected for several pairs."
 LIMITS_NOTE = (
@@ -206,20 +211,33 @@ def driven_joints(rows: Sequence[Row]) -> str:
     return ", ".join(map(str, sorted(counts))) or "-"
 
 
+def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], str]:
+    """Columns on where policies come from, each cell by policy, and a note on them.
+
+    How much search or training found a policy, and how many joints one drives that acts on all of them; a
+    column of which nothing is known is left out.
+    """
+    search = {
+        name: search_words(evaluation.env_id, str(rows[0]["policy"]))
+        for name, rows in evaluation.rows.items()
+    }
+    driven = {name: driven_joints(rows) for name, rows in evaluation.rows.items()}
+    columns = {"found by": (search, SEARCH_NOTE), "targets of": (driven, DRIVEN_NOTE)}
+    known = {name: pair for name, pair in columns.items() if set(pair[0].values()) != {"-"}}
+    return {name: cells for name, (cells, _) in known.items()}, " ".join(note for _, note in known.values())
+
+
 def rates_table(evaluation: Evaluation) -> Table:
-    """Recovered and survived of each policy, and what sets those apart that drive all joints."""
-    lines, driven = [], {name: driven_joints(rows) for name, rows in evaluation.rows.items()}
-    some = any(text != "-" for text in driven.values())
+    """Recovered and survived of each policy, and where it comes from."""
+    lines, (origins, origin_note) = [], origin_columns(evaluation)
     for name in evaluation.rows:
         score = evaluation.score(name)
-        told = count_cells(score.survived, score.turned, score.bent)
-        own = (driven[name],) if some else ()
-        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *told, *own))
-    columns = ("policy", "recovered", "rate", "95 % interval", "survived", "turned", "bent")
-    notes = (RECOVERED_NOTE, TURNED_NOTE, *((DRIVEN_NOTE,) if some else ()))
-    return Table(
-        evaluation_title(evaluation), (*columns, *(("targets of",) if some else ())), lines, " ".join(notes)
-    )
+        counts = count_cells(score.survived, score.turned, score.bent)
+        own = (cells[name] for cells in origins.values())
+        lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *counts, *own))
+    columns = ("policy", "recovered", "rate", "95 % interval", "survived", "turned", "bent", *origins)
+    note = f"{RECOVERED_NOTE} {TURNED_NOTE} {origin_note}".strip()
+    return Table(evaluation_title(evaluation), columns, lines, note)
 
 
 def reasons_of(evaluation: Evaluation) -> list[str]:

