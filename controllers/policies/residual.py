@@ -92,7 +92,8 @@ class ResidualGate:
         e = |xi(t) exp(-omega t) - xi_0,nom|,   g = clip((e - shut) / (open - shut), 0, 1)
 
     xi(t) exp(-omega t) is the measured DCM traced back to the begin of the step, xi_0,nom the nominal gait's
-    there. An undisturbed walk of the policy below stays under `shut` and is its own, bit for bit.
+    there. An undisturbed walk of the policy below stays under 0.024 m and is its own, bit for bit, where
+    `shut` is no less; in the first 0.3 s of one that turns at 0.3 m/s or more e is up to 0.054 m.
 
     Args:
         robot: Physical constants.

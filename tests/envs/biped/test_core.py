@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.model.observation import PUSH_ESTIMATE
+from push_recovery.controllers.policies.residual import make_gate
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
@@ -370,3 +371,21 @@ def test_robots_without_a_state_take_no_step(begin):
         begin(core, k, Scenario("walk"))
     step(core)
     assert core.gait.time.tolist() == [core.substeps * CONTROL_STEP] * 3
+
+
+@pytest.mark.parametrize("turn", [0.6, -0.6])
+def test_the_gate_of_corrections_stays_shut_on_unpushed_walks_but_for_fast_turning_starts(turn):
+    """Unpushed, the DCM is within 24 mm of the nominal gait; only the start of a fast turn is off by more."""
+    walks = [(-0.25, -0.2), (0.0, 0.0), (0.3, -0.2), (0.5, -0.2), (0.5, 0.0), (0.5, 0.2)]
+    episodes = BipedEpisodes(len(walks))
+    planner = make_policy("two-stage", episodes.robot, episodes.limits, "biped")
+    errors = make_gate(planner, episodes.robot, episodes.limits, (0.0, 1.0))  # opens by the error itself
+    for k, (vx, vy) in enumerate(walks):
+        episodes.begin(k, Scenario(f"walk-{k}", command=Command(vx, vy, turn), duration=9.0))
+    seen = []
+    for _ in range(400):
+        seen.append(errors(episodes.seen)[:, 0])
+        episodes.step(planner.predict(episodes.seen)[0])
+    late = np.array(seen)[40:].max(0)
+    assert (late < 0.024).all()
+    assert late.max() > 0.005  # it sways
