@@ -1,4 +1,4 @@
-"""Peaks of the recoveries from hard pushes: speeds of the joints, their torques, power, force of the floor.
+"""Peaks of the recoveries from hard pushes: joint speeds and torques, power, floor force, lean, penetration.
 
 python benchmarks/peaks.py [--suite hard] [--sample 128] [--profile exact] [--policy two-stage] [--json]
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, NU
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, NU, PELVIS, TRUNK
 from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.model_errors import CONTROL_STEP
@@ -41,6 +41,7 @@ JOINTS = (
     "ankle_pitch",
     "ankle_roll",
 )
+UNITS = {"power": "W/kg", "floor": "body weights", "sunk": "mm", "lean": "degrees"}  # of the whole robot
 LEG_OF = np.array([-1, -1] + 6 * [0] + 6 * [1])  # of every motor; -1: none
 Array = NDArray[np.float64]
 
@@ -55,6 +56,8 @@ class Peaks:
     torque: Array  # (n, 14) over the largest
     power: Array  # (n,) that all motors give together [W/kg]
     floor: Array  # (n,) force of the floor [body weights]
+    sunk: Array  # (n,) depth of a corner of a sole in the floor [mm]
+    lean: Array  # (n,) of pelvis or trunk from upright [degrees]
 
     def rows(self) -> dict[str, list[float]]:
         """Median, 95th percentile and largest of each, both sides of a joint as one."""
@@ -64,18 +67,18 @@ class Peaks:
             for joint, label in enumerate(JOINTS):
                 columns = [joint] if joint < 2 else [joint, joint + 6]
                 found[f"{label} {name}"] = _spread(values[:, columns].max(axis=1))
-        return {**found, "power": _spread(self.power), "floor": _spread(self.floor)}
+        return {**found, **{name: _spread(getattr(self, name)) for name in UNITS}}
 
 
-def corners_down(core: BipedCore) -> NDArray[np.bool_]:
-    """Which corners of the soles are in the floor, (n, 2, 4)."""
+def corner_heights(core: BipedCore) -> Array:
+    """Heights of the corners of the soles over the floor, (n, 2, 4) [m]."""
     true, (x, y) = core.judged, core.body.half_sole
     corners = np.array([(a, b, 0.0) for a in (x, -x) for b in (y, -y)])
-    down = []
+    heights = []
     for leg, body in enumerate(FOOT_BODY):
         upwards = true.xmat[:, body, 6:]  # third row of the foot's axes
-        down.append(true.xpos[:, body, 2:] + upwards @ (corners + true.soles[leg]).T < 0.0)
-    return np.stack(down, axis=1)
+        heights.append(true.xpos[:, body, 2:] + upwards @ (corners + true.soles[leg]).T)
+    return np.stack(heights, axis=1)
 
 
 def _spread(values: Array) -> list[float]:
@@ -92,13 +95,14 @@ class Watch:
         self.since = np.full((n, 2), np.inf)  # a foot has met the floor [s]
         self.corner_since = self.since.copy()  # a corner of its sole has
         self.loaded, self.down = np.ones((n, 2), bool), np.ones((n, 2, 4), bool)
-        self.peaks = Peaks(*np.zeros((4, n, NU)), *np.zeros((2, n)))
+        self.peaks = Peaks(*np.zeros((4, n, NU)), *np.zeros((4, n)))
         self.core.after_physics_step = self
 
     def __call__(self) -> None:
         """Note the control step just made."""
         true, core, peaks = self.core.judged, self.core, self.peaks
-        load, down = true.load > 0.0, corners_down(core)
+        load, heights = true.load > 0.0, corner_heights(core)
+        down = heights < 0.0
         meets = (down & ~self.down).any(axis=2)
         self.since = np.where(load & ~self.loaded, 0.0, self.since + CONTROL_STEP)
         self.corner_since = np.where(meets, 0.0, self.corner_since + CONTROL_STEP)
@@ -110,11 +114,15 @@ class Watch:
         struck = met | (self.corner_since <= WINDOW)[:, LEG_OF] & (LEG_OF >= 0)
         power = np.maximum(torque * speed, 0.0).sum(axis=1) / self.weight * GRAVITY
         force = np.linalg.norm(core.senses.last.judged_contacts.force[:, :3], axis=1) / self.weight
+        sunk = -1e3 * np.minimum(heights, 0.0).min(axis=(1, 2))
+        upright = true.xmat[:, [PELVIS, TRUNK], 8].min(axis=1)
+        lean = np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
         over = np.abs(speed) / self.free
         for most, now in (
             (peaks.own, np.where(met, 0.0, over)), (peaks.between, np.where(struck, 0.0, over)),
             (peaks.collision, np.where(met, over, 0.0)),
             (peaks.torque, np.abs(torque) / self.top), (peaks.power, power), (peaks.floor, force),
+            (peaks.sunk, sunk), (peaks.lean, lean),
         ):  # fmt: skip
             most[counts] = np.maximum(most, now)[counts]
 
@@ -136,7 +144,7 @@ def walked(profile: Profile, policy: str) -> Peaks:
 
 
 def print_table(walk: dict[str, list[float]], rows: dict[str, list[float]]) -> None:
-    """One row a joint, then power and floor."""
+    """One row a joint, then what is of the whole robot."""
     print("| joint | speed / no load, out of collisions | of corners | in collisions | torque / largest |")
     print("|---|---|---|---|---|")
     for label in JOINTS:
@@ -145,7 +153,7 @@ def print_table(walk: dict[str, list[float]], rows: dict[str, list[float]]) -> N
             for kind in KINDS
         )
         print(f"| {label} | {' | '.join(cells)} |")
-    for label, unit in (("power", "W/kg"), ("floor", "body weights")):
+    for label, unit in UNITS.items():
         print(f"{label} [{unit}]: {walk[label][2]:.3g}; {', '.join(f'{x:.3g}' for x in rows[label])}")
 
 
