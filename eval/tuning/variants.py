@@ -71,10 +71,17 @@ def tune_variants(
         start = load_preset(settings.preset)
         arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
         own = {name: study.preset.found for name, study in studies.items()}
-        merged = replace(start, arms=arms, found={**whose(start), **own})
+        merged = replace(start, arms=arms, found={**whose(start), "trials": all_trials(start, own), **own})
         found = VariantStudies(studies, merged, directory)
         found.preset.save(found.path)
     return found
+
+
+def all_trials(start: PresetFile, own: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
+    """Trials behind the settings of each variant: those that the start states, and those of its own study."""
+    stated: Any = start.found.get("trials")
+    before = stated if isinstance(stated, dict) else {}
+    return {**before, **{name: before.get(name, 0) + found["trials"] for name, found in own.items()}}
 
 
 def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:

@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from push_recovery.controllers.settings import PresetFile
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
+from push_recovery.eval.report import headline
 from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation, limit_summary
@@ -146,6 +148,33 @@ def test_recovered_survived_and_why_not(evaluation):
     assert report.reasons_table(found).rows == [
         ("p", "2", "1", "1", "1", "CoP 2"), ("q", "0", "0", "1", "1", "CoP 2")
     ]  # fmt: skip
+
+
+def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation, tmp_path):
+    preset = tmp_path / "mine.json"
+    PresetFile("biped", {}, {}, {}, {"trials": {"two-stage": 188, "raibert": 7}}).save(preset)
+    (tmp_path / "own.safetensors").touch()
+    (tmp_path / "own.json").write_text(json.dumps({"training": {"timesteps": 2_345_000}}))
+    own = str(tmp_path / "own.safetensors")
+    found = replace(evaluation({"p": "rr"}), env_id=f"PushRecovery/Biped-v0@{preset}")
+    names = ("two-stage", "raibert", "stage-1", own, "joint", "joint-residual", "no/such/file.safetensors")
+    found = replace(
+        found, rows={name: [{**row, "policy": name} for row in found.rows["p"]] for name in names}
+    )
+    table = report.rates_table(found)
+    assert table.columns[-1] == "found by"
+    assert [cells[-1] for cells in table.rows] == [
+        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "8.0 M actions", "-"
+    ]  # fmt: skip
+    assert "trials of the search" in table.note
+    page = headline.rates_table(found)
+    assert ([cells[-1] for cells in page.rows], page.columns[-1]) == (
+        [row[-1] for row in table.rows],
+        "found by",
+    )
+    nothing = report.rates_table(replace(found, rows={"stage-1": found.rows["stage-1"]}))
+    assert nothing.columns[-1] == "bent"
+    assert "trials" not in nothing.note
 
 
 def limit_row(survived, first, **shares):

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.settings import load_preset
+from push_recovery.controllers.settings import PresetFile, load_preset
 from push_recovery.eval.tuning.space import Dimension, Space
 from push_recovery.eval.tuning.study import TuningSettings, tune
-from push_recovery.eval.tuning.variants import field_cells, score_cells, tune_variants
+from push_recovery.eval.tuning.variants import all_trials, field_cells, score_cells, tune_variants
 
 SETTINGS = TuningSettings("PushRecovery/Pendulum-v0", "stage-1", scenarios=8, held_out=8)
 ARMS = ["stage-1", "fixed-time"]
@@ -34,7 +34,16 @@ def test_the_record_has_what_is_best_for_each_arm_and_how_it_was_found(found):
         assert record.config(name) == study.preset.config(name)
         assert record.found[name] == study.preset.found
         assert record.found[name]["trials"] == 2
+    assert record.found["trials"] == {"stage-1": 2, "fixed-time": 2}
     assert record.config("two-stage") == load_preset("default").config("two-stage")
+
+
+def test_trials_add_up_over_searches_that_begin_where_one_ended():
+    start = PresetFile(found={"trials": {"two-stage": 158, "raibert": 5}})
+    assert all_trials(start, {"two-stage": {"trials": 30}, "herdt": {"trials": 4}}) == {
+        "two-stage": 188, "raibert": 5, "herdt": 4
+    }  # fmt: skip
+    assert all_trials(PresetFile(found={"trials": 250}), {"herdt": {"trials": 4}}) == {"herdt": 4}
 
 
 def test_a_second_run_adds_arms_and_runs_nothing_again(found, tmp_path):
