@@ -59,6 +59,7 @@ class Gait(NamedTuple):
     turn: Floats1  # (n,) commanded [rad/s]
     stand: Floats1  # (n,) 1: commanded to stand
     yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turn_references`
+    rise: Floats1  # (n,) of the floor from the stance sole to the next foothold, where that is known [m]
 
 
 class GaitSettings(NamedTuple):
@@ -92,7 +93,7 @@ def resting_gait(n: int) -> Gait:
         stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
         heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
         failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n), stand=np.zeros(n),
-        yaw=np.zeros((n, swing.SIZE)),
+        yaw=np.zeros((n, swing.SIZE)), rise=np.zeros(n),
     )  # fmt: skip
 
 
@@ -127,7 +128,7 @@ def touch_down(phys: Physics, gait: Gait, k: int, double_support: float = 0.0) -
     old = gait.stance[k]
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
-    gait.elapsed[k] = 0.0
+    gait.elapsed[k] = gait.rise[k] = 0.0
     gait.heading[k] += swing.exchange_soles(gait.yaw[k])
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
@@ -160,17 +161,21 @@ def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) ->
 
 @njit(cache=True, forceinline=True)
 def reach_height(
-    phys: Physics, k: int, stance: int, sole: Vector, target: Point, travel: Point, s: GaitSettings
-) -> tuple[float, Point]:
+    phys: Physics, k: int, stance: int, sole: Vector, target: Point, travel: Point, rise: float,
+    s: GaitSettings,
+) -> tuple[float, Point]:  # fmt: skip
     """CoM height [m] at which both legs reach their soles at touchdown, and the target, moved within reach.
 
-    A leg of length r whose hip is d beside its ankle lets the hip be sqrt(r^2 - d^2) above it.
+    A leg of length r whose hip is d beside its ankle lets the hip be sqrt(r^2 - d^2) above it. On a floor
+    that rises by z to the target, the CoM is to be z / 2 higher over the stance sole: halfway on the plane
+    through both, on which its horizontal motion is the level pendulum's (Kajita et al. 2001, IROS).
     """
-    height, reach = s.com_height, s.reach**2
+    height, reach = s.com_height + 0.5 * rise, s.reach**2
     for leg in range(2):
         hip_x, hip_y, hip_z = vector_at(phys.xanchor, k, kinematics.LEG_JOINT[leg])
         above = hip_z - phys.com[k, 0, 2] - phys.ankle_height[0]  # of the hip over the CoM, less the ankle's
-        farthest = max(reach - (s.com_height - s.height_drop + above) ** 2, 0.0)
+        under = 0.0 if leg == stance else rise
+        farthest = max(reach - (s.com_height - s.height_drop + above - under) ** 2, 0.0)
         foot_x, foot_y = (sole[0], sole[1]) if leg == stance else target
         dx, dy = foot_x - hip_x - travel[0], foot_y - hip_y - travel[1]
         aside = dx * dx + dy * dy
@@ -179,8 +184,8 @@ def reach_height(
             target = target[0] - dx * excess, target[1] - dy * excess
         elif leg == stance:
             aside = max(aside, (sole[0] - hip_x) ** 2 + (sole[1] - hip_y) ** 2)  # now
-        height = min(height, math.sqrt(reach - min(aside, farthest)) - above)
-    return max(height, s.com_height - s.height_drop), target
+        height = min(height, under + math.sqrt(reach - min(aside, farthest)) - above)
+    return max(height, s.com_height - s.height_drop + min(0.5 * rise, 0.0)), target
 
 
 @njit(cache=True, forceinline=True)
@@ -210,19 +215,23 @@ def move_references(
     Given are the stance sole's centre and heading, where the swing sole is to land, how far the CoM travels
     until then [m] and the time that remains [s].
     """
-    height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, s)
-    met = limits.LEG_REACH if place != target or height <= s.com_height - s.height_drop else 0
+    rise = gait.rise[k]
+    height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, rise, s)
+    lowest = s.com_height - s.height_drop + min(0.5 * rise, 0.0)
+    met = limits.LEG_REACH if place != target or height <= lowest else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
     if both_stand(gait.elapsed[k], s.double_support):  # the quintic's peak is 10 / sqrt(3) distance / time^2
         horizon = max(horizon, math.sqrt(10.0 / math.sqrt(3.0) * abs(height - lift[0]) / SINKING))
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, horizon, dt)
     if gait.elapsed[k] < s.settled:
         lift[FLOOR] = sole[2]
-    gait.swing[k, 2] -= lift[FLOOR]
+    landing_floor = lift[FLOOR] + rise
+    gait.swing[k, 2] -= landing_floor
     landing, turned = gait.plan[k, DURATION] + s.landing_delay, gait.yaw[k, swing.SWING]
     aloft, flight = gait.elapsed[k] - s.double_support, landing - s.double_support
-    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, s.apex, s.descent)
-    gait.swing[k, 2] += lift[FLOOR]
+    apex = s.apex + max(-rise, 0.0)  # over the higher of both floors
+    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, apex, s.descent)
+    gait.swing[k, 2] += landing_floor
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
     given = swing.given_yaw(twist, s.twist_max)
     swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
@@ -341,7 +350,7 @@ def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both
     stance, plan = gait.stance[k], gait.plan[k]
     ahead, sign = heading_frame(gait.heading[k]), observation.side_sign(stance)
     com, velocity, lift = vector_at(phys.com, k, 0), kinematics.com_velocity(phys, k), gait.height[k]
-    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), s)
+    height, _ = reach_height(phys, k, stance, sole, (foot[0], foot[1]), (0.0, 0.0), 0.0, s)
     lift[0], lift[1], lift[2] = swing.quintic_step(lift[0], lift[1], lift[2], height, 0.0, s.height_time, dt)
     lift[FLOOR] = sole[2]
     x, y = canonical(ahead, com[0] - sole[0], com[1] - sole[1])

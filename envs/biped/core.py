@@ -7,6 +7,7 @@ whole-body torque and push, and then the robot's simulation advances: all in one
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar
@@ -19,7 +20,7 @@ from ...controllers.estimation.observe import Contacts
 from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.jit import RangeThreads
 from ...controllers.model.capturability import capture_constants
-from ...controllers.model.gait_box import GAIT_SIZE, GaitLimits
+from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
 from ...controllers.model.nominal_gait import NominalStart, step_boxes
 from ...controllers.model.observation import OBSERVATION_SIZE, ON_BOTH_FEET, WORLD_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
@@ -27,7 +28,7 @@ from ...controllers.settings import PlannerConfig, load_preset, named_preset
 from ...controllers.validation import require_choice
 from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_gait
 from ...controllers.whole_body.inverse_dynamics import Gains
-from ...controllers.whole_body.kinematics import Array, Physics
+from ...controllers.whole_body.kinematics import FOOT_BODY, Array, Physics, sole_position
 from ...controllers.whole_body.limits import BoundSettings, make_bounds
 from ..robots.biped import biped
 from ..robots.compiled_robot import CompiledRobot
@@ -48,7 +49,7 @@ from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
 from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..simulation import Simulations, compute_nominal
-from .floor import assign_floor, lay_floor, level_floors, pattern_of
+from .floor import KnownFloor, assign_floor, lay_floor, level_floors, pattern_of
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, period_calls, substeps
@@ -194,6 +195,7 @@ class BipedCore:
         self.kicks = Kicks(n)
         self.known = empty_self_model(n)
         self.floors = level_floors(n)
+        self._known_floors: dict[int, KnownFloor] = {}  # by robot that knows its own
         self.command = np.zeros((n, COMMAND_SIZE))  # in force
         self.previous_action = np.zeros((n, GAIT_SIZE))
         self.observation = np.zeros((n, OBSERVATION_SIZE))
@@ -293,6 +295,9 @@ class BipedCore:
         self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
         model, data = self.simulations.models[k], self.simulations.data[k]
         assign_floor(self.floors, k, scenario, self.body.plan.sole_boxes, model, data)
+        self._known_floors.pop(k, None)
+        if scenario.errors.floor_known and scenario.errors.terrains:
+            self._known_floors[k] = self._floor_of(k, scenario)
         pushes = assign_pushes(self.pushes, k, scenario, self.body.pushed)
         schedule = assign_changes(self.schedule, k, scenario)
         comes = self.senses.assign(k, scenario.sensing)
@@ -347,11 +352,10 @@ class BipedCore:
 
     def _floor_height(self, k: int, scenario: Scenario, x: float, y: float) -> float:
         """Height of a sole of robot k that lies at (x, y): the highest of the floor at its corners [m]."""
-        length, width = self.body.half_sole
-        corners = [(x + a * length, y + b * width) for a in (1.0, -1.0) for b in (1.0, -1.0)]
-        pattern = pattern_of(self.floors, k)
-        heights = (part.height(*at, pattern) for part in scenario.errors.terrains for at in corners)
-        return max(heights, default=0.0)
+        return self._floor_of(k, scenario).under(x, y)[1] if scenario.errors.terrains else 0.0
+
+    def _floor_of(self, k: int, scenario: Scenario) -> KnownFloor:
+        return KnownFloor(scenario.errors.terrains, pattern_of(self.floors, k), tuple(self.body.half_sole))
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""
@@ -387,6 +391,8 @@ class BipedCore:
             )
         if self.kicks.waiting:
             self._kick()
+        if self._known_floors and gaits.shape[1] == GAIT_SIZE:
+            gaits = self._on_footholds(gaits)
         if self.after_physics_step is not None:
             self._step_slowly(gaits, actions, self.after_physics_step)
             return
@@ -398,6 +404,31 @@ class BipedCore:
                 whole(table, constants, gaits, actions, steps, share, CONTROL_STEP, start, stop)
 
         self._threads.run(job, self.n)
+
+    def _on_footholds(self, gaits: Array) -> Array:
+        """The gaits (n, 7) with the steps of robots that know their floor moved to level footholds.
+
+        Writes by how much the floor rises to them. What is known is the floor beside the true stance sole, as
+        a camera sees it; a step that is committed stays where it is.
+        """
+        gaits, gait = gaits.copy(), self.gait
+        for k, floor in self._known_floors.items():
+            if gait.failure[k] != 0 or gait.elapsed[k] < 0.0:
+                continue
+            stance, asked, true = gait.stance[k], gaits[k], self.true_state(k)
+            landing = max(gait.plan[k, DURATION], asked[DURATION]) - gait.elapsed[k]
+            committed = landing < self.settings.commit
+            length, width = (gait.plan[k] if committed else asked)[STEP : STEP + 2]
+            (x, y, _), forward = sole_position(true, k, stance), true.xmat[k, FOOT_BODY[stance]]
+            yaw, aside = math.atan2(forward[3], forward[0]), side_sign(stance) * width
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            shift, height = floor.foothold(
+                x + cos * length - sin * aside, y + sin * length + cos * aside, yaw
+            )
+            if not committed:
+                asked[STEP] += shift
+            gait.rise[k] = height - floor.under(x, y, yaw)[1]
+        return gaits
 
     def _kick(self) -> None:
         """Let the kicks come that are due when the period begins; robots that have fallen rest."""

@@ -1,8 +1,10 @@
-"""The tiles of n robots (`terrain.Tiles`): boxes of their models that follow their feet."""
+"""The floor of n robots: tiles that follow their feet (`terrain.Tiles`), footholds on a floor they know."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import mujoco
@@ -13,7 +15,7 @@ from ...controllers.jit import njit
 from ...controllers.whole_body.kinematics import Array
 from ..scenario.noise import counter_seed, grid_origin, uniform
 from ..scenario.scenario import Scenario
-from ..scenario.terrain import DEPTH, TILE, TILES_PER_FOOT, Pattern, Tiles
+from ..scenario.terrain import DEPTH, TILE, TILES_PER_FOOT, Pattern, Terrain, Tiles
 
 BOXES = 2 * TILES_PER_FOOT
 FIRST_TILE = "tile_0"
@@ -91,3 +93,41 @@ def place_tiles(floors: Floor, k: int) -> None:
             boxes[at] = TILE * (a + 0.5 + x0)
             boxes[at + 1] = side * TILE * (b + 0.5 + y0)
             boxes[at + 2] = floors.step[k] * uniform(floors.seed[k], a, b) - DEPTH
+
+
+LEVEL = 0.005  # a foothold's corners differ by no more in height [m]
+BESIDE_EDGE = 0.015  # and keep so far from where they would [m]
+SHIFTS = (0.0, *(sign * 0.01 * step for step in range(1, 16) for sign in (1.0, -1.0)))  # of a foothold [m]
+
+
+@dataclass(frozen=True)
+class KnownFloor:
+    """The floor of one robot as control knows it, and its footholds."""
+
+    parts: tuple[Terrain, ...]  # it is as high as the highest of them
+    pattern: Pattern
+    half_sole: tuple[float, float]  # [m]
+
+    def under(self, x: float, y: float, yaw: float = 0.0, beyond: float = 0.0) -> tuple[float, float]:
+        """Lowest and highest of the floor at the corners of a sole there, each `beyond` farther out [m]."""
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        length, width = (half + beyond for half in self.half_sole)
+        corners = [(a * length, b * width) for a in (1.0, -1.0) for b in (1.0, -1.0)]
+        heights = [
+            max(
+                part.height(x + cos * a - sin * b, y + sin * a + cos * b, self.pattern) for part in self.parts
+            )
+            for a, b in corners
+        ]
+        return min(heights), max(heights)
+
+    def foothold(self, x: float, y: float, yaw: float) -> tuple[float, float]:
+        """How far ahead of (x, y) a sole lies level, the nearest such place, and the height there [m].
+
+        Along its own axis, at most by the longest of SHIFTS; where there is no such place it stays.
+        """
+        for shift in SHIFTS:
+            low, high = self.under(x + shift * math.cos(yaw), y + shift * math.sin(yaw), yaw, BESIDE_EDGE)
+            if high - low <= LEVEL:
+                return shift, high
+        return 0.0, self.under(x, y, yaw)[1]

@@ -89,6 +89,7 @@ def touching(robot: CompiledRobot, model: mujoco.MjModel) -> list[tuple[str, str
 OUTSIDE = {  # errors that are in no model; terrain goes a way of its own
     "delay": 0.0, "dcm_noise": 0.0, "joint_noise": 0.0, "motor_power": None, "bus_power": None,
     "continuous_torque": None, "slope_forward": 0.0, "slope_left": 0.0, "floor_step": 0.0, "terrain": None,
+    "floor_known": False,
 }  # fmt: skip
 ENUMS = {
     "integrator": ("mjtIntegrator", "mjINT_"),
@@ -179,7 +180,7 @@ STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
 # on any terrain but one that tilts gravity
 BELIEVED = {
     "friction", "floor_step", "slope_forward", "slope_left", "terrain", "joint_friction", "joint_damping",
-    "collisions", "motor_power", "bus_power", "continuous_torque", "delay", "dcm_noise",
+    "collisions", "floor_known", "motor_power", "bus_power", "continuous_torque", "delay", "dcm_noise",
 }  # fmt: skip
 
 _EXACT, _PUSH = COM_VELOCITY.stop, PUSH_ESTIMATE.start  # from here to there no noise of the CoM is seen

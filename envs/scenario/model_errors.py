@@ -120,6 +120,7 @@ class ModelErrors(JsonRecord):
     bus_power: float | None = None  # most that all motors together take from the battery [W]; None: any
     continuous_torque: float | None = None  # share of its torque that a motor gives for ever; None: all
     terrain: Terrain | None = None  # of a registered kind, on that slope and besides those tiles
+    floor_known: bool = False  # control knows how high the floor is where the swing foot is to land
 
     def __post_init__(self) -> None:
         for name, (unit, low, high) in BOUNDS.items():
@@ -132,11 +133,11 @@ class ModelErrors(JsonRecord):
         for axis, value in zip("xyz", trunk_com, strict=True):
             require_number(f"ModelErrors.trunk_com {axis} [m]", value, -TRUNK_COM_MAX, TRUNK_COM_MAX)
         self._set(trunk_com=tuple(value + 0.0 for value in trunk_com))
-        if not isinstance(self.collisions, bool):
-            raise InvalidValueError(
-                f"ModelErrors.collisions must be true or false, got {shown(self.collisions)}"
-            )
-
+        for name in ("collisions", "floor_known"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidValueError(
+                    f"ModelErrors.{name} must be true or false, got {shown(getattr(self, name))}"
+                )
         if self.terrain is not None and type(self.terrain) not in TERRAINS.by_name.values():
             raise InvalidValueError(
                 f"ModelErrors.terrain must be a Terrain of a registered kind, got {shown(self.terrain)}"

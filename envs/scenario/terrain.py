@@ -1,4 +1,7 @@
-"""Terrain: the shape of the floor under a robot, of which planner and whole-body control are told nothing.
+"""Terrain: the shape of the floor under a robot.
+
+Planner and whole-body control are told nothing of it, unless the scenario says `floor_known`: then they know
+how high the floor is where the swing foot is to land.
 
 A new terrain is one class, registered by its name in JSON; a scenario has it as `ModelErrors.terrain`:
 
@@ -24,6 +27,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from ...controllers.model.robot import Similarity
+from ...controllers.validation import require_integer, require_number
 from .record import JsonRecord, Kinds
 
 if TYPE_CHECKING:
@@ -31,7 +35,8 @@ if TYPE_CHECKING:
 
 TILE = 0.4  # side of a tile [m]
 TILES_PER_FOOT = 4
-DEPTH = 0.5  # half the height of a tile's box [m]: a sole never comes out of its other side
+DEPTH = 0.5  # half the height of a box [m]: a sole never comes out of its other side
+FAR = 50.0  # half the size of boxes that nobody walks off [m]
 
 
 class Pattern(NamedTuple):
@@ -177,3 +182,68 @@ class Tiles(Terrain):
     def scaled(self, scale: Similarity) -> Tiles:
         """Tiles of the same size, higher for a larger robot."""
         return replace(self, step=scale.length * self.step)
+
+
+STEPS_MAX = 30  # of a flight
+TALLEST, SHALLOWEST, DEEPEST = 0.3, 0.2, 5.0  # of a step: height, depth [m]
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Stairs(Terrain):
+    """Steps across the way forward: a flight, a landing, and as many steps back to the level of the start.
+
+    A step is `tread` deep and `rise` high; a negative rise leads down first. Behind the last step, as before
+    the first one, the floor is level.
+    """
+
+    json_name = "stairs"
+
+    rise: float  # of each step, negative where the first flight leads down [m]
+    steps: int = 3  # of each flight
+    start: float = 0.6  # where the first one begins [m]
+    tread: float = 0.3  # [m]
+    landing: float = 0.9  # depth of the landing between the flights [m]
+
+    def __post_init__(self) -> None:
+        self._set(
+            rise=require_number("Stairs.rise [m]", self.rise, -TALLEST, TALLEST) + 0.0,
+            steps=require_integer("Stairs.steps", self.steps, 1, STEPS_MAX),
+            start=require_number("Stairs.start [m]", self.start, SHALLOWEST, 100.0),
+            tread=require_number("Stairs.tread [m]", self.tread, SHALLOWEST, DEEPEST),
+            landing=require_number("Stairs.landing [m]", self.landing, SHALLOWEST, DEEPEST),
+        )
+
+    @property
+    def end(self) -> float:
+        """Where the floor is level again [m]."""
+        return self.start + 2 * (self.steps - 1) * self.tread + self.landing
+
+    @property
+    def treads(self) -> list[tuple[float, float, float]]:
+        """Begin and end along x and height of every tread between start and end [m]."""
+        found, x = [], self.start
+        for number in (*range(1, self.steps + 1), *range(self.steps - 1, 0, -1)):
+            depth = self.landing if number == self.steps else self.tread
+            found.append((x, x + depth, number * self.rise))
+            x += depth
+        return found
+
+    def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
+        """Put a box under every tread; where they lie below the plane, boxes take its place around them."""
+        boxes = self.treads
+        if self.rise < 0.0:
+            spec.geom("floor").pos = [0.0, 0.0, self.steps * self.rise - 2.0 * DEPTH]
+            boxes += [(-FAR, self.start, 0.0), (self.end, self.end + FAR, 0.0)]
+        for i, (first, last, height) in enumerate(boxes):
+            half, middle = 0.5 * (last - first), 0.5 * (first + last)
+            add_box(spec, soles, f"stair_{i}", (half, FAR, DEPTH), (middle, 0.0, height - DEPTH))
+
+    def height(self, x: float, y: float, pattern: Pattern) -> float:
+        """Height of the tread there."""
+        return next((height for first, last, height in self.treads if first <= x < last), 0.0)
+
+    def scaled(self, scale: Similarity) -> Stairs:
+        """Steps in the same proportion to a robot of another size, as far as their bounds allow it."""
+        sizes = {name: scale.length * getattr(self, name) for name in ("rise", "start", "tread", "landing")}
+        return replace(self, **sizes)

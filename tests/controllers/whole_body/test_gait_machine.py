@@ -153,7 +153,7 @@ def test_the_com_is_lowered_until_both_legs_reach(random_state, robot_in):
     heights = []
     for length in (0.0, 0.3, 0.5, 1.0):
         target, travel = (sole[0] + length, sole[1] - 0.2), (0.5 * length, 0.0)
-        height, target = gait_machine.reach_height(core.physics, 0, 0, sole, target, travel, s)
+        height, target = gait_machine.reach_height(core.physics, 0, 0, sole, target, travel, 0.0, s)
         above = height + hips[1, 2] - com[2] - 0.06
         aside = np.hypot(*(np.array(target) - hips[1, :2] - travel))
         assert np.hypot(above, aside) <= s.reach + 1e-9

@@ -11,13 +11,22 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.controllers.model.robot import Similarity
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.biped.floor import KnownFloor
 from push_recovery.envs.biped.model_errors import altered_model
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.robots.biped import PLAN, biped
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.envs.scenario.terrain import Slope, Terrain, Tiles, add_box, register_terrain
+from push_recovery.envs.scenario.terrain import (
+    Pattern,
+    Slope,
+    Stairs,
+    Terrain,
+    Tiles,
+    add_box,
+    register_terrain,
+)
 
 LARGE = 5.0  # half the size of the floor beside the robot [m]
 
@@ -158,8 +167,8 @@ def test_a_slope_of_its_own_is_that_of_the_fields():
 
 
 def test_what_is_no_terrain_is_refused():
-    with pytest.raises(UnknownNameError, match=r"kind of terrain 'stairs'.*stair"):
-        ModelErrors.from_dict({"terrain": {"kind": "stairs"}})
+    with pytest.raises(UnknownNameError, match=r"kind of terrain 'steps'.*stair"):
+        ModelErrors.from_dict({"terrain": {"kind": "steps"}})
     with pytest.raises(InvalidValueError, match="terrain lacks kind"):
         ModelErrors.from_dict({"terrain": {"start": 0.2}})
     for bad in (3, Tiles(0.01)):
@@ -170,3 +179,81 @@ def test_what_is_no_terrain_is_refused():
     with pytest.raises(PushRecoveryError, match="pendulum has no model error 'terrain'"):
         PendulumEpisodes(1).begin(0, on(Stair(0.2, 0.03)))
     assert mujoco.mj_name2id(biped().model, mujoco.mjtObj.mjOBJ_GEOM, "stair") < 0
+
+
+def test_stairs_go_up_and_down_again_tread_by_tread():
+    """Two steps of 10 cm from 0.5 m on, treads of 0.3 m, a landing of 0.8 m; level from 1.9 m on."""
+    stairs = Stairs(rise=0.1, steps=2, start=0.5, tread=0.3, landing=0.8)
+    middles = {0.4: 0.0, 0.65: 0.1, 1.2: 0.2, 1.75: 0.1, 1.95: 0.0, -3.0: 0.0}
+    assert {x: stairs.height(x, 7.0, Pattern()) for x in middles} == middles
+    assert stairs.end == pytest.approx(1.9)
+    assert stairs.height(1.8999, 0.0, Pattern()) == 0.1
+    assert stairs.mirrored() == stairs
+    scaled = stairs.scaled(Similarity(mass=0.5, length=0.9))
+    assert (scaled.steps, scaled.end) == (2, pytest.approx(0.9 * 1.9))
+    assert scaled.rise == pytest.approx(0.09)
+
+
+@pytest.mark.parametrize("rise", [0.06, -0.06])
+def test_a_sole_stands_on_the_treads_where_they_are_said_to_be(rise):
+    """A ray from above meets the floor at the stated height: stairs up, and stairs down into the ground."""
+    stairs = Stairs(rise, steps=2, start=0.5, tread=0.3, landing=0.8)
+    model = altered_model(biped(), ModelErrors(terrain=stairs))
+    assert model is not None
+    data, found = mujoco.MjData(model), np.zeros(1, np.int32)
+    mujoco.mj_kinematics(model, data)
+    for x in (-1.0, 0.4, 0.55, 0.85, 1.55, 1.65, 1.85, 2.5):
+        down = np.array([0.0, 0.0, -1.0])
+        far = mujoco.mj_ray(model, data, np.array([x, 1.0, 1.0]), down, None, 1, -1, found)
+        assert 1.0 - far == pytest.approx(stairs.height(x, 1.0, Pattern()), abs=1e-9)
+        pairs = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+        soles = {model.geom(name).id for name in PLAN.sole_boxes}
+        assert all((int(found[0]), sole) in pairs for sole in soles)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"rise": 0.31}, r"Stairs.rise \[m\] must be .*0.3.*, got 0.31"),
+        ({"rise": 0.1, "steps": 0}, r"Stairs.steps must be an integer in \[1, 30\], got 0"),
+        ({"rise": 0.1, "start": 0.1}, r"Stairs.start \[m\] must be .*0.2"),
+        ({"rise": 0.1, "tread": 0.0}, r"Stairs.tread \[m\] must be .*0.2"),
+        ({"rise": 0.1, "landing": math.nan}, r"Stairs.landing \[m\] must be"),
+    ],
+)
+def test_impossible_stairs_are_refused(values, message):
+    with pytest.raises(InvalidValueError, match=message):
+        Stairs(**values)
+
+
+def test_whether_the_floor_is_known_is_said_by_the_scenario():
+    errors = ModelErrors(terrain=Stairs(0.1), floor_known=True)
+    assert ModelErrors.from_dict(json.loads(json.dumps(errors.to_dict()))) == errors
+    assert "floor_known" not in ModelErrors(terrain=Stairs(0.1)).to_dict()
+    with pytest.raises(InvalidValueError, match=r"ModelErrors.floor_known must be true or false, got 1"):
+        ModelErrors(floor_known=1)  # type: ignore[arg-type]
+
+
+HALF_SOLE = (0.1, 0.05)
+
+
+def test_footholds_keep_off_edges_by_the_nearest_way():
+    """A step up at 1 m: a sole of 0.2 m, 15 mm clear of it, is level up to 0.885 and from 1.115 m on."""
+    floor = KnownFloor((Stair(1.0, 0.1),), Pattern(), HALF_SOLE)
+    assert floor.foothold(0.5, 0.0, 0.0) == (0.0, 0.0)
+    assert floor.foothold(1.5, 0.0, 0.0) == (0.0, 0.1)
+    assert floor.foothold(0.95, 0.0, 0.0) == (pytest.approx(-0.07), 0.0)
+    assert floor.foothold(1.05, 0.0, 0.0) == (pytest.approx(0.07), 0.1)
+    assert floor.foothold(1.05, 0.0, math.pi) == (pytest.approx(-0.07), 0.1)  # seen from the other side
+    assert floor.under(0.95, 0.0) == (0.0, 0.1)
+    steep = KnownFloor(
+        (Stairs(0.1, 30, 0.2, 0.2),), Pattern(), HALF_SOLE
+    )  # no tread holds a sole and its room
+    assert steep.foothold(1.0, 0.0, 0.0) == (0.0, steep.under(1.0, 0.0)[1])
+
+
+def test_the_highest_of_all_parts_is_the_floor():
+    floor = KnownFloor((Stair(0.0, 0.03), Stair(0.5, 0.08)), Pattern(), HALF_SOLE)
+    assert [floor.under(x, 0.0) for x in (-0.5, 0.3, 0.55, 0.9)] == [
+        (0.0, 0.0), (0.03, 0.03), (0.03, 0.08), (0.08, 0.08)
+    ]  # fmt: skip
