@@ -230,7 +230,8 @@ def move_references(
     landing, turned = gait.plan[k, DURATION] + s.landing_delay, gait.yaw[k, swing.SWING]
     aloft, flight = gait.elapsed[k] - s.double_support, landing - s.double_support
     apex = s.apex + max(-rise, 0.0)  # over the higher of both floors
-    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, apex, s.descent)
+    phase = swing.apex_phase_of(rise)
+    swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, apex, s.descent, phase)
     gait.swing[k, 2] += landing_floor
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
     given = swing.given_yaw(twist, s.twist_max)

@@ -26,6 +26,7 @@ VELOCITY, ACCELERATION = 3, 6  # where they begin in a state of position, veloci
 ARRIVAL_LEAD = 0.010  # the foot is over its target this long before T [s]
 SHORTEST = 0.030  # horizontal horizon is never shorter: a late change of target stays smooth [s]
 APEX_PHASE = 0.45  # of T at which the foot is highest
+STEEP = 0.1  # rise of the floor [m] from which on the apex comes so much of T earlier, and a fall later
 LANDING_SPEED = 0.1  # downwards at T [m/s]
 FASTEST_DESCENT = 2.0  # peak speed of the way down; where T asks for more, the foot is late [m/s]
 DESCENT_LAG = 0.010  # time constant of the late descent [s]
@@ -76,22 +77,32 @@ def _descend(state, speed, dt):  # pragma: no cover
     state[ACCELERATION + 2] = (slope - (error + slope * dt) / lag) * decay
 
 
+@njit(cache=True, forceinline=True)
+def apex_phase_of(rise: float) -> float:
+    """Share of T at which a foot is highest whose foothold is `rise` [m] higher than the floor it leaves.
+
+    Up a step the toe has to be over the edge soon, and down a step the heel stays over it for long.
+    """
+    return APEX_PHASE - min(max(rise, -STEEP), STEEP)
+
+
 @njit(cache=True)
 def swing_update(
     state: NDArray, target_x: float, target_y: float, elapsed: float, duration: float, dt: float, apex: float,
-    descent: float,
+    descent: float, apex_phase: float = APEX_PHASE,
 ) -> None:  # fmt: skip
     """Advance the reference of one swing sole by dt [s], in place.
 
     `state` (9,) is position x, y, z [m], velocity [m/s] and acceleration [m/s^2], z above the floor, and the
     target to land on is in its axes [m]. `elapsed` time since the step began and `duration` T, when the sole
-    is to meet the floor [s]; `apex`, the height in mid-step [m]; `descent`, the speed of a late foot [m/s].
+    is to meet the floor [s]; `apex`, the greatest height, at `apex_phase` of T [m]; `descent`, the speed of a
+    late foot [m/s].
     """
     remaining = duration - elapsed
     horizon = max(remaining - ARRIVAL_LEAD, SHORTEST, dt)
     quintic_advance(state, 0, target_x, 0.0, horizon, dt)
     quintic_advance(state, 1, target_y, 0.0, horizon, dt)
-    top = APEX_PHASE * duration - elapsed
+    top = apex_phase * duration - elapsed
     if top > 0.5 * dt:
         quintic_advance(state, 2, apex, 0.0, max(top, SHORTEST, dt), dt)
     elif remaining > 0.5 * dt:

@@ -96,7 +96,7 @@ def place_tiles(floors: Floor, k: int) -> None:
 
 
 LEVEL = 0.005  # a foothold's corners differ by no more in height [m]
-BESIDE_EDGE = 0.015  # and keep so far from where they would [m]
+BESIDE_EDGE = 0.05  # and keep so far from where they would, so that the foot clears the edge [m]
 SHIFTS = (0.0, *(sign * 0.01 * step for step in range(1, 16) for sign in (1.0, -1.0)))  # of a foothold [m]
 
 
