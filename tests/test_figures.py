@@ -60,9 +60,10 @@ def test_every_table_of_figures_of_the_readme_says_what_made_it():
             assert "<!-- figures: " in before.rstrip().splitlines()[-1]
 
 
-def test_the_rows_of_the_headline_are_the_policies_of_its_command():
+@pytest.mark.parametrize("place", [0, 1])
+def test_the_rows_of_the_headlines_are_the_policies_of_their_commands(place):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    figures, table = re.findall(r"<!-- figures: (.*?) -->\n\n(.*?)\n\n<!-- end -->", text, flags=re.S)[0]
+    figures, table = re.findall(r"<!-- figures: (.*?) -->\n\n(.*?)\n\n<!-- end -->", text, flags=re.S)[place]
     named = figures.split("; ")[0].partition("--policies ")[2].split()
     assert re.findall(r"^\| `(.+?)` ", table, flags=re.M) == named
     for row in table.splitlines()[2:]:
