@@ -28,6 +28,7 @@ from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.push import BODIES, LINK
 from .description import RobotDescription
 from .indices import MISSING, TILT, Indices, find_indices, hinge, known, motor_of
+from .model_files import in_a_line
 
 FREQUENCY = 60.0  # w [rad/s]
 
@@ -159,7 +160,13 @@ class CompiledRobot:
 
         Those of a robot that is `driven` keep their motors.
         """
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except (ValueError, RuntimeError, mujoco.FatalError) as error:
+            message = in_a_line(error)
+            raise InvalidValueError(
+                f"MuJoCo cannot compile robot {self.description.name!r}: {message}"
+            ) from error
         model.opt.timestep = CONTROL_STEP
         if not self.description.driven:
             hold_joints(model, self.plan)
@@ -213,9 +220,11 @@ class CompiledRobot:
 
     @cached_property
     def ankle_height(self) -> float:
-        """Of the joint above the last over a flat sole in the reference posture [m]."""
+        """Of the joint above the last over the sole, across it [m]."""
         data = self.in_reference_posture()
-        height = data.xanchor[self.indices.legs[0][-2], 2] - data.site_xpos[self.indices.soles[0], 2]
+        sole, ankle = self.indices.soles[0], self.indices.legs[0][-2]
+        up = data.site_xmat[sole].reshape(3, 3)[:, 2]  # a foot may lean in the reference posture
+        height = up @ (data.xanchor[ankle] - data.site_xpos[sole])
         return round(float(height), 12)  # free of the rounding of the chain of bodies
 
     @cached_property

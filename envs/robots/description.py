@@ -38,6 +38,7 @@ class RobotDescription:
     looks: Callable[[], mujoco.MjSpec] | None = None  # the same robot for the eye; None: as in the physics
     solid: Callable[[], mujoco.MjSpec] | None = None  # with all shapes that may collide; None: it has them
     whole: Callable[[], RobotDescription] | None = None  # with the joints that are fixed here, if any
+    files: str = ""  # digest of the files that the model is read from, where it is read from files
     driven: bool = False  # whether the joints that the plan holds are driven by actions, as all others
 
     def __post_init__(self) -> None:

@@ -18,12 +18,14 @@ from ...controllers.model.capturability import max_recoverable_force
 from ...controllers.settings import SWING_TIME, PresetFile, Scale, named_preset, scaled_preset
 from ...envs.biped.core import BipedSettings
 from ...envs.biped.posture import posture
-from ...envs.robots.adapt import PACKAGES, description_of, largest_torques, read_model
+from ...envs.robots.adapt import description_of
 from ...envs.robots.biped import biped
 from ...envs.robots.compiled_robot import CompiledRobot, compiled_robot
 from ...envs.robots.description import RobotDescription
 from ...envs.robots.indices import entry
+from ...envs.robots.model_files import PACKAGES
 from ...envs.robots.robot_file import Motor, RobotFile, write_robot_file
+from ...envs.robots.source_model import SourceModel
 from .guess import guess_plan, guess_soles, read_skeleton
 
 BASE = "biped"  # the preset that is scaled
@@ -134,20 +136,28 @@ def scaled_settings(
 
 
 def standing_height(description: RobotDescription) -> float:
-    """CoM height over level soles at which the legs are bent as the biped's are [m]."""
+    """CoM height over level soles at which the legs are bent as the biped's are [m].
+
+    Where the ranges of its joints end before, it is half-way between the heights at which it stands.
+    """
     body = compiled_robot(description)
     data, posed = body.in_reference_posture(), mujoco.MjData(body.model)
-    leg = leg_length(body)
+    leg, stood = leg_length(body), list[float]()
     mujoco.mj_comPos(body.model, data)
     straight = data.subtree_com[0, 2] - data.site_xpos[body.indices.soles[0], 2]
     for height in np.arange(straight, 0.6 * straight, -FINE):
         coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
+        if coordinates is None and stood:
+            break
         if coordinates is None:
             continue
+        stood.append(float(height))
         posed.qpos[:] = coordinates
         mujoco.mj_kinematics(body.model, posed)
         if leg_length(body, posed) / leg <= BENT:
             return round(float(height), 3)
+    if stood:
+        return round(0.5 * (stood[0] + stood[-1]), 3)
     raise InvalidValueError(
         f"robot {description.name!r} does not stand with its CoM over its soles, {0.6 * straight:.2f} to "
         f"{straight:.2f} m high, within the ranges of its joints"
@@ -223,11 +233,12 @@ def new_robot(model: str, name: str) -> NewRobot:
     Raises:
         InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque.
     """
-    model = model if model.partition("/")[0] in PACKAGES else str(Path(model).resolve())
-    plan, fixed = guess_plan(read_skeleton(model))
+    model = model if model.partition("/")[0] in PACKAGES else str(Path(model).absolute())
+    skeleton = read_skeleton(model)
+    plan, fixed = guess_plan(skeleton)
     soles = guess_soles(model, (plan.legs[0][-1], plan.legs[1][-1]))
     file = RobotFile(
-        name, model, plan, soles, _motors(model, [joint for joint, _ in fixed]), fixed,
+        name, model, plan, soles, _motors(skeleton.source, [joint for joint, _ in fixed]), fixed,
         PROVISIONAL, "biped", "guessed by push-recovery robot new; no motor has a speed without load",
     )  # fmt: skip
     height = standing_height(description_of(file))
@@ -244,18 +255,16 @@ def new_robot(model: str, name: str) -> NewRobot:
     )
 
 
-def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
+def _motors(source: SourceModel, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
     """Largest torques of all joints but the fixed ones."""
-    spec = read_model(model)
-    torques = largest_torques(spec)
-    joints = [joint.name for joint in spec.joints if joint.name not in fixed]
-    free = {joint.name for joint in spec.joints if joint.type.name == "mjJNT_FREE"}
-    if unknown := [name for name in joints if name not in torques and name not in free]:
+    torques = source.torques
+    joints = [name for name in map(source.name, source.joints) if name not in fixed]
+    if unknown := [name for name in joints if name not in torques]:
         raise InvalidValueError(
-            f"the model {model!r} does not tell the largest torque of {', '.join(unknown)}: give its joints "
-            "an actuatorfrcrange, or its actuators a forcerange"
+            f"the model {source.place!r} does not tell the largest torque of {', '.join(unknown)}: give its "
+            "joints an actuatorfrcrange, or its actuators a forcerange"
         )
-    return tuple((name, Motor(torque=torques[name])) for name in joints if name not in free)
+    return tuple((name, Motor(torque=torques[name])) for name in joints)
 
 
 def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:

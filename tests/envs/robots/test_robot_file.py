@@ -4,7 +4,7 @@ import json
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from push_recovery.envs.robots import adapt as model_place
+from push_recovery.envs.robots import model_files as model_place
 from push_recovery.envs.robots.adapt import load_robot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.robot_file import read_robot_file, write_robot_file
